@@ -486,12 +486,12 @@ ELSEWHERE = {
 @pytest.mark.parametrize("name", sorted(set(CATALOGUE) - ELSEWHERE))
 def test_every_cause_has_no_effect_at_its_null(name: str) -> None:
     model = Model(tuple(make_observations()), tuple(JOINT), tuple(TOLERANCES))
-    problem = model.task().problem()
+    problem = model.task.problem()
     before = problem.residual(problem.variables.start).copy()
     for variant in CATALOGUE[name].variants(model):
         if variant.changes_data or "insertion" in variant.name or name in ("joint_spread", "fluted_part"):
             continue
-        there = variant.model.task().problem()
+        there = variant.model.task.problem()
         after = there.residual(there.variables.start)
         # The node of a hit or a collet changes the rounding at sharp resonances.
         change = np.abs(after[: before.size - 1] - before[:-1])
@@ -551,7 +551,7 @@ STARTED = [replace(one, start=value) for one, value in zip(JOINT, (6e8, 1e5, 300
 
 def relative_error(model: Model, values: Mapping[str, float]) -> np.ndarray:
     """Residuals in standard deviations, without priors."""
-    problem = model.task().problem()
+    problem = model.task.problem()
     names = problem.variables.names
     start = dict(zip(names, problem.variables.to_values(problem.variables.start), strict=True))
     assert set(values) <= set(start), (set(values), set(start))

@@ -13,7 +13,7 @@ from receptance.diagnosis.thresholds import (
     MISFIT_BANDS,
     MISFIT_CHANCE,
     MISFIT_LIMIT,
-    SEEN_VARIANCE,
+    OBSERVABLE_VARIANCE,
     STRAINS_SHOWN,
 )
 from receptance.identification.from_frf import Floor
@@ -119,7 +119,7 @@ class Adequacy:
         return self.misfit <= self.limit and self.smooth <= self.smooth_limit
 
     @property
-    def why_not(self) -> str:
+    def shortcoming(self) -> str:
         """The reason why it does not pass, as text; empty where it does."""
         if self.misfit > self.limit:
             return f"leaves a misfit of {self.misfit:.2f} (limit {self.limit:.2f}), most of it in {self.worst[0]}"
@@ -136,11 +136,9 @@ class Adequacy:
 
 def judge(fit: Fit) -> Adequacy:
     """Return the adequacy of a fit."""
-    freedom = fit.freedom
     smooth = expected = 0.0
     worst = []
-    parts = fit.problem.parts(fit.residual)
-    for one, residual in zip(fit.model.observations, parts, strict=True):
+    for one, residual in zip(fit.model.observations, fit.parts, strict=True):
         if isinstance(one, MeasuredFRF):
             pair = residual.reshape(2, -1)
             of_blocks = _blocks(one, pair)
@@ -153,7 +151,7 @@ def judge(fit: Fit) -> Adequacy:
             worst.append(MisfitBand(one.label or one.configuration, frequency, frequency, float(residual[at] ** 2)))
     return Adequacy(
         misfit=fit.misfit,
-        limit=max(MISFIT_LIMIT, _quantile(freedom)),
+        limit=max(MISFIT_LIMIT, _quantile(fit.expected_chi_square)),
         smooth=smooth / expected if expected else 1.0,
         smooth_limit=max(MISFIT_LIMIT, _quantile(expected)) if expected else MISFIT_LIMIT,
         worst=tuple(sorted(worst, key=lambda band: -band.misfit)),
@@ -177,24 +175,25 @@ def _strain(fit: Fit) -> Strain:
     scaled = slopes / np.where(scale > 0.0, scale, 1.0)
     rows = scaled[-len(names) :]
     expected = np.eye(len(names)) - rows @ np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) @ rows.T
-    own = np.diag(expected)
-    seen = own > SEEN_VARIANCE
-    if not seen.any():
+    variance = np.diag(expected)
+    is_observable = variance > OBSERVABLE_VARIANCE
+    tested = int(np.count_nonzero(is_observable))
+    if not tested:
         return Strain()
-    sizes = np.where(seen, errors / np.sqrt(np.where(seen, own, 1.0)), 0.0)
+    sizes = np.where(is_observable, errors / np.sqrt(np.where(is_observable, variance, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(expected)
-    kept = values > SEEN_VARIANCE
+    kept = values > OBSERVABLE_VARIANCE
     parts = vectors[:, kept].T @ errors
-    count = int(np.count_nonzero(kept))
+    count = max(int(np.count_nonzero(kept)), 1)
     together = float(np.sum(parts**2 / values[kept]))
     order = np.argsort(-np.abs(sizes))[:STRAINS_SHOWN]
-    farthest = float(np.abs(sizes).max())
+    largest = float(np.abs(sizes).max())
     return Strain(
-        worst=tuple((names[i], float(sizes[i])) for i in order if seen[i]),
-        limit=float(-ndtri(0.5 * MISFIT_CHANCE / np.count_nonzero(seen))),
-        together=together / max(count, 1),
-        together_limit=_quantile(float(max(count, 1))),
-        chance=min(2.0 * np.count_nonzero(seen) * float(ndtr(-farthest)), float(chdtrc(max(count, 1), together)), 1.0),
+        worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),
+        limit=float(-ndtri(0.5 * MISFIT_CHANCE / tested)),
+        together=together / count,
+        together_limit=_quantile(float(count)),
+        chance=min(2.0 * tested * float(ndtr(-largest)), float(chdtrc(count, together)), 1.0),
     )
 
 

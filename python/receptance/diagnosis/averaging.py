@@ -81,10 +81,8 @@ def _stand_in(base: Model, target: Target) -> MeasuredFRF | MeasuredFrequencies:
 class Ensemble:
     """The fitted models of a selection with their probabilities."""
 
-    def __init__(self, selection: Selection, seed: int = 0) -> None:
+    def __init__(self, selection: Selection) -> None:
         self._selection = selection
-        self._seed = seed
-        self._found: dict[int, Identification] = {}
 
     @cached_property
     def members(self) -> list[tuple[Explanation | None, float]]:
@@ -104,7 +102,7 @@ class Ensemble:
         """Return natural frequencies by the reported model, and standard deviations by all of them."""
         middle, own = self._predicted(reported, found, target, upper_hz)
         variance = np.zeros(middle.size)
-        left = 1.0
+        own_weight = 1.0
         for one, weight in self.members:
             if one is reported or not middle.size:
                 continue
@@ -116,8 +114,8 @@ class Ensemble:
                 continue
             nearest = np.abs(other[None, :] - middle[:, None]).argmin(axis=1)
             variance += weight * (spread[nearest] ** 2 + (other[nearest] - middle) ** 2)
-            left -= weight
-        return middle, np.sqrt(variance + max(left, 0.0) * own**2)
+            own_weight -= weight
+        return middle, np.sqrt(variance + max(own_weight, 0.0) * own**2)
 
     def _predicted(
         self, one: Explanation | None, found: Identification, target: Target, upper_hz: float
@@ -132,12 +130,8 @@ class Ensemble:
         )
 
     def _identified(self, one: Explanation | None) -> Identification:
-        key = id(one)
-        if key not in self._found:
-            fit = self._selection.base if one is None else one.fit
-            promised = one is not None and self._selection.base.chi_square - fit.chi_square < one.gain - _SAME
-            if promised:
-                # The search did not fit it.
-                fit = refit(fit.model, fit.values, threads=fit.task.threads)
-            self._found[key] = fit.identification(self._seed)
-        return self._found[key]
+        fit = self._selection.base if one is None else one.fit
+        if one is not None and one.gain > self._selection.base.chi_square - fit.chi_square + _SAME:
+            # Its gain is predicted to first order, and it was not fitted.
+            fit = refit(fit.model, fit.values)
+        return fit.identification

@@ -92,24 +92,22 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
 class Selection:
     """All fits of a diagnosis.
 
-    `singles` and `several` have at most one explanation of each set of causes, that with the highest evidence, and are
-    in the order of descending evidence. The evidence of every explanation is relative to `base`. The methods `add`,
-    `remove` and `replace_base` keep it so.
+    The evidence of every explanation is relative to `base`. The methods `add`, `remove` and `replace_base` keep it so.
 
     Attributes
     ----------
     base : Fit
         The model without causes.
     penalty : float
-        Penalty of each unknown in evidence: the logarithm of the number of independent observed numbers.
+        Penalty of each unknown in evidence: the logarithm of the number of independent measured values.
     threshold : float
         Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
-    found : list of Direction
+    directions : list of Direction
         Linear effects of the causes on the base.
     undecidable : dict of str to str
         Causes that the data cannot show, and the reasons.
-    singles, several : list of Explanation
-        Explanations by one cause, and by several.
+    explanations : list of Explanation
+        The best explanation by each set of causes, the highest evidence first.
     tried : list of Explanation
         All explanations by several causes that were fitted, including those that are not better than one cause.
     alternatives : list of Explanation
@@ -125,10 +123,9 @@ class Selection:
     base: Fit
     penalty: float
     threshold: float = 0.0
-    found: list[Direction] = field(default_factory=list)
+    directions: list[Direction] = field(default_factory=list)
     undecidable: dict[str, str] = field(default_factory=dict)
-    singles: list[Explanation] = field(default_factory=list)
-    several: list[Explanation] = field(default_factory=list)
+    explanations: list[Explanation] = field(default_factory=list)
     tried: list[Explanation] = field(default_factory=list)
     alternatives: list[Explanation] = field(default_factory=list)
     evaluations: int = 0
@@ -142,25 +139,21 @@ class Selection:
         gain = self.base.chi_square - fit.chi_square + expected
         return Explanation(steps, fit, gain, gain - self.penalty * count)
 
-    def add(self, found: Iterable[Explanation]) -> None:
+    def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
-        listed = list(found)
-        self.singles = best_of_each([*self.singles, *(one for one in listed if len(one.steps) == 1)])
-        self.several = best_of_each([*self.several, *(one for one in listed if len(one.steps) > 1)])
+        self.explanations = best_of_each([*self.explanations, *found])
 
     def remove(self, explanation: Explanation) -> None:
         """Remove an explanation."""
-        self.singles = [one for one in self.singles if one is not explanation]
-        self.several = [one for one in self.several if one is not explanation]
+        self.explanations = [one for one in self.explanations if one is not explanation]
 
     def replace_base(self, base: Fit) -> None:
         """Replace the fit of the base by a better one; all evidence becomes relative to it."""
         less = self.base.chi_square - base.chi_square
-
-        def lower(found: list[Explanation]) -> list[Explanation]:
-            return [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in found]
-
-        self.base, self.singles, self.several = base, lower(self.singles), lower(self.several)
+        self.base = base
+        self.explanations = [
+            replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in self.explanations
+        ]
 
     @property
     def evaluations_per_second(self) -> float:
@@ -168,9 +161,9 @@ class Selection:
         return self.evaluations / self.seconds if self.seconds else 0.0
 
     @property
-    def explanations(self) -> list[Explanation]:
-        """All explanations, the highest evidence first."""
-        return sorted([*self.singles, *self.several], key=lambda one: -one.evidence)
+    def singles(self) -> list[Explanation]:
+        """Explanations by one cause, the highest evidence first."""
+        return [one for one in self.explanations if len(one.steps) == 1]
 
     @property
     def best(self) -> Explanation | None:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from receptance.identification.laws import Law, Move, Tolerance
-from receptance.identification.mapping import Parameters
+from receptance.identification.mapping import Parameters, Place
 from receptance.identification.observations import MeasuredFRF, altered
 from receptance.identification.residuals import Unit
 from receptance.identification.task import Observation, Task, place_of
@@ -68,42 +68,47 @@ class Model:
     witnesses : tuple of MeasuredFRF and MeasuredFrequencies
         Observations that are changed with the others and never fitted. Their places decided where the parts of the
         diagnosed model are divided; other observations with the same causes are divided at the same places.
+    seed : int
+        Seed of the random numbers of its fits.
+    threads : int or None
+        As in `Assembly.receptance`; it does not change results.
     """
 
     observations: tuple[Observation, ...]
     unknowns: tuple[Unknown, ...]
     tolerances: tuple[Tolerance, ...] = ()
     witnesses: tuple[Observation, ...] = ()
+    seed: int = 0
+    threads: int | None = None
 
     def with_witnesses(self) -> Model:
         """Return the model with one observation for each set of places as its witnesses."""
-        kept: dict[Any, Observation] = {}
+        kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
         for one in self.observations:
             parts = [name for name, own in one.assembly.elements.items() if isinstance(own, Part)]
             kept.setdefault(tuple((name, *sorted(places_on(one, name))) for name in parts), one)
         return replace(self, witnesses=tuple(kept.values()))
 
-    def task(self, threads: int | None = None) -> Task:
-        """Return the fit problem as a task, which is made once."""
-        if threads not in self._tasks:
-            self._tasks[threads] = self._task(threads)
-        return self._tasks[threads]
+    @cached_property
+    def task(self) -> Task:
+        """The fit problem as a task of the identification."""
+        units: tuple[Unit, ...] = tuple("standard deviations" for _ in self.observations)
+        parameters = Parameters(self.unknowns, self.tolerances, self._places_in_laws)
+        return Task(self.observations, parameters, units, threads=self.threads)
 
     @cached_property
-    def _tasks(self) -> dict[int | None, Task]:
-        return {}
+    def _places_in_laws(self) -> list[Place]:
+        return [place_of(one, i) for i, one in enumerate(self.observations)]
 
-    def _task(self, threads: int | None) -> Task:
-        places = [place_of(one, i) for i, one in enumerate(self.observations)]
-        parameters = Parameters(self.unknowns, self.tolerances, places)
-        unit: Unit = "standard deviations"
-        units = tuple(unit for _ in self.observations)
-        return Task(self.observations, parameters, units, threads=threads)
+    @cached_property
+    def configuration_of(self) -> tuple[str, ...]:
+        """Name of the configuration of each observation."""
+        return tuple(place.configuration for place in self._places_in_laws)
 
     @cached_property
     def configurations(self) -> tuple[str, ...]:
         """Names of the configurations."""
-        return tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(self.observations)))
+        return tuple(dict.fromkeys(self.configuration_of))
 
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
@@ -129,8 +134,8 @@ class Model:
     def _anatomy(self, assembly: Assembly) -> Anatomy:
         names = list(assembly.elements)
         joints = [name for name in names if isinstance(assembly.elements[name], _JOINTS)]
-        wanted = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
-        joint = (wanted or joints or [""])[0]
+        identified = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
+        joint = (identified or joints or [""])[0]
         parts = [name for name in names if isinstance(assembly.elements[name], Part)]
         if not joint:
             return Anatomy(tuple(parts), "", ())
@@ -242,7 +247,7 @@ class Model:
 
         Raises
         ------
-        ValueError
+        IndescribableError
             The position is not in the same segment of every assembly, or an unknown is of that segment alone.
         """
         place: Callable[[Any], float] = position if callable(position) else lambda own: position
@@ -250,7 +255,7 @@ class Model:
         where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
         index = where[0][0] if where else 0
         if not where or any(own != index for own, _ in where):
-            raise ValueError(f"{part}: the position to divide at is not in the same segment of every assembly")
+            raise IndescribableError(f"{part}: the position to divide at is not in the same segment of every assembly")
         if all(within == 0.0 for _, within in where):
             return self, index
         frozen = {p.of for u in self.unknowns if isinstance(u, Law) for p in u.powers}
@@ -308,7 +313,7 @@ def _segment_at(part: Any, position: float) -> tuple[int, float]:
         if position < begin + segment.length:
             return index, position - begin
         begin += segment.length
-    raise ValueError(f"position {position:g} m lies behind the part's end at {begin:g} m")
+    raise IndescribableError(f"position {position:g} m lies behind the part's end at {begin:g} m")
 
 
 def _divide(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
@@ -343,4 +348,4 @@ def _renumber(unknown: Unknown, part: str, index: int, single: bool) -> Unknown:
         return replace(unknown, address=pieces[0], name=unknown.name)
     if single:
         return replace(unknown, address=re.sub(r"\[\d+\]", "[*]", unknown.address), name=unknown.name)
-    raise ValueError(f"the unknown {unknown.name!r} is of a segment that is to be divided")
+    raise IndescribableError(f"the unknown {unknown.name!r} is of a segment that is to be divided")

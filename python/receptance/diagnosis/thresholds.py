@@ -25,7 +25,8 @@ EXPLORING_LINES = 120
 # Fits.
 
 CONVERGED = 1e-3
-"""Predicted decrease of chi-square by the next step below which a fit has converged."""
+"""Predicted decrease of chi-square by the next step below which a fit has converged. A new fit of the base replaces the
+first one if it is better by more."""
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 SAME_END = 4.0
@@ -61,7 +62,7 @@ MISFIT_CHANCE = 1e-3
 """Probability with which noise alone exceeds a limit of the adequacy test."""
 BLOCK_LINES = 8
 """Neighbouring lines whose residuals are added: noise averages out, an error of the model does not."""
-SEEN_VARIANCE = 0.05
+OBSERVABLE_VARIANCE = 0.05
 """Share of the prior variance that the data must remove before the error of a tolerance is tested."""
 STRAINS_SHOWN = 3
 """Number of strained tolerances that are listed."""
@@ -85,7 +86,8 @@ INVISIBLE = 1e-8
 # Selection.
 
 MARGIN = 10.0
-"""Difference of evidence within which explanations are reported together."""
+"""Difference of evidence within which explanations are reported together, and below which a gain on few lines does not
+justify a fit on all lines."""
 ADDED_EVIDENCE = 20.0
 """Evidence that a further cause must add. An unknown effect is often imitated by a pair of weak causes."""
 ROOTS = 3
@@ -96,14 +98,10 @@ RESTARTED = 8
 """Explanations by several causes that are fitted level by level if no cause explains the data."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
-SETTLED = 1e-9
-"""Relative decrease of chi-square that replaces the fit of the base."""
 EVALUATED_ON_INTERRUPT = 12
 """Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
-IDLE = 10.0
-"""Gain on few lines below which a cause with no predicted evidence is not fitted on all lines."""
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance.diagnosis import wording
+from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.averaging import Ensemble, Target, extension
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.report import Column, Provenance, Result, Table
@@ -176,8 +177,6 @@ class Verdict(Result):
         Every cause alone, the highest evidence first.
     ambiguous_between : tuple of str
         Ids of the causes between which the data do not decide.
-    adequacy, adequacy_after : Adequacy
-        Adequacy of the base and of the best explanation.
     vetoed : tuple of Candidate
         Causes with at least the evidence of all plausible ones that are not reported because their sizes are outside
         the plausible range: another effect may act in their place.
@@ -186,10 +185,10 @@ class Verdict(Result):
         `receptance.diagnosis.alternatives`.
     alternative : Candidate or None
         The alternative because of which no cause is reported; it shows where the model is wrong.
-    threshold : float
-        Evidence that chance alone reaches in one of a thousand diagnoses.
-    base, extended : Identification
-        The fitted models; no extended one where no cause is reported.
+    selection : Selection
+        All fits.
+    explanation : Explanation or None
+        The best of the reported explanations.
     gains : tuple of Gain
         Improvement on held-out data, if requested: in the distance of the spectra, in natural frequencies, in the
         predictive log score, and in user-defined metrics.
@@ -199,8 +198,6 @@ class Verdict(Result):
         Held-out modes, measured less predicted.
     next_measurement : NextMeasurement or None
         The measurement that is proposed next.
-    undecidable : dict of str to str
-        Causes that these data cannot show, and the reasons.
     final : bool
         False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
         none is "named".
@@ -216,17 +213,11 @@ class Verdict(Result):
     causes: tuple[Candidate, ...]
     candidates: tuple[Candidate, ...]
     ambiguous_between: tuple[str, ...]
-    adequacy: Adequacy
-    adequacy_after: Adequacy | None
-    threshold: float
-    base: Identification
-    extended: Identification | None
-    gains: tuple[Gain, ...]
     next_measurement: NextMeasurement | None
-    undecidable: dict[str, str]
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    gains: tuple[Gain, ...] = ()
     final: bool = True
     vetoed: tuple[Candidate, ...] = ()
     alternatives: tuple[Candidate, ...] = ()
@@ -238,6 +229,36 @@ class Verdict(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Diagnosis"
+
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Adequacy of the base."""
+        return judge(self.selection.base)
+
+    @property
+    def adequacy_after(self) -> Adequacy | None:
+        """Adequacy of the best of the reported explanations."""
+        return None if self.explanation is None else self.explanation.adequacy
+
+    @property
+    def base(self) -> Identification:
+        """The fitted base."""
+        return self.selection.base.identification
+
+    @property
+    def extended(self) -> Identification | None:
+        """The fitted model of the best of the reported explanations; None where no cause is reported."""
+        return None if self.explanation is None else self.explanation.fit.identification
+
+    @property
+    def threshold(self) -> float:
+        """Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model."""
+        return self.selection.threshold
+
+    @property
+    def undecidable(self) -> dict[str, str]:
+        """Causes that these data cannot show, and the reasons."""
+        return self.selection.undecidable
 
     @property
     def gain(self) -> Gain | None:
@@ -326,7 +347,7 @@ class Verdict(Result):
 
     @cached_property
     def _ensemble(self) -> Ensemble:
-        return Ensemble(self.selection, int(self.settings["seed"]))
+        return Ensemble(self.selection)
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return calculated less measured natural frequencies in percent, before and after, by mode."""

@@ -147,13 +147,9 @@ def _alike(verdict: Verdict) -> str:
     """The best candidates against each other."""
     best: dict[str, Any] = {}
     for one in verdict.candidates:
-        own = [
-            d
-            for d in verdict.selection.found
-            if d.cause.id == one.id and d.variant.name == one.variant and d.slopes.shape[1]
-        ]
-        if own and one.id not in best:
-            best[one.id] = own[0]
+        own = [d for d in verdict.selection.directions if d.is_of(one.id, one.variant) and d.slopes.shape[1]]
+        if own:
+            best.setdefault(one.id, own[0])
     names = list(best)[:_ALIKE]
     if len(names) < 2:
         return ""
