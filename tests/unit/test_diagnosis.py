@@ -256,7 +256,7 @@ def test_implausible_sizes_are_vetoed_and_reported() -> None:
     assert any("vetoed" in note for note in verdict.notes)
     # In plain words, in all that is written: what it does, its size, and what would be plausible.
     assert [one.id for one in verdict.vetoed] == ["sensor_mass"]
-    output = f"sensor_mass takes the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
+    output = f"sensor_mass reduces the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
     size = f"mass {1e3 * verdict.vetoed[0].parameters['sensor_mass.mass'][0]:.3g} g, where 0 g to 30 g is plausible"
     assert f"vetoed: {output}" in verdict.summary(1000)
     assert size in verdict.summary(1000)
@@ -325,9 +325,9 @@ def test_material_is_reported_with_an_unknown_cause() -> None:
     verdict = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_material", "tool_modulus"], most=1)
     assert verdict.verdict == "unexplained"
     text = verdict.summary(1000)
-    assert "nearest of the plausible causes: tool_material (cemented carbide): the tool is of cemented carbide" in text
+    assert "plausible cause with the highest evidence: tool_material (cemented carbide): the tool is of cemented carbide" in text
     only = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
-    assert "vetoed: tool_modulus takes the misfit from" in only.summary(1000)
+    assert "vetoed: tool_modulus reduces the misfit from" in only.summary(1000)
     assert "where -13.9 % to +16.2 % is plausible" in only.summary(1000)
 
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
+    LISTED,
     MISFIT_BANDS,
     MISFIT_CHANCE,
     MISFIT_LIMIT,
     OBSERVABLE_VARIANCE,
-    STRAINS_SHOWN,
 )
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
@@ -122,11 +122,11 @@ class Adequacy:
     def shortcoming(self) -> str:
         """The reason why it does not pass, as text; empty where it does."""
         if self.misfit > self.limit:
-            return f"leaves a misfit of {self.misfit:.2f} (limit {self.limit:.2f}), most of it in {self.worst[0]}"
+            return f"leaves a misfit of {self.misfit:.2f} (limit {self.limit:.2f}), largest in {self.worst[0]}"
         if self.smooth > self.smooth_limit:
             return (
                 f"leaves a misfit of {self.smooth:.2f} of neighbouring lines together (limit {self.smooth_limit:.2f}), "
-                f"most of it in {self.worst[0]}"
+                f"largest in {self.worst[0]}"
             )
         if not self.strain.passed:
             far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
@@ -186,7 +186,7 @@ def _strain(fit: Fit) -> Strain:
     parts = vectors[:, kept].T @ errors
     count = max(int(np.count_nonzero(kept)), 1)
     together = float(np.sum(parts**2 / values[kept]))
-    order = np.argsort(-np.abs(sizes))[:STRAINS_SHOWN]
+    order = np.argsort(-np.abs(sizes))[:LISTED]
     largest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),

@@ -19,7 +19,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import EXPLORING_LINES, LOOK_ALIKE, MARGIN, VETOED_SHOWN
+from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.identification.from_frf import UNUSED_COHERENCE
@@ -210,7 +210,7 @@ def _vetoed(selection: Selection) -> list[tuple[Explanation, Step]]:
         for step in one.steps if one.evidence > least else ():
             if set(one.sizes(step.cause)) & set(one.implausible):
                 found.setdefault(step.cause.id, (one, step))
-    return list(found.values())[:VETOED_SHOWN]
+    return list(found.values())[:LISTED]
 
 
 def _candidate(selection: Selection, one: Explanation, step: Step) -> Candidate:

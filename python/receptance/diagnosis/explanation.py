@@ -92,7 +92,7 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
 class Selection:
     """All fits of a diagnosis.
 
-    The evidence of every explanation is relative to `base`. The methods `add`, `remove` and `replace_base` keep it so.
+    The evidence of every explanation is relative to `base`. The methods `add` and `replace_base` keep it so.
 
     Attributes
     ----------
@@ -142,10 +142,6 @@ class Selection:
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
         self.explanations = best_of_each([*self.explanations, *found])
-
-    def remove(self, explanation: Explanation) -> None:
-        """Remove an explanation."""
-        self.explanations = [one for one in self.explanations if one is not explanation]
 
     def replace_base(self, base: Fit) -> None:
         """Replace the fit of the base by a better one; all evidence becomes relative to it."""

@@ -70,7 +70,7 @@ def conclude(selection: Selection) -> Judgement:
     for one in near:
         if one.implausible:
             sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
-            notes.append(f"{one.title} would explain the data, but {sizes} is outside the plausible range: vetoed")
+            notes.append(f"{one.title} explains the data, but {sizes} is outside the plausible range: vetoed")
     remaining = [one for one in near if not one.implausible]
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
@@ -119,10 +119,10 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
 
 def _withhold(alternative: Explanation, best: Explanation) -> str:
     more = alternative.evidence - best.evidence
-    better = f"has {more:.0f} more evidence" if more > MARGIN else "has as much evidence alone"
+    better = f"has {more:.0f} more evidence" if more > MARGIN else "has similar evidence as a single change"
     return (
-        f"{best.title} would explain the data, but {_describe(alternative)} {better} and is not a known cause, so no "
-        "cause is named: inspect that place"
+        f"{best.title} explains the data, but {_describe(alternative)} {better}; it is not a known cause, so no cause "
+        "is named: inspect that place"
     )
 
 
@@ -130,7 +130,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     """Yield the reasons why the only explanation is suspected and not named."""
     base, name = selection.base, one.title
     if one.evidence <= limit + MARGIN:
-        yield f"{name} is suspected only: its evidence is close to the limit of detection"
+        yield f"{name} is suspected only: its evidence is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
         yield f"{name} is suspected only: {_describe(alternative)} has more evidence"

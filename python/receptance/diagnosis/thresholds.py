@@ -33,12 +33,10 @@ SAME_END = 4.0
 """Difference of chi-square on few lines below which two end points are both fitted on all lines."""
 DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
-EVALUATIONS = 100
-"""Most evaluations of a fit on all lines."""
+EVALUATIONS = 200
+"""Most evaluations of a fit on all lines, and of the base from each start on few lines."""
 EVALUATIONS_EXPLORING = 30
 """Most evaluations of a fit on few lines."""
-EVALUATIONS_OF_BASE = 200
-"""Most evaluations from each start of the base on few lines."""
 TOLERANCE_OF_BASE = 1e-10
 """Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
@@ -64,8 +62,6 @@ BLOCK_LINES = 8
 """Neighbouring lines whose residuals are added: noise averages out, an error of the model does not."""
 OBSERVABLE_VARIANCE = 0.05
 """Share of the prior variance that the data must remove before the error of a tolerance is tested."""
-STRAINS_SHOWN = 3
-"""Number of strained tolerances that are listed."""
 MISFIT_BANDS = 24
 """Frequency bands of each receptance among which the largest misfit is located."""
 
@@ -125,8 +121,8 @@ ONE_CONFIGURATION = 0.97
 STRAIN_CHANCE = 1e-2
 """Probability of the strain of the tolerances below which a cause is suspected only: a wrong cause leaves an effect
 that the tolerances absorb."""
-VETOED_SHOWN = 3
-"""Number of vetoed causes that are listed."""
+LISTED = 3
+"""Number of vetoed causes, and of strained tolerances, that are listed."""
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 

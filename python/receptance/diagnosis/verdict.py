@@ -390,21 +390,21 @@ class Verdict(Result):
         """Return the answer, the misfit, each reported cause, and the measurement that would help most."""
         lines = [f"{'verdict' if self.final else 'verdict so far, not final'}: {self.verdict}", wording.sentence(self)]
         after = self.adequacy_after
-        left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
+        extended = f"; with the causes {after.misfit:.2f}" if after is not None else ""
         if self.final or self.selection.base.converged:
-            lines.append(f"misfit: {self.adequacy.misfit:.2f} times what noise and floor explain{left}")
+            lines.append(f"misfit: {self.adequacy.misfit:.2f} times its expectation from noise and floor{extended}")
         else:
             lines.append("the base model is not fitted yet, so no cause was tried")
         times = wording.deviation_factor(self) if self.final else None
         if self.verdict == "unexplained" and times is not None:
             lines.append(f"the model would be adequate if all standard deviations were {times:.2g} times as large")
-        lines += wording.on_causes(self)
+        lines += wording.cause_lines(self)
         if self.ambiguous_between:
             lines.append(f"indistinguishable: {', '.join(self.ambiguous_between)}")
         if self.bias is not None:
             lines.append(f"held out: {self.bias}")
         if self.next_measurement is not None:
-            lines.append(f"measure next: {self.next_measurement.action}; {self.next_measurement.reason}")
+            lines.append(f"next measurement: {self.next_measurement.action}; {self.next_measurement.reason}")
         return lines
 
     def data(self) -> dict[str, Any]:
@@ -454,12 +454,11 @@ class Verdict(Result):
             held_out = None
             if gain is not None:
                 held_out = (gain.held_out_before, gain.held_out_before if one.held_out is None else one.held_out)
-            doubts = (() if one.converged else ("not converged",)) + (() if one.plausible else ("not plausible",))
-            rows.append([one.id, one.evidence, one.misfit, held_out, ", ".join(doubts)])
+            rows.append([one.id, one.evidence, one.misfit, held_out, wording.remarks(one)])
         columns = (
             "candidate, alone",
             Column("evidence", form="+.1f"),
-            Column("misfit left", form=".2f"),
+            Column("misfit\nwith it", form=".2f"),
             Column("held out\nwith it", form=".3g"),
             "remarks",
         )
@@ -480,7 +479,10 @@ class Verdict(Result):
 
     def _gain_table(self) -> Table:
         columns = ("metric", Column("before"), Column("after"), "improvement")
-        rows = [(one.metric, one.held_out_before, one.held_out_after, wording.improved(one)) for one in self.gains]
+        rows = [
+            (one.metric, one.held_out_before, one.held_out_after, wording.improvement_interval(one))
+            for one in self.gains
+        ]
         return Table("Held out", columns, rows)
 
     def __repr__(self) -> str:
