@@ -49,7 +49,7 @@ class MisfitBand:
 
 @dataclass(frozen=True)
 class Strain:
-    """How far the fit moved errors of tolerances and clampings, relative to their expected scatter.
+    """Fitted errors of tolerances and clampings relative to their expected scatter.
 
     They can absorb an error of the model, so that no line shows it. An error z with a standard normal prior and the
     posterior variance v has the standard deviation sqrt(1 - v) in an adequate model.
@@ -129,8 +129,8 @@ class Adequacy:
                 f"largest in {self.worst[0]}"
             )
         if not self.strain.passed:
-            far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
-            return f"requires implausible errors of the tolerances, in standard deviations: {far}"
+            strained = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
+            return f"requires implausible errors of the tolerances, in standard deviations: {strained}"
         return ""
 
 

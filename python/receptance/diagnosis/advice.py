@@ -24,7 +24,7 @@ from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, with_points
-from receptance.diagnosis.thresholds import MARGIN
+from receptance.diagnosis.thresholds import MARGIN, SIMULATION_LINES
 from receptance.diagnosis.verdict import NextMeasurement
 from receptance.errors import ReceptanceError
 from receptance.identification.candidates import Candidate
@@ -92,7 +92,7 @@ class Hypothetical(NamedTuple):
         """Return it with its causes as the only observation of a model, on few lines where it has data."""
         observation = self.candidate.observation(data)
         model = replace(base, observations=(observation,), tolerances=self.candidate.tolerances)
-        return transfer(model if data is None else thin(model), self.steps)
+        return transfer(model if data is None else thin(model, SIMULATION_LINES), self.steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Hypothesis:
     @cached_property
     def fit(self) -> Fit:
         """The fit on few lines of each receptance."""
-        return refit(thin(self.explanation.fit.model), self.explanation.fit.values)
+        return refit(thin(self.explanation.fit.model, SIMULATION_LINES), self.explanation.fit.values)
 
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:

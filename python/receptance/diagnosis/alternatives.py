@@ -73,8 +73,7 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tip = _tip(model)
-    owners = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
-    if any(len(part.segments) != 1 for part in owners):  # type: ignore[union-attr]
+    if any(len(part.segments) != 1 for part in model.parts(tip)):
         raise UndecidableError("the tool has steps")
     for i in range(TAPER_CYLINDERS - 1):
         model, _ = model.split(tip, partial(_position, share=(i + 1) / TAPER_CYLINDERS))

@@ -5,7 +5,7 @@ another overhang, or a mode above the band; an interval from the fit of one mode
 model therefore counts with its probability, exp(evidence / 2) times what it had beforehand: one half for the base, the
 other half shared by the causes, and for two of them the product (Hoeting, Madigan, Raftery and Volinsky 1999, Bayesian
 model averaging). The prediction is that of the reported model; the variance is the mean over all models of their own
-variance and of the square of how far they are from it.
+variance and of the square of their distance from it.
 """
 
 from __future__ import annotations

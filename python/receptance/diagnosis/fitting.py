@@ -21,6 +21,7 @@ from receptance.diagnosis.thresholds import (
     DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
+    EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
     SAME_END,
     TOLERANCE_OF_BASE,
@@ -171,9 +172,9 @@ def fit_base(model: Model) -> Fit:
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
     if all(isinstance(one, MeasuredFRF) for one in model.observations):
         starts = task.variables.draw(1, model.seed)
-        runs = fit_staged(task, problem, starts, model.seed, EVALUATIONS, TOLERANCE_OF_BASE)
+        runs = fit_staged(task, problem, starts, model.seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     else:
-        runs = fit_direct(problem, task.variables.draw(8, model.seed), EVALUATIONS, TOLERANCE_OF_BASE)
+        runs = fit_direct(problem, task.variables.draw(8, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     best = min(runs, key=lambda run: run.cost)
     if not np.isfinite(best.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {best.message}")

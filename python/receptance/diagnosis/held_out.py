@@ -26,7 +26,7 @@ from receptance.identification.new_observations import NewObservations, informat
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import End, Problem
 from receptance.identification.residuals import InfeasibleError
-from receptance.identification.task import Observation, place_of
+from receptance.identification.task import Observation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -250,11 +250,12 @@ def improvement(
         User-defined metrics.
     """
     groups: dict[str, list[Observation]] = {}
-    for index, one in enumerate(observations):
-        groups.setdefault(place_of(one, index).configuration, []).append(one)
+    held_out = replace(selection.base.model, observations=tuple(observations))
+    for name, one in zip(held_out.configuration_of, observations, strict=True):
+        groups.setdefault(name, []).append(one)
     answer = conclude(selection).answer
     folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
-    return _combine(folds, replace(selection.base.model, observations=tuple(observations)), metrics)
+    return _combine(folds, held_out, metrics)
 
 
 def _fold(
@@ -402,14 +403,14 @@ def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]],
         return 0.0, 0.0
     if count == 1:
         return -math.inf, math.inf
-    left = [value(np.delete(table, i, axis=0)) for i in range(count)]
-    pseudo = count * value(table) - (count - 1) * np.array(left)
-    reach = confidence_multiplier(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
+    without_one = [value(np.delete(table, i, axis=0)) for i in range(count)]
+    pseudo = count * value(table) - (count - 1) * np.array(without_one)
+    half_width = confidence_multiplier(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
     middle = float(np.mean(pseudo))
-    return middle - reach, middle + reach
+    return middle - half_width, middle + half_width
 
 
 def without(model: Model, configurations: Sequence[str]) -> Model:
     """Return the model without some configurations, and without unknowns and errors that only these have."""
-    kept = (o for i, o in enumerate(model.observations) if place_of(o, i).configuration not in configurations)
-    return model.select(tuple(kept))
+    pairs = zip(model.configuration_of, model.observations, strict=True)
+    return model.select(tuple(one for name, one in pairs if name not in configurations))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,7 +20,16 @@ from receptance.model.beams import Part
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
-__all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "named_elements", "places_on", "with_points"]
+__all__ = [
+    "Anatomy",
+    "IndescribableError",
+    "Model",
+    "UndecidableError",
+    "named_elements",
+    "part_of",
+    "places_on",
+    "with_points",
+]
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
@@ -181,7 +190,11 @@ class Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
         places = [place_of(one, i) for i, one in enumerate(observations)]
 
-        def observed(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
+        def observed(
+            addresses: Sequence[str],
+            configurations: tuple[str, ...] | None,
+            labels: tuple[str, ...] | str | None = None,
+        ) -> bool:
             own = [p for p in places if p.among(configurations, labels)]
             return all(any(p.covered(address) for p in own) for address in addresses)
 
@@ -207,6 +220,10 @@ class Model:
             return with_points(assembly, *own)
 
         return self.rebuild(build)
+
+    def parts(self, name: str) -> list[Part]:
+        """Return the part of a name of each observation that has it."""
+        return [part_of(one.assembly, name) for one in self.observations if name in one.assembly.elements]
 
     def owners(self, part: str) -> list[Observation]:
         """Return the observations, witnesses included, whose assembly has a part."""
@@ -250,9 +267,9 @@ class Model:
         IndescribableError
             The position is not in the same segment of every assembly, or an unknown is of that segment alone.
         """
-        place: Callable[[Any], float] = position if callable(position) else lambda own: position
-        owners = [one.assembly for one in self.owners(part)]
-        where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
+        place: Callable[[Part], float] = position if callable(position) else lambda own: position
+        owners = [part_of(one.assembly, part) for one in self.owners(part)]
+        where = [_segment_at(own, place(own)) for own in owners]
         index = where[0][0] if where else 0
         if not where or any(own != index for own, _ in where):
             raise IndescribableError(f"{part}: the position to divide at is not in the same segment of every assembly")
@@ -265,16 +282,12 @@ class Model:
             if part not in one.assembly.elements:
                 return one
             values = {name: one.assembly.get(name) for name in frozen if covered(name, one.assembly)}
-            own = one.assembly.elements[part]
+            own = part_of(one.assembly, part)
             assembly = _divide(one.assembly, part, index, _segment_at(own, place(own))[1])
             return altered(one, assembly=assembly, conditions={**values, **one.conditions})
 
         changed = self.map(change)
-        single = all(
-            len(one.assembly.elements[part].segments) == 1  # type: ignore[union-attr]
-            for one in self.observations
-            if part in one.assembly.elements
-        )
+        single = all(len(one.segments) == 1 for one in self.parts(part))
         unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
@@ -292,6 +305,14 @@ def places_on(one: Observation, part: str) -> Iterator[float]:
     yield from (x for carrier, x in own if carrier == part and x != end)
 
 
+def part_of(assembly: Assembly, name: str) -> Part:
+    """Return a part of an assembly."""
+    part = assembly.elements[name]
+    if not isinstance(part, Part):
+        raise IndescribableError(f"{name} is no part")
+    return part
+
+
 def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more point elements."""
     own = [replace(one, name=name) for name, one in assembly.attachments.items()]
@@ -306,7 +327,7 @@ def named_elements(assembly: Assembly) -> dict[str, Any]:
     }
 
 
-def _segment_at(part: Any, position: float) -> tuple[int, float]:
+def _segment_at(part: Part, position: float) -> tuple[int, float]:
     """Return the index of the segment at a position, and the distance from the segment's start."""
     begin = 0.0
     for index, segment in enumerate(part.segments):
@@ -336,7 +357,7 @@ def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:
     return names if number == index and field != "length" else names[1:]
 
 
-def _moves(moves: Any, part: str, index: int) -> dict[str, float]:
+def _moves(moves: Mapping[str, float], part: str, index: int) -> dict[str, float]:
     return {piece: n for address, n in moves.items() for piece in _pieces(address, part, index)}
 
 

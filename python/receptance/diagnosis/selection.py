@@ -79,8 +79,10 @@ class Search:
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
     5. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
        the base may have led all other starts to a local minimum.
-    6. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
-    7. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
+    6. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
+       that has not converged no cause is named.
+    7. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
+    8. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
     After each step the invariant of `Selection` holds. A KeyboardInterrupt ends the steps; complete fits are kept.
 
@@ -109,6 +111,7 @@ class Search:
             self.exchange_causes()
             self.restart()
             self._report.plan("together", 0)
+            self.finish_best()
             self.prune()
             self.fit_alternatives()
         except KeyboardInterrupt:
@@ -228,6 +231,13 @@ class Search:
         variants = [one for one in cause.variants(self.selection.base.model) if one.name != own]
         others = [one for one in variants if not one.changes_data][:ADDED_CAUSES]
         return [(Step(one.describe(cause), one.name), one.model) for one in others]
+
+    def finish_best(self) -> None:
+        """Continue the fit of the best explanation, if it is adequate and reached its limit of evaluations."""
+        own, best = self.selection, self.selection.best
+        if best is not None and best.adequacy.passed and not best.fit.converged:
+            continued = own.explain(best.steps, refit(best.fit.model, best.fit.values))
+            own.explanations = best_of_each([continued, *own.explanations])
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.

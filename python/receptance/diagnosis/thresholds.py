@@ -21,6 +21,8 @@ FEWEST_LINES = 16
 """Smallest number of lines of a receptance that is used."""
 EXPLORING_LINES = 120
 """Lines of each receptance while starts of fits are compared."""
+SIMULATION_LINES = 150
+"""Lines of each receptance in the simulation of a further measurement."""
 
 # Fits.
 
@@ -33,8 +35,10 @@ SAME_END = 4.0
 """Difference of chi-square on few lines below which two end points are both fitted on all lines."""
 DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
-EVALUATIONS = 200
-"""Most evaluations of a fit on all lines, and of the base from each start on few lines."""
+EVALUATIONS = 100
+"""Most evaluations of a fit on all lines."""
+EVALUATIONS_OF_BASE = 200
+"""Most evaluations from each start of the base on few lines."""
 EVALUATIONS_EXPLORING = 30
 """Most evaluations of a fit on few lines."""
 TOLERANCE_OF_BASE = 1e-10
