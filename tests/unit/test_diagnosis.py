@@ -325,7 +325,10 @@ def test_material_is_reported_with_an_unknown_cause() -> None:
     verdict = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_material", "tool_modulus"], most=1)
     assert verdict.verdict == "unexplained"
     text = verdict.summary(1000)
-    assert "plausible cause with the highest evidence: tool_material (cemented carbide): the tool is of cemented carbide" in text
+    assert (
+        "plausible cause with the highest evidence: tool_material (cemented carbide): the tool is of cemented carbide"
+        in text
+    )
     only = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
     assert "vetoed: tool_modulus reduces the misfit from" in only.summary(1000)
     assert "where -13.9 % to +16.2 % is plausible" in only.summary(1000)

@@ -21,6 +21,7 @@ import numpy as np
 from receptance.diagnosis.causes import IndescribableError
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 
@@ -33,12 +34,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
 
 __all__ = ["Ensemble", "Target", "extension"]
-
-_RARE = 0.01
-"""Models below this probability are neglected."""
-_BEYOND = 1.1
-"""Modes of the other models are looked for up to this many times the limit."""
-_SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +87,7 @@ class Ensemble:
         logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
         weights = np.exp(np.array(logs) - max(logs))
         weights /= weights.sum()
-        kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > _RARE]
+        kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > LEAST_PROBABILITY]
         total = sum(w for _, w in kept)
         return [(one, w / total) for one, w in kept]
 
@@ -107,7 +102,7 @@ class Ensemble:
             if one is reported or not middle.size:
                 continue
             try:
-                other, spread = self._predicted(one, self._identified(one), target, _BEYOND * upper_hz)
+                other, spread = self._predicted(one, self._identified(one), target, BEYOND_LIMIT * upper_hz)
             except (ReceptanceError, ValueError):
                 continue  # this assembly cannot be predicted with it
             if not other.size:
@@ -130,8 +125,7 @@ class Ensemble:
         )
 
     def _identified(self, one: Explanation | None) -> Identification:
-        fit = self._selection.base if one is None else one.fit
-        if one is not None and one.gain > self._selection.base.chi_square - fit.chi_square + _SAME:
-            # Its gain is predicted to first order, and it was not fitted.
-            fit = refit(fit.model, fit.values)
+        if one is None:
+            return self._selection.base.identification
+        fit = refit(one.fit.model, one.fit.values) if one.expected else one.fit
         return fit.identification

@@ -28,12 +28,15 @@ class Explanation:
         Decrease of chi-square relative to the base.
     evidence : float
         The gain less the penalty of its unknowns; about twice the logarithm of the odds.
+    expected : float
+        The part of the gain that is predicted to first order and not fitted.
     """
 
     steps: tuple[Step, ...]
     fit: Fit
     gain: float
     evidence: float
+    expected: float = 0.0
 
     @property
     def ids(self) -> frozenset[str]:
@@ -133,11 +136,11 @@ class Selection:
     interrupted: bool = False
 
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
-        """Return the explanation of a fit; `expected` is a further gain that a complete fit is expected to reach."""
+        """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
         own = sum(unknown.prior is None for unknown in fit.model.unknowns)
         count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
         gain = self.base.chi_square - fit.chi_square + expected
-        return Explanation(steps, fit, gain, gain - self.penalty * count)
+        return Explanation(steps, fit, gain, gain - self.penalty * count, expected)
 
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""

@@ -18,7 +18,7 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import CONVERGED, FOLDS, SINGLES_HELD_OUT
+from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS, SINGLES_HELD_OUT
 from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
@@ -50,9 +50,6 @@ __all__ = [
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"
 SCORE = "predictive log score in nats"
-
-_EVALUATIONS = 12
-"""Most evaluations of the fits of a prediction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +110,7 @@ class PosteriorPrediction:
         return self._new.problem(self.fit.x, self._root)
 
     def _fit(self, free: NDArray[np.bool_]) -> End:
-        return self._problem.fit_one(self._new.start(self.fit.x), _EVALUATIONS, free=free, least=CONVERGED)
+        return self._problem.fit_one(self._new.start(self.fit.x), EVALUATIONS_OF_PREDICTION, free=free, least=CONVERGED)
 
     @cached_property
     def _with_own_errors(self) -> End:

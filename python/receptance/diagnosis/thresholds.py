@@ -130,7 +130,14 @@ LISTED = 3
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
-# Held-out data and residuals by mode.
+# Predictions, held-out data and residuals by mode.
+
+LEAST_PROBABILITY = 0.01
+"""Probability below which a model is neglected in a prediction."""
+BEYOND_LIMIT = 1.1
+"""Highest natural frequency of the other models, as a multiple of the limit of a prediction."""
+EVALUATIONS_OF_PREDICTION = 12
+"""Most evaluations of the fits of a prediction."""
 
 FOLDS = 4
 """Most folds; each repeats the whole selection."""
