@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from receptance.provenance import versions
+from receptance.report import versions
 from receptance.report.plain import plain
 from receptance.studies.report import table
 

@@ -13,7 +13,7 @@ from receptance.errors import ReceptanceWarning
 from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, VirtualRig, holder, load_rig
 from receptance.identification import Floor, Law, MeasuredFRF
 from receptance.modal import circle_fit, fit_modes, half_power
-from receptance.provenance import versions
+from receptance.report import versions
 from receptance.report.plain import plain
 from receptance.studies.bt50.report import PROVENANCE, RESPONSE_HZ, SOURCE, findings
 from receptance.taper import (

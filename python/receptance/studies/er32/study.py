@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.provenance import versions
+from receptance.report import versions
 from receptance.studies.er32.bias import (
     ChanceModel,
     find_bias,
