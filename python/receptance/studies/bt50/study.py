@@ -140,7 +140,7 @@ def _levels(step_kn: int, seed: int) -> list[tuple[VirtualRig, int]]:
     ]
 
 
-def _quiet(estimate: Callable[..., Any], frf: FRF, low_hz: float, high_hz: float) -> Any:
+def _without_warning(estimate: Callable[..., Any], frf: FRF, low_hz: float, high_hz: float) -> Any:
     with warnings.catch_warnings():
         # The small number of lines in the half-power band is a result of the study.
         warnings.filterwarnings("ignore", ".*lines in the half-power band", ReceptanceWarning)
@@ -152,12 +152,12 @@ def _mode(mode: Any) -> dict[str, Any]:
     return {name: getattr(mode, name) for name in names}
 
 
-def _estimated(found: Any, names: Sequence[str]) -> dict[str, Any]:
+def _estimate(found: Any, names: Sequence[str]) -> dict[str, Any]:
     values = {name: getattr(found.joint, name) for name in names}
     return {"values": values, "intervals": {name: list(ends) for name, ends in found.intervals.items()}}
 
 
-def _fitted(fit: Any) -> dict[str, Any]:
+def _fit_values(fit: Any) -> dict[str, Any]:
     intervals = {name: list(ends) for name, ends in fit.intervals.items()}
     return {"values": dict(fit.values), "intervals": intervals, "rms": fit.rms, "errors": dict(fit.standard_errors)}
 
@@ -171,7 +171,7 @@ def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] |
     plain, windowed, left_out = rig.measure(seed)
     low, high = BANDS_HZ["axial"]
     modes = {
-        "half_power": _quiet(half_power, plain, low, high),
+        "half_power": _without_warning(half_power, plain, low, high),
         "circle": circle_fit(windowed, low_hz=low, high_hz=high),
     }
     rigid_half_power, rigid = (
@@ -191,10 +191,10 @@ def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] |
     return {
         "force_kn": rig.force_kn,
         **{name: _mode(mode) for name, mode in modes.items()},
-        "rigid_half_power": _estimated(rigid_half_power, names),
-        "rigid": _estimated(rigid, names),
+        "rigid_half_power": _estimate(rigid_half_power, names),
+        "rigid": _estimate(rigid, names),
         "rigid_rms": fit_axial(own, windowed, body="rigid", contact="ends", **band, start=first).rms,
-        "elastic": _fitted(elastic),
+        "elastic": _fit_values(elastic),
         "experiment_hz": modes["circle"].frequency_hz,
         "simulated_hz": _axial_hz(own, rigid.joint.k_z1)[0],
         "elastic_hz": _axial_hz(own, elastic.values["k_z1"])[0],
@@ -240,7 +240,9 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
     points: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
-            points.append(_mode(_quiet(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)))
+            points.append(
+                _mode(_without_warning(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency))
+            )
         except ValueError:  # no half-power points
             points.append(None)
     return {
@@ -255,14 +257,14 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
             "nearest": rigid.nearest,
             "solutions": [
                 {
-                    **_estimated(one, names),
+                    **_estimate(one, names),
                     "exact": None if one.exact is None else {name: getattr(one.exact, name) for name in names},
                     "notes": list(one.notes),
                 }
                 for one in rigid.solutions
             ],
         },
-        "elastic": _fitted(elastic),
+        "elastic": _fit_values(elastic),
         "experiment_hz": modes.frequency_hz.tolist(),
         "simulated_hz": list(simulated),
         "elastic_hz": list(_radial_hz(own, elastic.values["k_x1"], elastic.values["k_x2"])),
@@ -300,7 +302,7 @@ def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -
     }
 
 
-def _between(series: ForceSeries) -> list[float]:
+def _law_between(series: ForceSeries) -> list[float]:
     """Return the values at every second level from the law of the others."""
     half = ForceSeries(
         name=series.name,
@@ -319,8 +321,10 @@ def _left_out(
     series: Mapping[str, ForceSeries],
 ) -> list[dict[str, Any]]:
     """Return the errors of natural frequencies at levels that were left out, from laws of the others."""
-    rigid, elastic = ([_axial_hz(own, k) for k in _between(series[f"{model} k_z1"])] for model in ("rigid", "elastic"))
-    springs = zip(*(_between(series[f"elastic {name}"]) for name in ("k_x1", "k_x2")), strict=True)
+    rigid, elastic = (
+        [_axial_hz(own, k) for k in _law_between(series[f"{model} k_z1"])] for model in ("rigid", "elastic")
+    )
+    springs = zip(*(_law_between(series[f"elastic {name}"]) for name in ("k_x1", "k_x2")), strict=True)
     # The rigid holder has the springs of the level itself, its best case; a level without a rigid joint has none.
     best_case = [tuple(level["simulated_hz"]) for level in radial]
     return [
