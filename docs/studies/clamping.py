@@ -283,7 +283,7 @@ def extremes(overhang_mm: float, free: bool, factor: float) -> np.ndarray:
     return np.array([np.abs(response).max(), -response.real.min()])
 
 
-def neglected(overhang_mm: float, free: bool, factor: float) -> list[float]:
+def error_without_damping(overhang_mm: float, free: bool, factor: float) -> list[float]:
     """Return by how many percent peak and least real part are too large if the damping is neglected."""
     error: list[float] = (
         100.0 * (extremes(overhang_mm, free, 0.0) / extremes(overhang_mm, free, factor) - 1.0)
@@ -298,11 +298,11 @@ def study_damping() -> dict[str, Any]:
         for free in (False, True):
             test = f"{'free-free' if free else 'in the machine'}, {overhang:g} mm"
             for factor in FACTORS:
-                peak, real = neglected(overhang, free, factor)
+                peak, real = error_without_damping(overhang, free, factor)
                 cases.append({"test": test, "factor": factor, "peak_percent": peak, "real_percent": real})
 
             def excess(logarithm: float, overhang: float = overhang, free: bool = free) -> float:
-                return abs(neglected(overhang, free, float(np.exp(logarithm)))[1]) - WORTH_PERCENT
+                return abs(error_without_damping(overhang, free, float(np.exp(logarithm)))[1]) - WORTH_PERCENT
 
             ends = (np.log(1e-4), np.log(LARGEST_FACTOR))
             allowed[test] = float(np.exp(brentq(excess, *ends, xtol=1e-7))) if excess(ends[1]) > 0.0 else float("inf")

@@ -115,7 +115,7 @@ class Machine:
         )
         return [lossy(blank, CARBIDE_LOSS), replace(joint, loss_factor=JOINT_LOSS), holder]
 
-    def mounted(self, chain: Sequence[Any]) -> rc.Assembly:
+    def in_spindle(self, chain: Sequence[Any]) -> rc.Assembly:
         """Return parts in the true spindle."""
         spindle = self.spindle
         return rc.Assembly([*chain, *spindle.elements.values()], spindle.attachments.values())
@@ -125,14 +125,14 @@ class Machine:
         plane = [rc.Coordinate("inside", 0.0, "y"), rc.Coordinate("inside", 0.0, "theta")]
         return self.spindle.receptance(lines, response=plane, excitation=plane)
 
-    def measured(self, hits: int, seed: int, high_hz: float) -> list[rc.MeasuredFRF]:
+    def measure(self, hits: int, seed: int, high_hz: float) -> list[rc.MeasuredFRF]:
         """Simulate hammer tests of the blank in the spindle: both drive points and the response between them."""
         tip, near = rc.Coordinate("blank", 0.0), rc.Coordinate("blank", 1e-3 * self.second_hit_mm)
         names = {tip: "tip", near: "near the spindle"}
         found = []
         for number, (excitation, responses) in enumerate(((tip, (tip, near)), (near, (near,)))):
             records = simulate_hits(
-                self.mounted([self.blank]),
+                self.in_spindle([self.blank]),
                 response=responses,
                 excitation=excitation,
                 hits=hits,
@@ -227,7 +227,7 @@ def compare(machine: Machine, tool: Tool, lines: np.ndarray, h: np.ndarray, devi
     lines, h, deviation : ndarray
         `(n,)`: frequencies in Hz, prediction, and standard deviation of its logarithm.
     """
-    true = machine.mounted(machine.front(tool)).receptance(lines)
+    true = machine.in_spindle(machine.front(tool)).receptance(lines)
     other = peaks_of(np.abs(h))
     peaks = []
     for index in peaks_of(np.abs(true)):
@@ -285,7 +285,7 @@ def size_of(matrix: np.ndarray) -> np.ndarray:
 def predict_short(machine: Machine, tool: Tool, spindle: SpindleReceptance) -> dict[str, Any]:
     """Return the highest peak of a short tool and its predicted height, if the spindle is known there."""
     fine = np.arange(2000.0, 12e3, 4.0)
-    true = np.abs(machine.mounted(machine.front(tool)).receptance(fine))
+    true = np.abs(machine.in_spindle(machine.front(tool)).receptance(fine))
     at = peaks_of(true)
     highest = at[np.argmax(true[at])]
     lines, _, h, deviation = predict_by_line(machine, tool, spindle)["_curves"]
@@ -300,10 +300,10 @@ def predict_short(machine: Machine, tool: Tool, spindle: SpindleReceptance) -> d
 
 def study_machine(machine: Machine, hits: int, seed: int) -> dict[str, Any]:
     """Identify the spindle of a machine and predict its tools."""
-    observed = machine.measured(hits, seed, BAND_HZ[1])
+    observed = machine.measure(hits, seed, BAND_HZ[1])
     found = identify_spindle(observed)
     modes = fit_spindle(observed, found)
-    wide = identify_spindle(machine.measured(hits, seed, REACH_HZ), allow_mismatch=True)
+    wide = identify_spindle(machine.measure(hits, seed, REACH_HZ), allow_mismatch=True)
     lines = np.asarray(found.frequency_hz).real
     true = machine.matrix(lines)
     error = np.abs(found.matrix - true) / size_of(true)
@@ -329,19 +329,19 @@ def study_machine(machine: Machine, hits: int, seed: int) -> dict[str, Any]:
 # ---- Two modes close together: the effect of an error of the mode of a spindle, and its diagnosis
 
 
-def moved(spindle: rc.ModalPart, mode: int) -> rc.ModalPart:
+def move_mode(spindle: rc.ModalPart, mode: int) -> rc.ModalPart:
     """Return a spindle with one mode moved."""
     name = f"mode[{mode}].frequency_hz"
     return spindle.with_values({name: spindle.value(name) * (1.0 + 0.01 * MOVED_PERCENT)})
 
 
-def displaced(machine: Machine, spindle: rc.ModalPart, mode: int) -> list[dict[str, Any]]:
+def errors_with_moved_mode(machine: Machine, spindle: rc.ModalPart, mode: int) -> list[dict[str, Any]]:
     """Return the errors of all peaks when a mode of the spindle is moved."""
     fine = np.arange(200.0, 4500.0, 1.0)
     rows = []
     for tool in tools("medium", "long"):
         front = machine.front(tool)
-        true, off = (np.abs(rc.Assembly([*front, one]).receptance(fine)) for one in (spindle, moved(spindle, mode)))
+        true, off = (np.abs(rc.Assembly([*front, one]).receptance(fine)) for one in (spindle, move_mode(spindle, mode)))
         other = peaks_of(off)
         for index in peaks_of(true):
             near = other[np.argmin(np.abs(other - index))]
@@ -357,7 +357,7 @@ def displaced(machine: Machine, spindle: rc.ModalPart, mode: int) -> list[dict[s
     return rows
 
 
-def diagnosed(machine: Machine, spindle: rc.ModalPart, mode: int, seed: int) -> Verdict:
+def diagnose_moved_mode(machine: Machine, spindle: rc.ModalPart, mode: int, seed: int) -> Verdict:
     """Diagnose tip and nose of two lengths of the 12.7 mm tool, measured with a mode of the spindle moved."""
     random = np.random.default_rng(seed)
     lines, noise = np.arange(200.0, 4500.0, 5.0), 0.02
@@ -366,7 +366,7 @@ def diagnosed(machine: Machine, spindle: rc.ModalPart, mode: int, seed: int) -> 
     for tool in (one for one in tools("medium", "long") if one.diameter_mm == 12.7):
         overhang = {"tool.segment[0].length": 1e-4}
         tolerances.append(Tolerance(name=f"overhang, {tool.length}", moves=overhang, configurations=(tool.length,)))
-        true, described = (rc.Assembly([*machine.front(tool), one]) for one in (spindle, moved(spindle, mode)))
+        true, described = (rc.Assembly([*machine.front(tool), one]) for one in (spindle, move_mode(spindle, mode)))
         for place in (rc.Coordinate(), rc.Coordinate("holder", 0.0)):
             scatter = noise * (random.normal(size=lines.size) + 1j * random.normal(size=lines.size))
             observed.append(
@@ -406,7 +406,7 @@ def study(hits: int = 10, seed: int = 0) -> dict[str, Any]:
     peaks = np.array([peak["true_hz"] for one in cases[0]["tools"] for peak in one["peaks"]])
     near = [np.sum(np.abs(np.log(peaks / mode.frequency_hz)) < 0.1) for mode in spindle.modes]
     mode = int(np.argmax(near))
-    verdict = diagnosed(MACHINES[0], spindle, mode, seed)
+    verdict = diagnose_moved_mode(MACHINES[0], spindle, mode, seed)
     return {
         "study": "machines",
         "provenance": "VIRTUAL: spindles and measurements are simulated; agreement with the paper is no evidence.",
@@ -419,7 +419,7 @@ def study(hits: int = 10, seed: int = 0) -> dict[str, Any]:
         },
         "virtual": cases,
         "moved_mode_hz": spindle.modes[mode].frequency_hz,
-        "displaced": displaced(MACHINES[0], spindle, mode),
+        "displaced": errors_with_moved_mode(MACHINES[0], spindle, mode),
         "diagnosis": verdict.to_dict(),
         "log_frequency_put_in": -float(np.log1p(0.01 * MOVED_PERCENT)),
     }
@@ -519,7 +519,7 @@ def show(found: dict[str, Any]) -> None:
             for name, one in cause["parameters"].items()
         )
         print(f"Diagnosis of tools measured there: {own['verdict']}, {cause['id']} ({cause['variant']}); {sizes}.")
-    print(f"The error put in is a log_frequency of {found['log_frequency_put_in']:+.4f}.")
+    print(f"The simulated error is a log_frequency of {found['log_frequency_put_in']:+.4f}.")
 
 
 def close_and_far(found: dict[str, Any]) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Options, plain tables and JSON files of the scripts in this folder."""
+"""Options, tables and JSON files of the scripts in this folder."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from receptance.provenance import versions
+from rich.console import Console
+
+from receptance.report import terminal, versions
 from receptance.report.plain import plain
 from receptance.studies.report import table
+
+WIDTH = 150
+"""Width of the tables in characters."""
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
@@ -24,16 +29,8 @@ def options(description: str | None) -> argparse.ArgumentParser:
 
 def print_table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
     """Print a table of dictionaries; for the columns see `receptance.studies.report.table`."""
-    made = table(title, rows, columns)
-    lines = [made.headings, *made.texts()]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    print(f"\n{title}\n")
-    for line in [lines[0], ["-" * width for width in widths], *lines[1:]]:
-        cells = [
-            text.ljust(width) if isinstance(column, str) else text.rjust(width)
-            for text, width, column in zip(line, widths, made.columns, strict=True)
-        ]
-        print("  ".join(cells).rstrip())
+    print()
+    terminal.print_table(Console(width=WIDTH), table(title, rows, columns))
 
 
 def save(path: Path | None, results: Mapping[str, Any]) -> None:

@@ -139,7 +139,7 @@ def unknowns(near: Mapping[str, float] | None = None) -> list[rc.Unknown]:
     ]
 
 
-def reached(tolerance: Tolerance, own: rc.Assembly) -> dict[str, float]:
+def deviations_of(tolerance: Tolerance, own: rc.Assembly) -> dict[str, float]:
     """Return the parameters of an assembly that an error changes, with their standard deviations."""
     return {
         address: deviation
@@ -151,7 +151,7 @@ def reached(tolerance: Tolerance, own: rc.Assembly) -> dict[str, float]:
 
 def tolerances(tests: Mapping[str, rc.Assembly]) -> list[Tolerance]:
     """Return the errors of some tests; every clamping has an error of the overhang of its own."""
-    shared = [one for one in TOLERANCES if any(reached(one, own) for own in tests.values())]
+    shared = [one for one in TOLERANCES if any(deviations_of(one, own) for own in tests.values())]
     return shared + [
         Tolerance(name=f"overhang, {name}", moves={"tool.segment[0].length": 1e-4}, configurations=(name,))
         for name in tests
@@ -181,7 +181,7 @@ def measure(
         true = true.replace(
             {
                 a: true.get(a) * np.exp(sd * error) if tolerance.relative else true.get(a) + sd * error
-                for a, sd in reached(tolerance, nominal).items()
+                for a, sd in deviations_of(tolerance, nominal).items()
             }
         )
     low, high = BANDS_HZ[test.free]

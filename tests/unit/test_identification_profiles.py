@@ -75,6 +75,21 @@ def test_a_profile_is_the_standard_error_where_the_data_are_plenty():
         assert profile.confidence(profile.value) == pytest.approx(0.5, abs=1e-3)
 
 
+def test_an_undetermined_damping_does_not_disturb_the_profile_of_a_stiffness():
+    """A linear prediction moves this damping out of its bounds, where a constrained fit has other optima."""
+    dampings = [
+        Unknown(address="joint.c_y", lower=1e-3, upper=1e6),
+        Unknown(address="joint.c_theta", lower=1e-7, upper=1e2),
+    ]
+    truth = make_assembly().replace({"joint.c_y": 100.0, "joint.c_theta": 0.02})
+    found = identify(measure(truth, truth), [*STIFFNESSES, *dampings], tolerances=BLANK, starts=1, strategy="staged")
+    profile = found.profiles("joint.k_y")["joint.k_y"]
+    assert profile.rise.max() < 3.0 * profile.threshold
+    half = 1.96 * found.standard_errors["joint.k_y"] / found.values["joint.k_y"]
+    assert np.log(profile.upper / profile.lower) == pytest.approx(2.0 * half, rel=0.2)
+    assert profile.evaluations < 40
+
+
 def test_profile_follows_its_definition():
     found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
     profile = found.profiles("joint.k_theta")["joint.k_theta"]

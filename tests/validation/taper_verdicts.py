@@ -48,7 +48,7 @@ def main() -> None:
     for motion in own.motion or MOTIONS[:2]:
         for seed in range(own.seed, own.seed + own.seeds):
             began = time.process_time()
-            verdict, *_ = bt50.diagnose_rigid(motion, 2, seed, levels=own.levels)
+            verdict = bt50.rigid_campaign(motion, 2, seed, levels=own.levels).diagnose()
             causes = " + ".join(sorted(named_causes(verdict))) or "nothing"
             count.setdefault(motion, Counter())[f"{verdict.verdict} {causes}"] += 1
             print(f"{motion}, seed {seed}: {verdict_line(verdict)}; {time.process_time() - began:.0f} s", flush=True)

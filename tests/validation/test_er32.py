@@ -17,7 +17,7 @@ import pytest
 from receptance.identification import MeasuredFrequencies, Unknown, identify
 from receptance.studies import er32
 from receptance.studies.er32.bias import find_slopes, sign_test
-from receptance.studies.er32.joints import JOINT, SHARED, mode_slopes, varied
+from receptance.studies.er32.joints import JOINT, SHARED, mode_slopes, with_factors
 from receptance.studies.er32.study import overhang_scatter
 
 TORQUE = 135.0  # recommended by the manufacturer
@@ -208,8 +208,8 @@ def test_slopes_are_those_of_the_model(form: dict[str, Any], published: er32.Pub
 
     def predict(name: str, factor: float) -> float:
         start = er32.assembly(long.diameter_mm, mount.overhang_mm, joint["k_y"], joint["k_theta"])
-        found = er32.follow_joint(varied(start, {name: factor}), reading.frequency_hz).tolist()
-        assembly = varied(er32.assembly(long.diameter_mm, long.overhang_mm, *found), {name: factor})
+        found = er32.follow_joint(with_factors(start, {name: factor}), reading.frequency_hz).tolist()
+        assembly = with_factors(er32.assembly(long.diameter_mm, long.overhang_mm, *found), {name: factor})
         return math.log(assembly.natural_frequencies(1e3)[0])
 
     h = 1e-4
@@ -220,7 +220,9 @@ def test_slopes_are_those_of_the_model(form: dict[str, Any], published: er32.Pub
 
 def test_a_longer_section_leaves_the_holder_as_long() -> None:
     own = er32.assembly(12.7, 62.3)
-    moved = varied(own, {"nose length": 1.1, "body length": 0.9, "nose modulus factor": 1.2, "steel modulus": 1.1})
+    moved = with_factors(
+        own, {"nose length": 1.1, "body length": 0.9, "nose modulus factor": 1.2, "steel modulus": 1.1}
+    )
     lengths = [[a.get(f"holder.segment[{i}].length") for i in range(4)] for a in (own, moved)]
     assert sum(lengths[1]) == pytest.approx(sum(lengths[0]))
     assert lengths[1][0] == pytest.approx(1.1 * lengths[0][0])

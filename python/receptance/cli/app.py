@@ -62,7 +62,7 @@ app.add_typer(studies, name="study")
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from receptance.provenance import versions
+        from receptance.report import versions
 
         found = versions()
         print(f"receptance {found.pop('receptance')} ({', '.join(f'{name} {value}' for name, value in found.items())})")

@@ -6,7 +6,7 @@ The simulated structure is that of the campaign, with joint parameters that are 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance.examples.virtual_rig import VirtualRig
     from receptance.frf import FRF
     from receptance.io import TimeSeries
     from receptance.model.assembly import Assembly
@@ -29,6 +30,7 @@ __all__ = [
     "free_free",
     "hammer",
     "taper",
+    "taper_files",
 ]
 
 Say = Callable[[str], None]
@@ -111,10 +113,15 @@ def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the FRFs of the example taper by file name: the virtual BT50 rig at all forces, axial and radial."""
     from receptance.examples.virtual_rig import load_rig
 
+    return taper_files(((rig, TAPER_SEED + number) for number, rig in enumerate(load_rig())), say)
+
+
+def taper_files(rigs: Iterable[tuple[VirtualRig, int]], say: Say = lambda _: None) -> dict[str, bytes]:
+    """Return the files of the example taper by name, from the rig at each force and the seed of its measurement."""
     files = {}
-    for number, rig in enumerate(load_rig()):
+    for rig, seed in rigs:
         say(f"hitting the virtual rig at {rig.force_kn:g} kN, {rig.motion}")
-        frf = rig.windowed(TAPER_SEED + number).select(high_hz=_TAPER_HIGHEST_HZ)
+        frf = rig.windowed(seed).select(high_hz=_TAPER_HIGHEST_HZ)
         files[f"{rig.motion}_{rig.force_kn:g}.npz"] = _content(frf, ".npz")
     return files
 

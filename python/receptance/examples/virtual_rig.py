@@ -1,7 +1,8 @@
 """A virtual BT50 rig: poles from finite elements, with the hits and records of Xu et al. 2012.
 
-The holder has the taper of JIS B 6339 BT50; its other dimensions and the contact are invented, because the paper
-prints none. `tests/bt50_rig.py` computes the poles and residues in `virtual_rig.csv`.
+The holder, that of the packaged campaign `taper`, has the taper of JIS B 6339 BT50; its other dimensions and the
+contact are invented, because the paper prints none. `tests/bt50_rig.py` computes the poles and residues in
+`virtual_rig.csv`.
 """
 
 from __future__ import annotations
@@ -11,15 +12,15 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
 from receptance.measurement import estimate_frf, find_hits, simulate_hits
-from receptance.model.beams import Material, Part, Segment
+from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate
+from receptance.model.joints import GroundSpring
 from receptance.taper import Holder, without_each
 
 if TYPE_CHECKING:
@@ -46,12 +47,6 @@ PLACES_MM: dict[str, tuple[float, tuple[float, ...]]] = {"axial": (0.0, (0.0,)),
 _NOISE_DB = -60.0
 _CONTACT_S = 2e-4
 _PRE_TRIGGER_S = 1e-3
-_STEEL = Material(youngs_modulus=208e9, density=7850.0, poisson_ratio=0.29, name="steel")
-_FRONT_MM = ((45.0, 60.0), (35.0, 100.0), (3.0, 69.85))
-"""Length and diameter from the tip: nose of a collet chuck, flange, gap to the gauge line."""
-_TAPER_MM = (101.8, 69.85)
-_TAPER_STEPS = 12
-_STUD_MM = (35.0, 25.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +171,7 @@ def load_rig() -> tuple[VirtualRig, ...]:
 
 
 def holder() -> Holder:
-    """Return the holder as described from a drawing: cylinders, and the cone in steps.
+    """Return the holder of the packaged campaign `taper`.
 
     Examples
     --------
@@ -184,16 +179,12 @@ def holder() -> Holder:
     >>> round(holder().body.mass, 2)
     5.33
     """
+    from receptance.campaign.loading import measured_structures
+    from receptance.examples import EXAMPLES
 
-    def cylinder(length_mm: float, diameter_mm: float) -> Segment:
-        return Segment(length=1e-3 * length_mm, outer_diameter=1e-3 * diameter_mm, material=_STEEL)
-
-    length, gauge = _TAPER_MM
-    step = length / _TAPER_STEPS
-    ends = [gauge - i * step * 7.0 / 24.0 for i in range(_TAPER_STEPS + 1)]
-    # Each step has the mass of the frustum that it replaces.
-    cone = [cylinder(step, float(np.sqrt((a * a + a * b + b * b) / 3.0))) for a, b in pairwise(ends)]
-    before = [cylinder(*sizes) for sizes in _FRONT_MM]
-    part = Part([*before, *cone, cylinder(*_STUD_MM)], name="holder")
-    big_end = sum(segment.length for segment in before)
-    return Holder(part=part, big_end=big_end, small_end=big_end + 1e-3 * length)
+    assembly, _ = measured_structures(EXAMPLES["taper"].campaign)["axial 0 kN"]
+    part, taper = assembly.elements["holder"], assembly.attachments["taper"]
+    assert isinstance(part, Part)
+    assert isinstance(taper, GroundSpring)
+    big_end = float(taper.position)
+    return Holder(part=part, big_end=big_end, small_end=big_end + taper.length)

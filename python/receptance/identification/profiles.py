@@ -362,6 +362,9 @@ class _Profiler:
         start[index] = at
         predicted = start.copy()
         predicted[free] += _conditional_slope(near.curvature, index) * (at - near.x[index])
+        # The prediction of a variable that the data do not determine can be out of bounds; it keeps its value.
+        low, high = self.limits
+        predicted = np.where((low <= predicted) & (predicted <= high), predicted, start)
         least = _COST_TOLERANCE * (self.variance if self.variance > 0.0 else 1.0)
         fit = self.problem.fit_one(predicted, free=free, least=least, of_all=True)
         if not np.isfinite(fit.cost):

@@ -4,50 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from receptance import provenance
 from receptance.report.plain import plain
+from receptance.report.provenance import Provenance
 from receptance.report.table import Table, joined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Provenance", "Renderable", "Result", "Results"]
-
-_versions = cache(provenance.versions)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Provenance:
-    """Source of a result.
-
-    Attributes
-    ----------
-    title, description, file : str
-        Title, description and file name of the campaign; empty without a campaign.
-    settings : dict
-        Settings of the campaign that the result depends on; empty without a campaign.
-    seed : int or None
-        Seed of all random numbers; None if none were drawn.
-    versions : dict of str to str
-        Versions of the software.
-    """
-
-    title: str = ""
-    description: str = field(default="", repr=False)
-    file: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    seed: int | None = None
-    versions: Mapping[str, str] = field(default_factory=_versions, repr=False)
-
-    def sentence(self) -> str:
-        """Return seed and versions as a line of text."""
-        seed = "" if self.seed is None else f"seed {self.seed}; "
-        return seed + ", ".join(f"{name} {value}" for name, value in self.versions.items())
+__all__ = ["Renderable", "Result", "Results"]
 
 
 class Renderable(ABC):

@@ -2,6 +2,6 @@
 
 from receptance.studies.bt50.figure import draw
 from receptance.studies.bt50.report import sections
-from receptance.studies.bt50.study import diagnose_rigid, observations, response_without_damping, run
+from receptance.studies.bt50.study import response_without_damping, rigid_campaign, run
 
-__all__ = ["diagnose_rigid", "draw", "observations", "response_without_damping", "run", "sections"]
+__all__ = ["draw", "response_without_damping", "rigid_campaign", "run", "sections"]

@@ -36,24 +36,25 @@ def draw(found: dict[str, Any]) -> Figure:
         The figure. It belongs to no window; save it with `savefig`.
     """
     virtual, published = found["virtual"], found["published"]
+    series = series_of(virtual["trends"])
     figure = new_figure(16.0, 9.6, math=True)
     cells = figure.add_gridspec(2, 3)
     broken = cells[0, 2].subgridspec(2, 1, height_ratios=(1.0, 4.0))
-    _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), virtual, published)
-    _draw_axial_damping(figure.add_subplot(cells[0, 1]), virtual, published)
+    _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), series, published)
+    _draw_axial_damping(figure.add_subplot(cells[0, 1]), series, virtual, published)
     _draw_frequencies(figure.add_subplot(broken[0]), figure.add_subplot(broken[1]), virtual)
     across = [figure.add_subplot(cells[1, i]) for i in range(3)]
-    _draw_radial(across[0], virtual, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
-    _draw_radial(across[1], virtual, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
+    _draw_radial(across[0], series, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
+    _draw_radial(across[1], series, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
     _draw_left_out(across[2], virtual["left_out"], published)
     keep_clear(figure, 0.93)
     title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
     figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
-    said = (
+    caption = (
         "All data are virtual (finite elements, ten hits, 20 480 Hz, 20 Hz lines); only the grey bands are the "
         "paper's. Whiskers: 95 %."
     )
-    figure.text(0.5, 0.95, said, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
     return figure
 
 
@@ -62,31 +63,25 @@ def _power(series: ForceSeries) -> str:
     return f"n = {series.laws[2].exponent:.2f} ({low:.2f} to {high:.2f})"
 
 
-def _draw_axial_stiffness(axes: Axes, virtual: dict[str, Any], published: dict[str, Any]) -> None:
+def _draw_axial_stiffness(axes: Axes, series: dict[str, ForceSeries], published: dict[str, Any]) -> None:
     set_up(axes, "Axial stiffness (paper's figure 10)", _FORCE, "$K_{Z1}$ (10$^9$ N/m)")
     low, high = published["axial_stiffness_n_per_m"]
     axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
     for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
-        series = series_of(virtual["trends"])[f"{name} k_z1"]
-        draw_over_levels(axes, series, 1e-9, colour, f"{text}, {_power(series)}")
+        own = series[f"{name} k_z1"]
+        draw_over_levels(axes, own, 1e-9, colour, f"{text}, {_power(own)}")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.3 * (top - bottom))
     axes.legend(frameon=False, fontsize=9, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
 
 
-def _draw_axial_damping(axes: Axes, virtual: dict[str, Any], published: dict[str, Any]) -> None:
-    series = series_of(virtual["trends"])
+def _draw_axial_damping(
+    axes: Axes, series: dict[str, ForceSeries], virtual: dict[str, Any], published: dict[str, Any]
+) -> None:
     set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)")
     axes.axhspan(*published["axial_damping_ns_per_m"], color=_BAND, label="paper's range")
-    draw_over_levels(
-        axes,
-        series_of(virtual["trends"])["half-power c_z1"],
-        1.0,
-        COLOURS[1],
-        "half-power, 20 Hz lines",
-        marker="s",
-        law=False,
-    )
+    half_power = series["half-power c_z1"]
+    draw_over_levels(axes, half_power, 1.0, COLOURS[1], "half-power, 20 Hz lines", marker="s", law=False)
     draw_over_levels(axes, series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
     force = [level["force_kn"] for level in virtual["axial"]]
     truth = [level["truth"] for level in virtual["axial"]]
@@ -98,7 +93,7 @@ def _draw_axial_damping(axes: Axes, virtual: dict[str, Any], published: dict[str
 
 
 def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
-    """Draw the first axial mode below a break of the axis, and the bonded one, which is much higher, above it."""
+    """Draw the first axial mode below a break of the axis, and that of the bonded holder above it."""
     set_up(above, "First axial mode (paper's figure 16)")
     set_up(axes, "", _FORCE, "frequency (Hz)")
     levels = virtual["axial"]
@@ -123,7 +118,7 @@ def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
 
 
 def _break(above: Axes, below: Axes) -> None:
-    """Show that one axis goes on above a gap: no frame and no ticks there, and two slanting strokes."""
+    """Mark a break of the axis: no frame and no ticks at the gap, and two slanting strokes."""
     above.sharex(below)
     above.spines["bottom"].set_visible(False)
     above.tick_params(bottom=False, labelbottom=False)
@@ -139,11 +134,11 @@ def _break(above: Axes, below: Axes) -> None:
     below.plot([0.0], [1.0], transform=below.transAxes, **stroke)
 
 
-def _draw_radial(axes: Axes, virtual: dict[str, Any], kind: str, title: str, label: str, factor: float) -> None:
+def _draw_radial(axes: Axes, series: dict[str, ForceSeries], kind: str, title: str, label: str, factor: float) -> None:
     set_up(axes, title, _FORCE, label)
     for end, colour, where in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
-        series = series_of(virtual["trends"])[f"elastic {kind}_{end}"]
-        draw_over_levels(axes, series, factor, colour, f"{where}, {_power(series)}")
+        own = series[f"elastic {kind}_{end}"]
+        draw_over_levels(axes, own, factor, colour, f"{where}, {_power(own)}")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.25 * (top - bottom))
     axes.legend(

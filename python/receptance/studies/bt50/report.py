@@ -85,10 +85,9 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
         "rig was made for this range)."
     )
     yield (
-        f"The FRF fitted with the rigid holder leaves {_span([level['rigid_rms'] for level in levels], '.0f')} "
-        f"standard deviations, with the elastic one "
-        f"{_span([level['elastic']['rms'] for level in levels], '.1f')}. K_Z1 is then "
-        f"{elastic[0]:.3g} to {elastic[-1]:.3g} N/m; that of the rigid holder is wrong by "
+        f"The residuals of the FRF are {_span([level['rigid_rms'] for level in levels], '.0f')} standard deviations "
+        f"with the rigid holder, {_span([level['elastic']['rms'] for level in levels], '.1f')} with the elastic one. "
+        f"Its K_Z1 is {elastic[0]:.3g} to {elastic[-1]:.3g} N/m; that of the rigid holder is wrong by "
         f"{_span([_percent(a, b) for a, b in zip(rigid, elastic, strict=True)], '+.1f')} %."
     )
     simulated = [_percent(level["simulated_hz"], level["experiment_hz"]) for level in levels]
@@ -109,10 +108,10 @@ def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
     for one in found["virtual"]["diagnosis"]:
         after = one["adequacy_after"]
         yield (
-            f"`diagnose` was given the {one['motion']} FRFs at {', '.join(f'{force:g}' for force in one['seen_kn'])} "
-            f"kN, the rigid holder with its springs free at each force, and all causes of its catalogue. It answers: "
-            f"{one['verdict']}. The rigid holder leaves {one['adequacy']['misfit']:.3g} times the noise and floor"
-            + ("." if after is None else f", the best explanation {after['misfit']:.2f}.")
+            f"Diagnosis of the {one['motion']} FRFs at {', '.join(f'{force:g}' for force in one['seen_kn'])} kN, with "
+            "the rigid holder, its springs free at each force, and all causes of the catalogue. Verdict: "
+            f"{one['verdict']}. The misfit of the rigid holder is {one['adequacy']['misfit']:.3g} times that of noise "
+            "and floor" + ("." if after is None else f", that of the best explanation {after['misfit']:.2f} times.")
         )
         certain = [cause for cause in one["causes"] if cause["id"] in one["in_every_explanation"]]
         ambiguous = ", ".join(one["ambiguous_between"])
@@ -128,7 +127,7 @@ def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
         )
         if gains:
             yield (
-                f"At the {len(one['left_out_kn'])} forces between, which it was not given (springs interpolated "
+                f"At the {len(one['left_out_kn'])} forces between, which are held out (springs interpolated "
                 f"linearly): {gains}."
             )
         advice = one["next_measurement"]
@@ -175,8 +174,8 @@ def _on_radial(found: dict[str, Any]) -> Iterator[str]:
         f"the frequencies. At {last['force_kn']:g} kN {last['rigid']['statement']}."
     )
     yield (
-        "The elastic holder, its contact fading from both ends, leaves "
-        f"{_span([level['elastic']['rms'] for level in levels], '.1f')} standard deviations. Left-out levels, both "
+        "The residuals of the elastic holder, its contact fading from both ends, are "
+        f"{_span([level['elastic']['rms'] for level in levels], '.1f')} standard deviations. Levels left out, both "
         f"modes: {left['before_rms_percent']:.2g} % rms with the rigid holder's springs of the levels themselves, "
         f"{left['after_rms_percent']:.2g} % with laws of the elastic holder's."
     )

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import tempfile
+import tomllib
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.errors import ReceptanceWarning
+from receptance.examples import EXAMPLES
+from receptance.examples.simulated import taper_files
 from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, VirtualRig, holder, load_rig
-from receptance.identification import Floor, Law, MeasuredFRF
 from receptance.modal import circle_fit, fit_modes, half_power
-from receptance.provenance import versions
+from receptance.report import versions
 from receptance.report.plain import plain
 from receptance.studies.bt50.report import PROVENANCE, RESPONSE_HZ, SOURCE, findings
 from receptance.taper import (
@@ -29,10 +33,10 @@ from receptance.taper import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.diagnosis import Gain, Verdict
+    from receptance.campaign import Campaign, Measurement
     from receptance.frf import FRF
 
-__all__ = ["MOTIONS", "PUBLISHED", "diagnose_rigid", "observations", "response_without_damping", "run"]
+__all__ = ["PUBLISHED", "response_without_damping", "rigid_campaign", "run"]
 
 PUBLISHED: dict[str, Any] = {
     "forces_kn": [0.0, 25.0],
@@ -45,9 +49,12 @@ PUBLISHED: dict[str, Any] = {
     "simulated_below_experiment_percent": 10.0,
 }
 """Statements of the paper in its text (sections 4 to 6); values in its figures are not read off."""
-MOTIONS: dict[str, tuple[str, ...]] = {"axial": ("axial",), "radial": ("radial",), "both": ("axial", "radial")}
 BANDS_HZ = {"axial": (3000.0, 6200.0), "radial": (500.0, 6200.0)}
-SPRINGS = {"axial": ("taper",), "radial": ("big_end", "small_end")}
+SPRINGS: dict[str, tuple[str, ...]] = {
+    "axial": ("taper",),
+    "radial": ("big_end", "small_end"),
+    "both": ("taper", "big_end", "small_end"),
+}
 SHOWN_KN = 20.0
 """Force of the paper's figure 9."""
 _SAME = 0.05
@@ -89,26 +96,6 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
     series = _series(rows["axial"], rows["radial"])
     shown = int(np.argmin([abs(level["force_kn"] - SHOWN_KN) for level in rows["axial"]]))
     bonded = own.bonded("axial").get("taper.k_y")
-    matters, diagnoses = {}, []
-    for motion, levels_of in rows.items():
-        lines, damped, undamped = response_without_damping(motion, levels_of[shown]["elastic"]["values"])
-        differs = np.abs(undamped / damped - 1.0) > _SAME
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], differs.astype(int), [0]])))
-        matters[motion] = [[float(lines[a]), float(lines[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
-        verdict, seen, left_out, gains = diagnose_rigid(
-            motion, step_kn, seed, progress=lambda text: say(f"diagnosis: {text}")
-        )
-        diagnoses.append(
-            {
-                "motion": motion,
-                "model": "rigid holder",
-                "seen_kn": seen,
-                "left_out_kn": left_out,
-                "in_every_explanation": [c.id for c in verdict.causes if c.id not in verdict.ambiguous_between],
-                **verdict.to_dict(),
-                "gains": [asdict(gain) for gain in gains],
-            }
-        )
     found: dict[str, Any] = {
         "study": "bt50",
         "source": SOURCE,
@@ -129,9 +116,12 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
             "trends": plain({name: one.data() for name, one in series.items()}),
             "damping_errors": _damping_errors(rows["axial"]),
             "bonded_hz": {"axial": _axial_hz(own, bonded), "radial": _radial_hz(own, bonded, bonded)},
-            "left_out": [_left_out_axial(own, rows["axial"], series), _left_out_radial(own, rows["radial"], series)],
-            "diagnosis": diagnoses,
-            "damping_matters_hz": matters,
+            "left_out": _left_out(own, rows["axial"][1::2], rows["radial"][1::2], series),
+            "diagnosis": [_diagnose_rigid(motion, step_kn, seed, say) for motion in rows],
+            "damping_matters_hz": {
+                motion: _bands_with_damping(motion, own_rows[shown]["elastic"]["values"])
+                for motion, own_rows in rows.items()
+            },
         },
     }
     return {**found, "findings": findings(found)}
@@ -150,7 +140,7 @@ def _levels(step_kn: int, seed: int) -> list[tuple[VirtualRig, int]]:
     ]
 
 
-def _quiet(estimate: Callable[..., Any], frf: FRF, low_hz: float, high_hz: float) -> Any:
+def _without_warning(estimate: Callable[..., Any], frf: FRF, low_hz: float, high_hz: float) -> Any:
     with warnings.catch_warnings():
         # The small number of lines in the half-power band is a result of the study.
         warnings.filterwarnings("ignore", ".*lines in the half-power band", ReceptanceWarning)
@@ -162,12 +152,12 @@ def _mode(mode: Any) -> dict[str, Any]:
     return {name: getattr(mode, name) for name in names}
 
 
-def _estimated(found: Any, names: Sequence[str]) -> dict[str, Any]:
+def _estimate(found: Any, names: Sequence[str]) -> dict[str, Any]:
     values = {name: getattr(found.joint, name) for name in names}
     return {"values": values, "intervals": {name: list(ends) for name, ends in found.intervals.items()}}
 
 
-def _fitted(fit: Any) -> dict[str, Any]:
+def _fit_values(fit: Any) -> dict[str, Any]:
     intervals = {name: list(ends) for name, ends in fit.intervals.items()}
     return {"values": dict(fit.values), "intervals": intervals, "rms": fit.rms, "errors": dict(fit.standard_errors)}
 
@@ -181,7 +171,7 @@ def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] |
     plain, windowed, left_out = rig.measure(seed)
     low, high = BANDS_HZ["axial"]
     modes = {
-        "half_power": _quiet(half_power, plain, low, high),
+        "half_power": _without_warning(half_power, plain, low, high),
         "circle": circle_fit(windowed, low_hz=low, high_hz=high),
     }
     rigid_half_power, rigid = (
@@ -201,10 +191,10 @@ def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] |
     return {
         "force_kn": rig.force_kn,
         **{name: _mode(mode) for name, mode in modes.items()},
-        "rigid_half_power": _estimated(rigid_half_power, names),
-        "rigid": _estimated(rigid, names),
+        "rigid_half_power": _estimate(rigid_half_power, names),
+        "rigid": _estimate(rigid, names),
         "rigid_rms": fit_axial(own, windowed, body="rigid", contact="ends", **band, start=first).rms,
-        "elastic": _fitted(elastic),
+        "elastic": _fit_values(elastic),
         "experiment_hz": modes["circle"].frequency_hz,
         "simulated_hz": _axial_hz(own, rigid.joint.k_z1)[0],
         "elastic_hz": _axial_hz(own, elastic.values["k_z1"])[0],
@@ -250,7 +240,9 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
     points: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
-            points.append(_mode(_quiet(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)))
+            points.append(
+                _mode(_without_warning(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency))
+            )
         except ValueError:  # no half-power points
             points.append(None)
     return {
@@ -265,14 +257,14 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
             "nearest": rigid.nearest,
             "solutions": [
                 {
-                    **_estimated(one, names),
+                    **_estimate(one, names),
                     "exact": None if one.exact is None else {name: getattr(one.exact, name) for name in names},
                     "notes": list(one.notes),
                 }
                 for one in rigid.solutions
             ],
         },
-        "elastic": _fitted(elastic),
+        "elastic": _fit_values(elastic),
         "experiment_hz": modes.frequency_hz.tolist(),
         "simulated_hz": list(simulated),
         "elastic_hz": list(_radial_hz(own, elastic.values["k_x1"], elastic.values["k_x2"])),
@@ -294,9 +286,9 @@ def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -
     """Return every parameter over force; residuals above the noise increase the standard errors."""
     force = np.array([level["force_kn"] for level in axial])
     found = {}
-    for title in ("rigid", "half-power"):
+    for title, key in (("rigid", "rigid"), ("half-power", "rigid_half_power")):
         for name in ("k_z1", "c_z1"):
-            own = [level[{"rigid": "rigid", "half-power": "rigid_half_power"}[title]] for level in axial]
+            own = [level[key] for level in axial]
             errors = [np.ptp(one["intervals"][name]) / (2.0 * _NORMAL) for one in own]
             found[f"{title} {name}"] = ([one["values"][name] for one in own], errors)
     for levels in (axial, radial):
@@ -310,7 +302,7 @@ def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -
     }
 
 
-def _predicted_between(series: ForceSeries) -> NDArray[np.float64]:
+def _law_between(series: ForceSeries) -> list[float]:
     """Return the values at every second level from the law of the others."""
     half = ForceSeries(
         name=series.name,
@@ -318,47 +310,50 @@ def _predicted_between(series: ForceSeries) -> NDArray[np.float64]:
         values=series.values[::2],
         standard_errors=series.standard_errors[::2],
     )
-    return np.asarray(half.law.at(series.force[1::2]))
+    values: list[float] = np.asarray(half.law.at(series.force[1::2])).tolist()
+    return values
 
 
-def _left_out_axial(own: Holder, levels: Sequence[dict[str, Any]], series: Mapping[str, ForceSeries]) -> dict[str, Any]:
-    between = levels[1::2]
-    errors = {
-        model: [
-            [100.0 * (_axial_hz(own, float(k))[0] / level["experiment_hz"] - 1.0)]
-            for level, k in zip(between, _predicted_between(series[f"{model} k_z1"]), strict=True)
-        ]
-        for model in ("rigid", "elastic")
-    }
-    return _left_out("axial", between, errors["rigid"], errors["elastic"])
-
-
-def _left_out_radial(
-    own: Holder, levels: Sequence[dict[str, Any]], series: Mapping[str, ForceSeries]
-) -> dict[str, Any]:
-    between = levels[1::2]
-
-    def errors(level: dict[str, Any], predicted: Sequence[float]) -> list[float]:
-        pairs = zip(predicted, level["experiment_hz"], strict=True)
-        return [100.0 * (f / measured - 1.0) for f, measured in pairs]
-
-    springs = zip(*(_predicted_between(series[f"elastic {name}"]) for name in ("k_x1", "k_x2")), strict=True)
-    elastic = [
-        errors(level, _radial_hz(own, float(k1), float(k2))) for level, (k1, k2) in zip(between, springs, strict=True)
-    ]
+def _left_out(
+    own: Holder,
+    axial: Sequence[dict[str, Any]],
+    radial: Sequence[dict[str, Any]],
+    series: Mapping[str, ForceSeries],
+) -> list[dict[str, Any]]:
+    """Return the errors of natural frequencies at levels that were left out, from laws of the others."""
+    rigid, elastic = (
+        [_axial_hz(own, k) for k in _law_between(series[f"{model} k_z1"])] for model in ("rigid", "elastic")
+    )
+    springs = zip(*(_law_between(series[f"elastic {name}"]) for name in ("k_x1", "k_x2")), strict=True)
     # The rigid holder has the springs of the level itself, its best case; a level without a rigid joint has none.
-    rigid = [errors(level, level["simulated_hz"]) for level in between if level["simulated_hz"]]
-    return _left_out("radial", between, rigid, elastic)
+    best_case = [tuple(level["simulated_hz"]) for level in radial]
+    return [
+        _frequency_errors("axial", axial, rigid, elastic),
+        _frequency_errors("radial", radial, best_case, [_radial_hz(own, *k) for k in springs]),
+    ]
 
 
-def _left_out(motion: str, levels: Sequence[dict[str, Any]], rigid: Any, elastic: Any) -> dict[str, Any]:
+def _frequency_errors(
+    motion: str,
+    levels: Sequence[dict[str, Any]],
+    rigid: Iterable[tuple[float, ...]],
+    elastic: Iterable[tuple[float, ...]],
+) -> dict[str, Any]:
+    def errors(predicted: Iterable[tuple[float, ...]]) -> list[list[float]]:
+        return [
+            (100.0 * (np.array(frequencies) / level["experiment_hz"] - 1.0)).tolist()
+            for frequencies, level in zip(predicted, levels, strict=True)
+            if frequencies
+        ]
+
+    before, after = errors(rigid), errors(elastic)
     return {
         "motion": motion,
         "force_kn": [level["force_kn"] for level in levels],
-        "rigid_percent": rigid,
-        "elastic_percent": elastic,
-        "before_rms_percent": float(np.sqrt(np.mean(np.square(rigid)))),
-        "after_rms_percent": float(np.sqrt(np.mean(np.square(elastic)))),
+        "rigid_percent": before,
+        "elastic_percent": after,
+        "before_rms_percent": float(np.sqrt(np.mean(np.square(before)))),
+        "after_rms_percent": float(np.sqrt(np.mean(np.square(after)))),
     }
 
 
@@ -394,64 +389,19 @@ def response_without_damping(
     return lines, found[0], found[1]
 
 
-def observations(motion: str, step_kn: int = 1, seed: int = 0) -> tuple[MeasuredFRF, ...]:
-    """Return the windowed FRFs of all levels as observations of the rigid holder of the paper.
-
-    Parameters
-    ----------
-    motion : {"axial", "radial"}
-        Radially, springs are lumped at the ends of the taper. Axially, the place of the spring makes no difference on a
-        rigid holder, so it lies along the taper.
-    step_kn, seed : int, optional
-        As in `run`, which measures the same.
-
-    Returns
-    -------
-    tuple of MeasuredFRF
-        One for each level and place; the configuration is the level, the condition "drawbar force" is in N.
-
-    Examples
-    --------
-    >>> from receptance.studies import bt50
-    >>> found = bt50.observations("axial", 2)
-    >>> len(found), found[-1].configuration, found[-1].conditions
-    (13, 'axial 24 kN', {'drawbar force': 24000.0})
-    """
-    own = holder()
-    if motion == "axial":
-        assembly = own.axial(5e9, 1e3, body="rigid", contact="spread")
-    else:
-        assembly = own.radial(1e9, 1e9, 5e3, 5e3, body="rigid", contact="ends")
-    low, high = BANDS_HZ[motion]
-    found = []
-    for rig, own_seed in _levels(step_kn, seed):
-        if rig.motion != motion:
-            continue
-        frf = rig.windowed(own_seed)
-        found += [
-            MeasuredFRF.from_frf(
-                assembly,
-                frf.select(responses=i),
-                low_hz=low,
-                high_hz=high,
-                configuration=f"{motion} {rig.force_kn:g} kN",
-                conditions={"drawbar force": 1e3 * rig.force_kn},
-                floor=Floor(),
-            )
-            for i in range(len(rig.seen))
-        ]
-    return tuple(found)
+def _bands_with_damping(motion: str, values: Mapping[str, float]) -> list[list[float]]:
+    """Return the bands in Hz in which the response without damping is wrong."""
+    lines, damped, undamped = response_without_damping(motion, values)
+    differs = np.abs(undamped / damped - 1.0) > _SAME
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], differs.astype(int), [0]])))
+    return [[float(lines[a]), float(lines[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def diagnose_rigid(
-    motion: str,
-    step_kn: int = 1,
-    seed: int = 0,
-    *,
-    levels: int = 3,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[Verdict, list[float], list[float], tuple[Gain, ...]]:
-    """Diagnose the rigid holder on some of the force levels, and measure the improvement on those between.
+def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int = 3) -> Campaign:
+    """Return the packaged campaign `taper` with the holder of the paper: rigid, with springs at the ends of the taper.
+
+    The FRFs are those of `run`. A few forces, evenly spaced from the lowest on, are for identification; those between
+    are held out. Axially, the position of the spring makes no difference on a rigid holder, so it lies along the taper.
 
     Parameters
     ----------
@@ -460,45 +410,61 @@ def diagnose_rigid(
     step_kn, seed : int, optional
         As in `run`.
     levels : int, optional
-        Number of forces that are used, from the lowest on, evenly spaced; at least two.
-    progress : callable, optional
-        Called with a line of text before each step.
-
-    Returns
-    -------
-    verdict : Verdict
-        With all causes of the catalogue.
-    seen_kn, left_out_kn : list of float
-        Forces that were used, and those on which the improvement is measured.
-    gains : tuple of Gain
-        Improvement in several metrics.
+        Number of forces for identification; at least two.
 
     Raises
     ------
     ValueError
         An unknown motion; levels that are not from two to their number.
-    """
-    from receptance.diagnosis import diagnose
-    from receptance.diagnosis.held_out import improvement
 
-    if motion not in MOTIONS:
-        raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
-    observed = [one for own in MOTIONS[motion] for one in observations(own, step_kn, seed)]
-    forces = sorted({one.conditions["drawbar force"] for one in observed})
-    if not 2 <= levels <= len(forces):
+    Examples
+    --------
+    >>> from receptance.studies import bt50
+    >>> bt50.rigid_campaign("axial", 2)
+    Campaign('BT50 taper over drawbar force (simulated)', 13 assemblies, 13 measurements, 10 held out)
+    """
+    from receptance.campaign.loading import from_data
+
+    if motion not in SPRINGS:
+        raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(SPRINGS)}")
+    motions = ("axial", "radial") if motion == "both" else (motion,)
+    measured = [(rig, own_seed) for rig, own_seed in _levels(step_kn, seed) if rig.motion in motions]
+    forces = sorted({rig.force_kn for rig, _ in measured})
+    if isinstance(levels, bool) or not isinstance(levels, int) or not 2 <= levels <= len(forces):
         raise ValueError(f"bt50: levels is {levels!r}, expected from 2 to the {len(forces)} that are measured")
-    chosen = forces[:: (len(forces) - 1) // (levels - 1)][:levels]
-    seen = [one for one in observed if one.conditions["drawbar force"] in chosen]
-    # Levels above the last one are not predicted.
-    between = {force for force in forces if force not in chosen and force < chosen[-1]}
-    rest = [one for one in observed if one.conditions["drawbar force"] in between]
-    unknowns = [
-        Law(address=f"{spring}.{name}", lower=low, upper=high, free=True, along="drawbar force")
-        for own in MOTIONS[motion]
-        for spring in SPRINGS[own]
-        for name, (low, high) in {"k_y": (1e7, 1e12), "c_y": (1e1, 1e6)}.items()
-    ]
-    verdict = diagnose(seen, unknowns, progress=progress)
-    gains = improvement(verdict.selection, verdict.explanation, rest, ()).gains if rest else ()
-    left_out = list(dict.fromkeys(1e-3 * one.conditions["drawbar force"] for one in rest))
-    return verdict, [1e-3 * force for force in chosen], left_out, gains
+    seen = forces[:: (len(forces) - 1) // (levels - 1)][:levels]
+    forces = [force for force in forces if force <= seen[-1]]  # levels above the last one are not predicted
+    data = tomllib.loads(EXAMPLES["taper"].campaign)
+    data["parts"]["holder"]["rigid"] = True
+    for end, position in (("big_end", "83 mm"), ("small_end", "184.8 mm")):
+        data["attachments"][end] = {"kind": "ground", "position": position}
+    data["series"]["levels"] = [f"{force:g} kN" for force in forces]
+    data["series"]["hold_out"] = [f"{force:g} kN" for force in forces if force not in seen]
+    for section in ("assemblies", "measurements"):
+        data[section] = {name: table for name, table in data[section].items() if name.startswith(motions)}
+    data["unknowns"] = {name: table for name, table in data["unknowns"].items() if name.startswith(SPRINGS[motion])}
+    for table in data["measurements"].values():
+        table["floor"] = "0.3 %"
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in taper_files(pair for pair in measured if pair[0].force_kn in forces).items():
+            Path(folder, name).write_bytes(content)
+        return from_data(Path(folder, "campaign.toml"), data)
+
+
+def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], None]) -> dict[str, Any]:
+    """Return the verdict on the rigid holder, with the improvement at the forces that are held out."""
+    campaign = rigid_campaign(motion, step_kn, seed)
+    verdict = campaign.diagnose(progress=lambda text: say(f"diagnosis: {text}"))
+    return {
+        "motion": motion,
+        "model": "rigid holder",
+        "seen_kn": _forces_kn(campaign.to_identify),
+        "left_out_kn": _forces_kn(campaign.held_out),
+        "in_every_explanation": [one.id for one in verdict.causes if one.id not in verdict.ambiguous_between],
+        **verdict.to_dict(),
+    }
+
+
+def _forces_kn(measurements: Mapping[str, Measurement]) -> list[float]:
+    forces = (1e-3 * one.observation.conditions["drawbar force"] for one in measurements.values())
+    return list(dict.fromkeys(forces))

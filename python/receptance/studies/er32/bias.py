@@ -17,7 +17,7 @@ from receptance.studies.er32.joints import (
     follow_joint,
     joint_of,
     mode_slopes,
-    varied,
+    with_factors,
 )
 from receptance.studies.er32.tables import Published, assembly
 
@@ -274,7 +274,7 @@ def simulate_chance(
         for (own, overhangs, frequency, measured_hz), true in zip(tools, true_hz, strict=True):
             read = frequency + resolution.half_step(frequency) * random.uniform(-1.0, 1.0, 2)
             lengths = (1e-3 * (overhangs + chance.overhang_mm * random.standard_normal(2))).tolist()
-            identifying, long = (varied(own, factors, {"tool.segment[0].length": length}) for length in lengths)
+            identifying, long = (with_factors(own, factors, {"tool.segment[0].length": length}) for length in lengths)
             found = follow_joint(identifying, read)
             at_bound += bool(np.any(found <= limits[0]) or np.any(found >= limits[1]))
             with_joint = long.replace(dict(zip(JOINT, found.tolist(), strict=True)))
@@ -330,8 +330,8 @@ def _rms_with(published: Published, stiffness: Stiffness, factors: Mapping[str, 
     for transfer in published.transfers:
         diameter = transfer.diameter_mm
         identifying = assembly(diameter, published.mount(diameter).overhang_mm, *stiffness[diameter])
-        joint = follow_joint(varied(identifying, factors), published.reading(diameter).frequency_hz)
-        errors += _errors(varied(assembly(diameter, transfer.overhang_mm, *joint), factors), transfer.measured_hz)
+        joint = follow_joint(with_factors(identifying, factors), published.reading(diameter).frequency_hz)
+        errors += _errors(with_factors(assembly(diameter, transfer.overhang_mm, *joint), factors), transfer.measured_hz)
     return rms(errors)
 
 

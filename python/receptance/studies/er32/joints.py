@@ -32,7 +32,7 @@ __all__ = [
     "joint_of",
     "mode_slopes",
     "shared_value",
-    "varied",
+    "with_factors",
 ]
 
 Interval = tuple[float | None, float | None]
@@ -106,7 +106,7 @@ def shared_value(name: str) -> tuple[float, str]:
     return (value, "kg/m3") if name.endswith("density") else (1e3 * value, "mm")
 
 
-def varied(own: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
+def with_factors(own: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
     """Return an assembly with shared quantities multiplied by factors, and other parameters at given values."""
     values = dict(other or {})
     for name, factor in factors.items():
@@ -264,7 +264,7 @@ def find_trends(joints: Sequence[dict[str, Any]], torque_nm: float) -> dict[str,
             states = sorted((j for j in joints if j["diameter_mm"] == diameter), key=lambda j: float(j["torque_nm"]))
             x = np.array([state["torque_nm"] for state in states])
             centred = x - x.mean()
-            value, interval = _combined(quantity, states, centred / np.sum(centred**2) * np.ptp(x))
+            value, interval = _weighted_sum(quantity, states, centred / np.sum(centred**2) * np.ptp(x))
             over_torque.append(
                 {
                     "quantity": quantity,
@@ -287,7 +287,7 @@ def _diameter_law(quantity: str, torque_nm: float, states: Sequence[dict[str, An
     x = np.log([state["diameter_mm"] for state in states])
     y = np.log([state[quantity] for state in states])
     centred = x - x.mean()
-    exponent, interval = _combined(quantity, states, centred / np.sum(centred**2))
+    exponent, interval = _weighted_sum(quantity, states, centred / np.sum(centred**2))
     free = len(states) - 2
     variance = float(np.sum((y - y.mean() - exponent * centred) ** 2)) / free
     reach = float(student.ppf(0.5 + _CONFIDENCE / 2.0, free) * np.sqrt(variance / np.sum(centred**2)))
@@ -308,7 +308,7 @@ def _steps(quantity: str, states: Sequence[dict[str, Any]], over: str) -> list[d
     """Return the change from each state to the next in percent, with its interval."""
     found = []
     for pair in itertools.pairwise(states):
-        value, interval = _combined(quantity, pair, [-1.0, 1.0])
+        value, interval = _weighted_sum(quantity, pair, [-1.0, 1.0])
         found.append(
             {
                 "start": pair[0][over],
@@ -321,7 +321,7 @@ def _steps(quantity: str, states: Sequence[dict[str, Any]], over: str) -> list[d
     return found
 
 
-def _combined(quantity: str, states: Sequence[dict[str, Any]], weights: ArrayLike) -> tuple[float, Interval]:
+def _weighted_sum(quantity: str, states: Sequence[dict[str, Any]], weights: ArrayLike) -> tuple[float, Interval]:
     """Return a weighted sum of logarithms, with the ends that the intervals of the states permit."""
     value = 0.0
     ends: list[float | None] = [0.0, 0.0]

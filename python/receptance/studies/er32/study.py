@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.provenance import versions
+from receptance.report import versions
 from receptance.studies.er32.bias import (
     ChanceModel,
     find_bias,
@@ -153,7 +153,7 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
             "published_rms_percent": rms([row["published_error_percent"] for row in transfers]),
             "rows": transfers,
         },
-        "parameter_sets": [_judged(published, one, chosen.refutation * error) for one in published.parameter_sets],
+        "parameter_sets": [_judge_set(published, one, chosen.refutation * error) for one in published.parameter_sets],
         "trends": find_trends(joints, published.torque_nm),
         "long_first_mode_bias_percent": bias["percent"],
         "long_first_mode_bias_p_value": bias["p_value"],
@@ -211,7 +211,7 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
     return document, covariance
 
 
-def _judged(published: Published, chosen: ParameterSet, threshold_percent: float) -> dict[str, Any]:
+def _judge_set(published: Published, chosen: ParameterSet, threshold_percent: float) -> dict[str, Any]:
     """Return the errors of a set of table 3 at all measured overhangs of its tool, the longest first."""
     measured: dict[float, tuple[float, ...]] = {
         t.overhang_mm: t.measured_hz for t in published.transfers if t.diameter_mm == chosen.diameter_mm
