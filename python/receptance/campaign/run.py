@@ -301,7 +301,8 @@ def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple
 
     unknowns, left_out = observed_unknowns(campaign, seen)
     observations = tuple(one.observation for one in seen.values())
-    return Model(observations, tuple(unknowns), tuple(tolerances_of_measurements(seen))), left_out
+    tolerances = tuple(tolerances_of_measurements(seen))
+    return Model(observations, tuple(unknowns), tolerances, seed=campaign.table.settings.seed), left_out
 
 
 def diagnose_campaign(
@@ -314,7 +315,6 @@ def diagnose_campaign(
 ) -> Verdict:
     """Diagnose a campaign; see `Campaign.diagnose`."""
     from receptance.diagnosis import diagnose
-    from receptance.diagnosis.fitting import observed_numbers
     from receptance.diagnosis.held_out import improvement
     from receptance.diagnosis.thresholds import LEAST_FREEDOM
 
@@ -324,7 +324,7 @@ def diagnose_campaign(
         raise CampaignError.about(campaign.file, "there are no measurements, expected `measurements`")
     notes = list(campaign.notes)
     seen, held_out = dict(campaign.to_identify), dict(campaign.held_out)
-    numbers = sum(observed_numbers(one.observation) for one in seen.values())
+    numbers = sum(one.observation.independent_values for one in seen.values())
     if held_out and numbers - len(campaign.unknowns) < LEAST_FREEDOM:
         notes.append(
             f"{numbers:.3g} measured values for {len(campaign.unknowns)} unknowns are too few to test the model, so "
@@ -377,7 +377,7 @@ def _held_out_error(campaign: Campaign) -> list[str]:
         tolerances=tuple(tolerances_of_measurements(campaign.held_out)),
     )
     try:
-        errors, modes = metrics_of(fit_base(model, seed=campaign.table.settings.seed), out, scored=False)
+        errors, modes = metrics_of(fit_base(model), out, scored=False)
     except (ValueError, ReceptanceError):
         return []
     if FREQUENCIES not in errors:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks, _core, units
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.model.fields import Choice, Element, Field, Member, Number
 from receptance.model.joints import WIDTHS
 from receptance.report import Column, Renderable, Table
@@ -18,9 +18,13 @@ from receptance.report import Column, Renderable, Table
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from receptance.model.tables import Flat
+
 __all__ = ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"]
 
 
+SEGMENTS = 0
+"""Number of the table of segments in the core."""
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
 
@@ -61,7 +65,7 @@ class Material(Element):
         if self.youngs_modulus < _SOFTEST:
             found = f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa"
             text = f"{found}, softer than rubber; give it in Pa, not in GPa"
-            warnings.warn(text, ReceptanceWarning, stacklevel=3)
+            warn_user(text)
 
     @property
     def shear_modulus(self) -> float:
@@ -116,7 +120,7 @@ class _Round(Element):
         for quantity, common in _COMMON.items():
             if (value := getattr(self, quantity, 0.0)) > common:
                 text = f"{self.owner}: {quantity} is {value:g} m; give lengths in metres, not in millimetres"
-                warnings.warn(text, ReceptanceWarning, stacklevel=3)
+                warn_user(text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,20 +199,19 @@ class Part(Renderable):
     """
 
     segments: tuple[Segment, ...]
-    name: str = field(default="", kw_only=True, compare=False)
+    name: str = field(default="", compare=False)
+
+    role: ClassVar[str] = "part"
 
     def __init__(self, segments: Iterable[Segment], *, name: str = "") -> None:
-        if isinstance(segments, Segment):
-            segments = (segments,)
-        segments = tuple(segments)
+        segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
         owner = f"Part {name!r}" if name else "Part"
         if not segments:
             raise ValueError(f"{owner}: segments is empty, expected at least one Segment")
         for index, segment in enumerate(segments):
             if not isinstance(segment, Segment):
                 raise TypeError(f"{owner}: segments[{index}] is {segment!r}, expected a Segment")
-        object.__setattr__(self, "segments", segments)
-        object.__setattr__(self, "name", name)
+        _checks.set_fields(self, {"segments": segments, "name": name})
 
     @property
     def length(self) -> float:
@@ -219,6 +222,36 @@ class Part(Renderable):
     def mass(self) -> float:
         """Mass in kg."""
         return sum(segment.mass for segment in self.segments)
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of the segments; a segment is split at the positions inside it."""
+        start = 0.0
+        flat.nodes[name, start] = node
+        pieces: list[list[int]] = []
+        for segment in self.segments:
+            end = start + segment.length
+            inside = [x for x in flat.positions.get(name, ()) if start < x < end]
+            columns = list(segment.columns())
+            pieces.append([])
+            for left, right in pairwise([start, *inside, end]):
+                far = flat.new_node()
+                # The length of a segment that is not split is not rounded.
+                columns[0] = right - left if inside else segment.length
+                pieces[-1].append(flat.add("segments", (node, far), columns))
+                flat.nodes[name, right] = node = far
+            start = end
+        for i, segment in enumerate(self.segments):
+            for address, place in segment.places().items():
+                entries = [(SEGMENTS, row, 2 + place, 1.0) for row in pieces[i]]
+                if address == "length":
+                    # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
+                    # segment grows, and in each later segment the first piece shrinks and the last one grows.
+                    entries = entries[-1:]
+                    for later in pieces[i + 1 :]:
+                        if len(later) > 1:
+                            entries += [(SEGMENTS, later[0], 2 + place, -1.0), (SEGMENTS, later[-1], 2 + place, 1.0)]
+                flat.entries[f"{name}.segment[{i}].{address}"] = entries
+        return node
 
     def segment_rows(self) -> NDArray[np.float64]:
         """Return the segments in the form of the core, `(n_segments, 14)`, with nodes numbered along x."""
@@ -315,6 +348,3 @@ class Part(Renderable):
             for index, one in enumerate(self.segments)
         ]
         return [Table("", columns, rows)]
-
-    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        return (self.segments,), {"name": self.name}
