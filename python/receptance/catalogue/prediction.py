@@ -247,18 +247,18 @@ class _Work:
 def catalogue_lines(catalogue: Catalogue) -> NDArray[np.float64]:
     """Return the lines of the predictions: those of a measured spindle, else those of the table `prediction`."""
     campaign = catalogue.campaign
-    asked = campaign.table.prediction
+    settings = campaign.table.prediction
     spindle = catalogue.spindle
     if isinstance(spindle, MeasuredPart):
         own = np.asarray(spindle.frequency_hz)
-        low, high = asked.lower or 0.0, asked.upper or np.inf
+        low, high = settings.lower or 0.0, settings.upper or np.inf
         return np.asarray(own[(own >= low) & (own <= high)])
     band = spindle.band_hz if isinstance(spindle, ModalPart) else None
-    upper = band[1] if band and asked.upper is None else campaign.highest_frequency
+    upper = band[1] if band and settings.upper is None else campaign.highest_frequency
     if upper is None:
         raise CampaignError.about(
             campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
         )
-    lower = asked.lower or (band[0] if band else upper / _LINES)
-    step = asked.step or (upper - lower) / (_LINES - 1)
+    lower = settings.lower or (band[0] if band else upper / _LINES)
+    step = settings.step or (upper - lower) / (_LINES - 1)
     return lower + step * np.arange(int((upper - lower) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)

@@ -471,15 +471,15 @@ def form_factor(frequency_hz: NDArray[Any], old: Form, new: Form) -> NDArray[np.
 
 
 def _selected(
-    owner: str, quantity: str, wanted: Selection, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None
+    owner: str, quantity: str, selection: Selection, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None
 ) -> list[int]:
     """Return the numbers of the selected responses or excitations."""
-    if wanted is None:
+    if selection is None:
         return list(range(len(side)))
-    many = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
-    if not many:
+    several = list(selection) if isinstance(selection, Iterable) and not isinstance(selection, str) else [selection]
+    if not several:
         raise ValueError(f"{owner}: {quantity} is empty, expected at least one")
-    return [_index(owner, quantity, one, side, labels) for one in many]
+    return [_index(owner, quantity, one, side, labels) for one in several]
 
 
 def _index(owner: str, quantity: str, one: Any, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None) -> int:

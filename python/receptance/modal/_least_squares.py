@@ -260,11 +260,6 @@ class PoleProblem:
                 gains[first : first + _BLOCK] += np.where(good, top / np.where(good, known, 1.0), 0.0)
         return gains
 
-    def residual_sum(self, poles: NDArray[np.complex128]) -> float:
-        """Sum of the squared residuals with the best residues for these poles."""
-        basis = self.model.basis(poles)
-        return float(sum(np.sum(_LinearSolution.of(self, group, basis).residual ** 2) for group in self._groups()))
-
     @property
     def square(self) -> float:
         """Sum of the squared values in units of the weights."""
@@ -324,9 +319,9 @@ class PoleProblem:
                 if place == 0 or (self.additive is not None and self.correlated_lines > 1.0):
                     proportional = self._proportional_noise(entry, basis @ solved.coefficients[:, place])
                     spread = self._times_noise_covariance(solved.q, proportional)
-                    seen, crossed = solved.q.T @ spread, spread.T @ outside
+                    projected, crossed = solved.q.T @ spread, spread.T @ outside
                     noise = outside.T @ self._times_noise_covariance(outside, proportional)
-                    coefficient_covariance = back @ seen @ back.T
+                    coefficient_covariance = back @ projected @ back.T
                 rotation = solved.rotation(modes, place)
                 coefficients[entry] = solved.coefficients[:, place]
                 information_matrices[entry] = rotation.T @ gram @ rotation
@@ -335,7 +330,7 @@ class PoleProblem:
                 own[entry] = coefficient_covariance / group.factor[place] ** 2
                 by_poles[entry] = -back @ (inside @ rotation) / group.factor[place]
                 link[entry] = back @ (crossed @ rotation) / group.factor[place]
-                freedom -= float(np.trace(seen))
+                freedom -= float(np.trace(projected))
         inverse = _inverse(information_matrices.sum(axis=0))
         fitted = basis @ coefficients.T
         residual = (self.values - fitted) * self.weights
@@ -415,8 +410,8 @@ class PoleProblem:
                         continue
                     others = self._times_line_correlation(_stacked(sums[x] - own))
                     total += common[x] * (_stacked(own).T @ others)
-                    seen = _stacked(conjugate * _unstacked(solved.q))
-                    link[entry] += common[x] * (back @ (seen.T @ others)) / group.factor[place]
+                    projected = _stacked(conjugate * _unstacked(solved.q))
+                    link[entry] += common[x] * (back @ (projected.T @ others)) / group.factor[place]
         return total
 
     @staticmethod
@@ -536,12 +531,6 @@ def _unstacked(values: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the complex columns of `_stacked`."""
     n = values.shape[0] // 2
     return np.asarray(values[:n] + 1j * values[n:])
-
-
-def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    norms = np.linalg.norm(columns, axis=0)
-    q: NDArray[np.float64] = np.linalg.qr(columns / np.where(norms > 0.0, norms, 1.0))[0]
-    return q
 
 
 def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:

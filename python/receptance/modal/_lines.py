@@ -147,9 +147,9 @@ def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[
     if part.log_variance is None:
         return None, ()
     variance = part.log_variance.reshape(part.shape[0], -1)
-    lost = np.flatnonzero(~np.isfinite(variance).any(axis=0))
-    if lost.size:
-        row, column = divmod(int(lost[0]), part.shape[2])
+    unknown = np.flatnonzero(~np.isfinite(variance).any(axis=0))
+    if unknown.size:
+        row, column = divmod(int(unknown[0]), part.shape[2])
         raise ValueError(
             f"{owner}: the log_variance of response {row} by excitation {column} is infinite on all lines between "
             f"{part.frequency_hz[0]:g} and {part.frequency_hz[-1]:g} Hz; leave the entry out"

@@ -112,7 +112,7 @@ class Search:
         Largest damping ratio of a mode.
     band_hz : (float, float)
         First and last line.
-    wanted : int, tuple of float, or None
+    modes : int, tuple of float, or None
         Number of modes, or their frequencies in Hz; None for all significant modes.
     most : int
         Largest number of modes.
@@ -123,7 +123,7 @@ class Search:
     scatter: Scatter
     candidates: NDArray[np.complex128]
     highest_damping: float
-    wanted: int | tuple[float, ...] | None
+    modes: int | tuple[float, ...] | None
     most: int
 
     def poles(self) -> Poles:
@@ -146,14 +146,14 @@ class Search:
 
     def assigned(self, poles: Poles) -> Poles:
         """Return the poles with the given frequencies assigned to them at the smallest total distance."""
-        if not isinstance(self.wanted, tuple):
+        if not isinstance(self.modes, tuple):
             return poles
         from scipy.optimize import linear_sum_assignment
 
         f = self.lines.frequency_hz
         inside = np.flatnonzero((poles.values.imag >= 2.0 * np.pi * f[0]) & (poles.values.imag <= 2.0 * np.pi * f[-1]))
-        away = np.abs(poles.values[inside].imag[:, None] / (2.0 * np.pi) - np.array(self.wanted))
-        reach = np.array([search_range(place, self.lines) for place in self.wanted])
+        away = np.abs(poles.values[inside].imag[:, None] / (2.0 * np.pi) - np.array(self.modes))
+        reach = np.array([search_range(place, self.lines) for place in self.modes])
         role = np.full(poles.values.size, -1)
         # The penalty exceeds every sum of permitted distances.
         for row, column in zip(*linear_sum_assignment(np.where(away > reach, 1e6 * f[-1], away)), strict=True):
@@ -163,24 +163,24 @@ class Search:
 
     def _missing_count(self, poles: Poles) -> int:
         """Return the number of requested modes without a pole."""
-        if self.wanted is None:
+        if self.modes is None:
             return 0
-        if isinstance(self.wanted, int):
-            return self.wanted - int(np.count_nonzero(poles.role >= 0))
+        if isinstance(self.modes, int):
+            return self.modes - int(np.count_nonzero(poles.role >= 0))
         return len(self._missing_frequencies(poles))
 
     def _missing_frequencies(self, poles: Poles) -> list[int]:
         """Return the given frequencies without a pole."""
-        assert isinstance(self.wanted, tuple)
-        return [index for index in range(len(self.wanted)) if index not in poles.role]
+        assert isinstance(self.modes, tuple)
+        return [index for index in range(len(self.modes)) if index not in poles.role]
 
     @cached_property
     def _boxes(self) -> Poles:
         """Start values at the given frequencies, with their bounds."""
-        assert isinstance(self.wanted, tuple)
+        assert isinstance(self.modes, tuple)
         f = self.lines.frequency_hz
-        places = np.array(self.wanted)
-        reach = np.array([search_range(place, self.lines) for place in self.wanted])
+        places = np.array(self.modes)
+        reach = np.array([search_range(place, self.lines) for place in self.modes])
         guesses = 2j * np.pi * places + (self._sigma - 2.0 * np.pi * self.lines.spacing_hz)
         ends = np.maximum(places - reach, f[0]), np.minimum(places + reach, f[-1])
         return self._boxed(guesses, *ends, np.arange(places.size))
@@ -201,7 +201,7 @@ class Search:
     def _inside(self) -> Poles:
         f = self.lines.frequency_hz
         ends = np.full((2, self.candidates.size), [[f[0]], [f[-1]]])
-        role = np.full(self.candidates.size, -1 if isinstance(self.wanted, tuple) else 0)
+        role = np.full(self.candidates.size, -1 if isinstance(self.modes, tuple) else 0)
         return self._boxed(self.candidates, ends[0], ends[1], role)
 
     @cached_property
@@ -229,7 +229,7 @@ class Search:
         return both
 
     def _plausible(self, poles: Poles) -> NDArray[np.bool_]:
-        apart = _MIN_SEPARATION if self.wanted is None else _NARROWEST
+        apart = _MIN_SEPARATION if self.modes is None else _NARROWEST
         return poles.plausible(self._sigma, self.highest_damping, apart)
 
     @property
@@ -277,9 +277,9 @@ class Search:
         """Return the candidates for the next pole, and which of them are requested."""
         inside, still = self._inside, self._missing_count(poles)
         requested = np.full(inside.values.size, still > 0)
-        if isinstance(self.wanted, int):
+        if isinstance(self.modes, int):
             inside, requested = (inside, requested) if still > 0 else (Poles.none(), requested[:0])
-        elif self.wanted is not None:
+        elif self.modes is not None:
             boxes, unmet = self._boxes, self._missing_frequencies(poles)
             place = inside.values.imag[:, None]
             near = (place >= boxes.low.imag) & (place <= boxes.high.imag)
@@ -314,10 +314,10 @@ class Search:
         gains = problem.gains(poles.values, candidates.values)
         tried: list[complex] = []
         # The number of tries is limited per given frequency.
-        left = dict.fromkeys(candidates.role.tolist(), _MAX_TRIES)
+        tries = dict.fromkeys(candidates.role.tolist(), _MAX_TRIES)
         for index in np.argsort(-gains):
             role = int(candidates.role[index])
-            if left[role] == 0:
+            if tries[role] == 0:
                 continue
             if not requested[index] and gains[index] < _MIN_GAIN * penalty:
                 continue
@@ -326,7 +326,7 @@ class Search:
             if any(abs(pole - other) <= 0.5 * abs(self._sigma - other.real) for other in tried):
                 continue
             tried.append(pole)
-            left[role] -= 1
+            tries[role] -= 1
             more, larger_fit = poles.joined_with(candidates.subset(np.array([index]))).fitted(problem, loose=True)
             good = self._plausible(more)
             if not good.all():
@@ -352,7 +352,7 @@ class Search:
 
         A pole that represents two close modes prevents each of them from being added alone.
         """
-        if not isinstance(self.wanted, tuple) or not self._missing_count(poles):
+        if not isinstance(self.modes, tuple) or not self._missing_count(poles):
             return None
         problem = self._problem(fit)
         more, larger_fit = self._boxes.joined_with(poles.subset(poles.role < 0)).fitted(problem, loose=True)
@@ -418,21 +418,21 @@ def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: b
     if lines.relative is not None:
         return np.asarray(1.0 / (lines.relative * size))
     unit = size if scatter == "relative" else np.ones_like(size)
-    left = lines.values if fit is None else lines.values - fit.fitted
-    spread = np.sqrt(_noise(left / unit) if fit is not None else np.mean(np.abs(left / unit) ** 2, axis=0))
+    residuals = lines.values if fit is None else lines.values - fit.fitted
+    spread = np.sqrt(_noise(residuals / unit) if fit is not None else np.mean(np.abs(residuals / unit) ** 2, axis=0))
     least = 1e-12 if scatter == "relative" else floor
     return np.asarray(1.0 / (unit * np.maximum(spread, least)))
 
 
-def _noise(left: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _noise(residuals: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the noise variance `(m,)` in the residuals of each entry, up to one factor.
 
     It is estimated from the median difference of a line to the mean of its neighbours, because a mode at another
     frequency in one entry leaves large residuals on a few lines, which as noise would reduce the weight of this entry.
     For few lines the mean square is used.
     """
-    if len(left) < _MIN_MEDIAN_LINES:
-        return np.asarray(np.mean(np.abs(left) ** 2, axis=0) / 2.0)
-    step = left[1:-1] - 0.5 * (left[:-2] + left[2:])
+    if len(residuals) < _MIN_MEDIAN_LINES:
+        return np.asarray(np.mean(np.abs(residuals) ** 2, axis=0) / 2.0)
+    step = residuals[1:-1] - 0.5 * (residuals[:-2] + residuals[2:])
     # |step|^2 is 1.5 times the variance times chi-square of two degrees of freedom, whose median is 2 ln 2.
     return np.asarray(np.median(np.abs(step) ** 2, axis=0) / (3.0 * np.log(2.0)))

@@ -84,9 +84,9 @@ def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -
     unit = frf.units[response][excitation].replace("^2", "²")
     set_up(axes, "Measured and fitted", "", f"|{frf.form}| ({unit})")
     measured = frf.values[:, response, excitation]
-    left = measured - fit.synthesised()[:, response, excitation]
+    residuals = measured - fit.synthesised()[:, response, excitation]
     lines, fitted = _curve(fit, response, excitation)
-    axes.plot(frf.frequency_hz, np.abs(left), color=PALE, linewidth=0.8, label="residuals")
+    axes.plot(frf.frequency_hz, np.abs(residuals), color=PALE, linewidth=0.8, label="residuals")
     axes.plot(frf.frequency_hz, np.abs(measured), ".", color=COLOURS[0], markersize=4, label="measured")
     axes.plot(lines, np.abs(fitted), color=COLOURS[1], linewidth=1.3, label="fitted")
     for number, place in enumerate(fit.frequency_hz):
@@ -94,7 +94,7 @@ def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -
     axes.set_yscale("log")
     # The lower limit excludes residuals at the level of rounding.
     top, least = np.abs(measured).max(), np.abs(measured).min()
-    low = max(min(least, float(np.quantile(np.abs(left), 0.05))), 1e-3 * least)
+    low = max(min(least, float(np.quantile(np.abs(residuals), 0.05))), 1e-3 * least)
     axes.set_ylim(0.5 * low, 12.0 * top)
     add_legend(axes, ncols=4, loc="upper left")
 

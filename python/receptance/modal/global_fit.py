@@ -128,11 +128,11 @@ def fit_modes(
     if scatter not in get_args(Scatter):
         raise ValueError(f"{owner}: scatter is {scatter!r}, expected one of {', '.join(get_args(Scatter))}")
     highest_line = _checks.positive(owner, "highest_damping", highest_damping)
-    wanted = _checked_modes(owner, modes)
+    requested = _checked_modes(owner, modes)
     _checks.whole_number(owner, "order", order)
     terms = _TERMS[background]
     lines = select_lines(owner, frf, low_hz, high_hz, 4)
-    count = wanted if isinstance(wanted, int) else 1 if wanted is None else len(wanted)
+    count = requested if isinstance(requested, int) else 1 if requested is None else len(requested)
     # Each line of an entry has two numbers; a mode has two for the pole, and two for the residue of each entry.
     entries = lines.values.shape[1]
     most = (2 * lines.values.size - 2 * len(terms) * entries - 1) // (2 + 2 * entries)
@@ -141,8 +141,8 @@ def fit_modes(
             f"{owner}: {count} modes in {lines.frequency_hz.size} lines between {lines.frequency_hz[0]:g} and "
             f"{lines.frequency_hz[-1]:g} Hz: the lines suffice for at most {max(most, 0)}"
         )
-    if wanted is not None and not isinstance(wanted, int):
-        _check_inside(owner, wanted, lines)
+    if requested is not None and not isinstance(requested, int):
+        _check_inside(owner, requested, lines)
 
     thin = lines.thinned(_MAX_SEARCH_LINES)
     shape = np.asarray(lines.frf.values).shape
@@ -150,10 +150,10 @@ def fit_modes(
     highest_order = min(order, lines.frequency_hz.size // 2 - 1)
     orders = stabilisation(lines.frequency_hz, values, weights, highest_order)
     found = [stable_poles(orders), *poles_of_bands(lines.frequency_hz, values, weights), _poles_at_peaks(lines)]
-    if wanted is not None or highest_order < _MIN_STABLE_ORDER:
+    if requested is not None or highest_order < _MIN_STABLE_ORDER:
         found += reversed(orders)
     search = Search(
-        thin, terms, scatter, _candidates(found, lines, highest_line), highest_line, wanted, min(_MANY, most)
+        thin, terms, scatter, _candidates(found, lines, highest_line), highest_line, requested, min(_MANY, most)
     )
     poles, fit = refine(lines, terms, scatter, search.poles(), highest_line)
     poles = search.assigned(poles)
@@ -162,7 +162,7 @@ def fit_modes(
             f"{owner}: no mode between {lines.frequency_hz[0]:g} and {lines.frequency_hz[-1]:g} Hz exceeds the "
             "scatter; give the frequencies as modes, or another band"
         )
-    result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, wanted)
+    result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested)
     for text in warned:
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
     return result
@@ -183,9 +183,9 @@ def _checked_modes(owner: str, modes: Any) -> int | tuple[float, ...] | None:
     return found
 
 
-def _check_inside(owner: str, wanted: tuple[float, ...], lines: Lines) -> None:
+def _check_inside(owner: str, requested: tuple[float, ...], lines: Lines) -> None:
     low, high = lines.frequency_hz[0], lines.frequency_hz[-1]
-    for index, value in enumerate(wanted):
+    for index, value in enumerate(requested):
         if not low < value < high:
             raise ValueError(f"{owner}: modes[{index}] is {value:g} Hz, outside the lines from {low:g} to {high:g} Hz")
 

@@ -236,7 +236,7 @@ def make_modal_fit(
     terms: tuple[int, ...],
     scatter: Scatter,
     orders: list[NDArray[np.complex128]],
-    wanted: int | tuple[float, ...] | None,
+    requested: int | tuple[float, ...] | None,
 ) -> tuple[ModalFit, list[str]]:
     """Return the result and its warnings; `modes` are the poles that are not background."""
     shape = np.asarray(lines.frf.values).shape[1:]
@@ -261,7 +261,7 @@ def make_modal_fit(
     outside = fit.coefficients[:, 2 * fit.poles.size :]
     decay = sigma - poles.real
     warned = [
-        *_missing_mode_warnings(frequency, lines, wanted),
+        *_missing_mode_warnings(frequency, lines, requested),
         *_validity_warnings(fit, frequency, damping, spread[count:]),
     ]
     remarks = [*_resolution_notes(frequency, decay, lines), *_further_mode_notes(fit.poles[~modes], lines)]
@@ -371,24 +371,24 @@ def _between_entries(
 
 
 def _missing_mode_warnings(
-    frequency: NDArray[np.float64], lines: Lines, wanted: int | tuple[float, ...] | None
+    frequency: NDArray[np.float64], lines: Lines, requested: int | tuple[float, ...] | None
 ) -> list[str]:
-    if wanted is None:
+    if requested is None:
         return []
-    if isinstance(wanted, int):
-        if frequency.size == wanted:
+    if isinstance(requested, int):
+        if frequency.size == requested:
             return []
         return [
-            f"{wanted} modes were requested, {frequency.size} found: no further pole in the band improves the fit; "
+            f"{requested} modes were requested, {frequency.size} found: no further pole in the band improves the fit; "
             "give the frequencies as modes"
         ]
     from scipy.optimize import linear_sum_assignment
 
-    far = np.abs(np.array(wanted)[:, None] - frequency)
+    far = np.abs(np.array(requested)[:, None] - frequency)
     met = {int(row) for row, column in zip(*linear_sum_assignment(far), strict=True) if np.isfinite(far[row, column])}
     return [
         f"no mode was found within {search_range(place, lines):.3g} Hz of {place:g} Hz"
-        for index, place in enumerate(wanted)
+        for index, place in enumerate(requested)
         if index not in met
     ]
 

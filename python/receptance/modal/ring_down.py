@@ -136,19 +136,19 @@ def fit_block(signal: Demodulation, part: slice) -> Block:
     inside = q.T @ (size * log)
     value, slope = np.linalg.solve(r, inside)[:2]
     slope = complex(slope) / reach
-    left = size * log - q @ inside
+    residual = size * log - q @ inside
 
     step = float(time[1] - time[0])
     turned = signal.correlation * np.cos(slope.imag * step * np.arange(signal.correlation.size))
     spread = _correlated(turned, q)
-    seen = q.T @ spread
-    free = x.size - float(np.trace(seen))
-    variance = float(np.sum(np.abs(left) ** 2)) / (2.0 * free)
+    projected = q.T @ spread
+    free = x.size - float(np.trace(projected))
+    variance = float(np.sum(np.abs(residual) ** 2)) / (2.0 * free)
     lags = turned[1 : x.size]
     square = x.size + 2.0 * float(np.sum(lags**2 * (x.size - 1 - np.arange(lags.size))))
-    square += -2.0 * float(np.sum(spread**2)) + float(np.sum(seen**2))
+    square += -2.0 * float(np.sum(spread**2)) + float(np.sum(projected**2))
     back = np.linalg.inv(r)
-    covariance = variance * back @ seen @ back.T
+    covariance = variance * back @ projected @ back.T
 
     decay, turn = -slope.real, slope.imag + 2.0 * np.pi * signal.middle_hz
     natural = float(np.hypot(decay, turn))
@@ -236,16 +236,16 @@ class RingDown(Result):
         ValueError
             An amplitude outside the middles of the blocks.
         """
-        wanted = _checks.unmasked("ring-down", "amplitude", amplitude, np.float64)
+        amplitudes = _checks.unmasked("ring-down", "amplitude", amplitude, np.float64)
         low, high = self.amplitude.min(), self.amplitude.max()
-        outside = ~((wanted >= low) & (wanted <= high))
+        outside = ~((amplitudes >= low) & (amplitudes <= high))
         if outside.any():
             raise ValueError(
-                f"ring-down: amplitude is {np.atleast_1d(wanted)[np.atleast_1d(outside)][0]:g}, expected between "
+                f"ring-down: amplitude is {np.atleast_1d(amplitudes)[np.atleast_1d(outside)][0]:g}, expected between "
                 f"{low:g} and {high:g}, the amplitudes in the middle of the last and of the first block"
             )
         order = np.argsort(self.amplitude)
-        place, known = np.log(wanted), np.log(self.amplitude[order])
+        place, known = np.log(amplitudes), np.log(self.amplitude[order])
         return np.interp(place, known, self.frequency_hz[order]), np.interp(place, known, self.damping_ratio[order])
 
     def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
@@ -443,13 +443,13 @@ def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list
             f"{owner}: the decay is {signal.time_s.size * _step(signal):.3g} s long beyond the filter's ends, expected "
             f"at least {size * _step(signal):.3g} s ({PER_BLOCK:g} over the width of the band); widen the band"
         )
-    lost = [
+    noisy = [
         fit_block(signal, slice(first, first + size)).relative_scatter > _MAX_SCATTER
         for first in range(0, signal.time_s.size - size + 1, size)
     ]
     # A single block may be a disturbance; two in succession are the end.
-    end = next((index for index in range(len(lost)) if all(lost[index : index + 2])), len(lost))
-    if end == len(lost):
+    end = next((index for index in range(len(noisy)) if all(noisy[index : index + 2])), len(noisy))
+    if end == len(noisy):
         return signal, []
     if end == 0:
         raise ValueError(
@@ -464,15 +464,15 @@ def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list
     return signal.until(end * size), [note]
 
 
-def _blocks(owner: str, signal: Demodulation, wanted: int | None) -> list[slice]:
+def _blocks(owner: str, signal: Demodulation, number: int | None) -> list[slice]:
     least = _shortest_block(signal)
-    for count in range(_MAX_BLOCKS, 0, -1) if wanted is None else [wanted]:
+    for count in range(_MAX_BLOCKS, 0, -1) if number is None else [number]:
         parts = split_blocks(signal, count)
         shortest = min(part.stop - part.start for part in parts)
         if shortest >= least:
             return parts
     raise ValueError(
-        f"{owner}: {wanted} blocks of equal drop in amplitude are as short as {shortest * _step(signal):.3g} s, "
+        f"{owner}: {number} blocks of equal drop in amplitude are as short as {shortest * _step(signal):.3g} s, "
         f"expected at least {least * _step(signal):.3g} s ({PER_BLOCK:g} over the width of the band); take fewer, or "
         "widen the band"
     )

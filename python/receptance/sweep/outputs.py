@@ -83,7 +83,7 @@ class Variable:
 class Output(ABC):
     """Base of the quantities that a sweep keeps.
 
-    Subclasses implement the four abstract methods, and can be pickled if workers evaluate them.
+    Subclasses implement the three abstract methods, and can be pickled if workers evaluate them.
     """
 
     per_assembly = True
@@ -98,9 +98,9 @@ class Output(ABC):
     def variables(self) -> tuple[Variable, ...]:
         """Return the variables of the results."""
 
-    @abstractmethod
     def assemblies(self) -> tuple[Assembly, ...]:
         """Return the output's own assemblies, whose parameters a sweep may vary as well."""
+        return ()
 
     @abstractmethod
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
@@ -167,10 +167,6 @@ class FrequencyResponse(Output):
         meaning = "magnitude of the receptance" if self.magnitude else "receptance"
         return (Variable(self.name, dtype, self.unit, lines, meaning),)
 
-    def assemblies(self) -> tuple[Assembly, ...]:
-        """Return an empty tuple: it has no assemblies of its own."""
-        return ()
-
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""
         found, columns = shared_candidates(
@@ -226,10 +222,6 @@ class NaturalFrequencies(Output):
     def variables(self) -> tuple[Variable, ...]:
         """Return the variables of the results."""
         return (Variable(self.name, "float64", "Hz", {"mode": np.arange(1, self.modes + 1)}, "natural frequencies"),)
-
-    def assemblies(self) -> tuple[Assembly, ...]:
-        """Return an empty tuple: it has no assemblies of its own."""
-        return ()
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""
@@ -303,10 +295,6 @@ class StableDepth(Output):
         """Return the variables of the results."""
         speeds = {} if self.speeds_rpm is None else {"spindle_speed_rpm": self.speeds_rpm}
         return (Variable(self.name, "float64", "m", speeds, "stable depth of cut"),)
-
-    def assemblies(self) -> tuple[Assembly, ...]:
-        """Return an empty tuple: it has no assemblies of its own."""
-        return ()
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""

@@ -106,13 +106,13 @@ def sweep(
         count, size = candidates.count, kept.block
         missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~kept.finished).tolist()]
         done = resumed = count - sum(stop - start for _, start, stop in missing)
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         run = _in_process(definition, missing, threads) if client is None else _on_workers(client, definition, missing)
         for number, arrays in run:
             kept.write(number, arrays)
             done += len(next(iter(arrays.values())))
             if progress is not None:
-                progress(SweepProgress(done=done, count=count, resumed=resumed, seconds=time.perf_counter() - begun))
+                progress(SweepProgress(done=done, count=count, resumed=resumed, seconds=time.perf_counter() - start_s))
         if done < count:
             raise SweepError(f"sweep: {count - done} candidates were not returned by the workers; run the sweep again")
     return kept.dataset()
@@ -260,7 +260,7 @@ def _prepared(definition: bytes) -> Block:
 
 
 def _run(definition: bytes, ranges: list[tuple[int, int]]) -> tuple[float, list[Arrays]]:
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     block = _prepared(definition)
     results = [block(start, stop) for start, stop in ranges]
-    return time.perf_counter() - begun, results
+    return time.perf_counter() - start_s, results

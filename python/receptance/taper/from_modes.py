@@ -292,7 +292,7 @@ class _Frame:
         """
         unit = 2.0 * np.pi * float(np.sqrt(f[0] * f[1]))
         w = 2.0 * np.pi * f / unit
-        wanted = np.array(
+        target = np.array(
             [
                 2.0 * (zeta @ w),
                 w @ w + 4.0 * zeta[0] * zeta[1] * w[0] * w[1],
@@ -306,7 +306,7 @@ class _Frame:
         x = np.array([start.k_x1, start.k_x2, start.c_x1, start.c_x2]) / scale
         for _ in range(50):
             k1, k2, c1, c2 = x
-            residual = np.array([c1 + c2, k1 + k2 + b * c1 * c2, b * (k1 * c2 + k2 * c1), b * k1 * k2]) - wanted
+            residual = np.array([c1 + c2, k1 + k2 + b * c1 * c2, b * (k1 * c2 + k2 * c1), b * k1 * k2]) - target
             slope = np.array(
                 [[0, 0, 1, 1], [1, 1, b * c2, b * c1], [b * c2, b * c1, b * k2, b * k1], [b * k2, b * k1, 0, 0]]
             )
