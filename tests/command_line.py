@@ -9,9 +9,9 @@ import pytest
 from receptance.cli import main
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
         main()
     assert isinstance(end.value.code, int)

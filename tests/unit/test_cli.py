@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from command_line import call
 from receptance import _files
 from receptance._files import check_target, write_whole
 from receptance.cli import app as command_line
@@ -27,39 +28,22 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert isinstance(end.value.code, int)
-    return end.value.code
-
-
 def left() -> set[str]:
     return {path.name for path in Path().iterdir()}
 
 
-def test_demo_in_an_empty_folder(tmp_path: Path) -> None:
-    """As a user runs it: a separate process, plain text in a pipe, the figure in the current folder and named."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "receptance.cli", "demo", "--json", "results.json"],
-        capture_output=True,
-        cwd=tmp_path,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr.decode()
-    assert done.stderr == b""
-    text = done.stdout.decode("utf-8")
+def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Plain text in a pipe; the figure is in the current folder and named."""
+    assert call(monkeypatch, "demo", "--json", "results.json") == 0
+    text = capsys.readouterr().out
     assert "Figure: receptance-demo.png" in text
     assert "inferred, not published" in " ".join(text.split())
     assert "\x1b" not in text
     assert "\u2026" not in text, "a cell was cut off"
     assert max(map(len, text.splitlines())) <= 132
     assert left() == {"receptance-demo.png", "results.json"}
-    assert (tmp_path / "receptance-demo.png").read_bytes().startswith(PNG)
-    assert json.loads((tmp_path / "results.json").read_text())["study"] == "er32"
+    assert Path("receptance-demo.png").read_bytes().startswith(PNG)
+    assert json.loads(Path("results.json").read_text())["study"] == "er32"
 
 
 def test_study_er32(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,23 +30,24 @@ def left() -> set[str]:
     return {path.name for path in Path().iterdir()}
 
 
-def test_example_from_creation_to_prediction(tmp_path: Path) -> None:
-    """As a user runs it: separate processes, plain text in a pipe, empty error output."""
-    for arguments in (
-        ["example", "er32"],
-        ["identify", "er32"],
-        ["predict", "er32", "--json", "p.json", "--plot", "p.png"],
-    ):
-        done = subprocess.run(
-            [sys.executable, "-W", "error", "-m", "receptance.cli", *arguments],
-            capture_output=True, cwd=tmp_path, timeout=120, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr.decode()
-        assert done.stderr == b""
-        text = done.stdout.decode("utf-8")
-        assert "\x1b" not in text
-        assert "\u2026" not in text, "a cell was cut off"
-        assert max(map(len, text.splitlines())) <= 132
+def test_example_from_creation_to_prediction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last command runs as a user runs it: a separate process, plain text in a pipe, empty error output."""
+    assert call(monkeypatch, "example", "er32") == 0
+    assert call(monkeypatch, "identify", "er32") == 0
+    text = capsys.readouterr().out
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "receptance.cli", "predict",
+         "er32", "--json", "p.json", "--plot", "p.png"],
+        capture_output=True, cwd=tmp_path, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr.decode()
+    assert done.stderr == b""
+    text += done.stdout.decode("utf-8")
+    assert "\x1b" not in text
+    assert "\u2026" not in text, "a cell was cut off"
+    assert max(map(len, text.splitlines())) <= 132
     assert "held out: 20 natural frequencies and peaks" in text
     assert left() == {"er32", "p.json", "p.png"}
     assert {path.name for path in Path("er32").iterdir()} == {"campaign.toml"}
