@@ -279,6 +279,8 @@ def _external_time_series(
         rate, start = options.sample_rate_hz, 0.0
     else:
         raise FileFormatError("the sample rate is unknown; give 'time_s' in variables=, or sample_rate_hz=")
-    return TimeSeries(
-        values=np.stack(list(columns.values()), axis=1), channels=names, units=units, sample_rate_hz=rate, start_s=start
-    )
+    values = np.stack(list(columns.values()), axis=1)
+    try:
+        return TimeSeries(values=values, channels=names, units=units, sample_rate_hz=rate, start_s=start)
+    except ValueError as error:
+        raise FileFormatError(str(error)) from None
