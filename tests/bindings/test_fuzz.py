@@ -128,7 +128,7 @@ def test_undamaged_call_succeeds() -> None:
 TABLES = ["segments", "joints", "masses", "grounds", "excitations", "responses", "parameters"]
 
 
-@settings(max_examples=1500)
+@settings(max_examples=500)
 @given(data=st.data())
 def test_any_number_in_any_place(data: st.DataObject) -> None:
     arguments = good()

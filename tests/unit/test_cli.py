@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from receptance import _files
 from receptance._files import check_target, write_whole
 from receptance.cli import app as command_line
 from receptance.cli import main
+from receptance.studies import er32
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -33,7 +35,9 @@ def left() -> set[str]:
 
 
 def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Plain text in a pipe; the figure is in the current folder and named."""
+    """Plain text in a pipe; the figure is in the current folder and named. The README runs the demo with all draws."""
+    run = er32.run
+    monkeypatch.setattr(er32, "run", lambda settings, progress: run(replace(settings, draws=3), progress=progress))
     assert call(monkeypatch, "demo", "--json", "results.json") == 0
     text = capsys.readouterr().out
     assert "Figure: receptance-demo.png" in text
