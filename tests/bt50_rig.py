@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+import finite_elements
+
 FloatArray = NDArray[np.float64]
 
 YOUNG, DENSITY, NU = 208e9, 7850.0, 0.29
@@ -98,48 +100,12 @@ class Mesh:
         """Mass and stiffness of the free holder across: displacement and slope at each node."""
         n = 2 * self.nodes.size
         mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
-        shear = YOUNG / (2.0 * (1.0 + NU))
-        kappa = 6.0 * (1.0 + NU) / (7.0 + 6.0 * NU)
         for i, (length, d) in enumerate(zip(np.diff(self.nodes), self.diameters, strict=True)):
-            area, moment = np.pi / 4.0 * d**2, np.pi / 64.0 * d**4
-            phi = 12.0 * YOUNG * moment / (kappa * shear * area * length**2)
             own = slice(2 * i, 2 * i + 4)
-            stiffness[own, own] += _beam_stiffness(YOUNG * moment, phi, length)
-            mass[own, own] += _beam_mass(DENSITY * area, DENSITY * moment, phi, length)
+            k, m = finite_elements.element(length, d, young=YOUNG, density=DENSITY, nu=NU)
+            stiffness[own, own] += k
+            mass[own, own] += m
         return mass, stiffness
-
-
-def _beam_stiffness(bending: float, phi: float, length: float) -> FloatArray:
-    a, b = (4.0 + phi) * length**2, (2.0 - phi) * length**2
-    c = 6.0 * length
-    rows = [[12.0, c, -12.0, c], [c, a, -c, b], [-12.0, -c, 12.0, -c], [c, b, -c, a]]
-    return bending / ((1.0 + phi) * length**3) * np.array(rows)
-
-
-def _beam_mass(per_length: float, rotary: float, phi: float, length: float) -> FloatArray:
-    """Consistent mass with the shape functions of the locking-free element, by Gauss points."""
-    points, weights = np.polynomial.legendre.leggauss(5)
-    found = np.zeros((4, 4))
-    for x, weight in zip(0.5 * (points + 1.0), 0.5 * weights * length, strict=True):
-        d = 1.0 / (1.0 + phi)
-        y = d * np.array(
-            [
-                1.0 - 3.0 * x**2 + 2.0 * x**3 + phi * (1.0 - x),
-                length * (x - 2.0 * x**2 + x**3 + 0.5 * phi * (x - x**2)),
-                3.0 * x**2 - 2.0 * x**3 + phi * x,
-                length * (x**3 - x**2 - 0.5 * phi * (x - x**2)),
-            ]
-        )
-        theta = d * np.array(
-            [
-                6.0 * (x**2 - x) / length,
-                1.0 - 4.0 * x + 3.0 * x**2 + phi * (1.0 - x),
-                6.0 * (x - x**2) / length,
-                3.0 * x**2 - 2.0 * x + phi * x,
-            ]
-        )
-        found += weight * (per_length * np.outer(y, y) + rotary * np.outer(theta, theta))
-    return found
 
 
 @dataclass(frozen=True)

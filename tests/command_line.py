@@ -1,18 +1,49 @@
-"""The command line, run in the process of a test."""
+"""The command line, run in the process of a test or in a process that is interrupted."""
 
 from __future__ import annotations
 
+import re
+import signal
+import subprocess
 import sys
 
 import pytest
 
 from receptance.cli import main
 
+_SCRIPT = """
+import signal
+import receptance.cli.running as running
+from receptance.cli import main
+# A shell that starts the tests in the background ignores the signal.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+running._QUIET = 0.0  # every line of progress is printed at once
+main()
+"""
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
+    monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
         main()
     assert isinstance(end.value.code, int)
     return end.value.code
+
+
+def interrupted(*arguments: str, progress: str = "") -> tuple[int, str, str]:
+    """Interrupt a command at the first line of progress with a pattern; return exit code, output and error output."""
+    command = [sys.executable, "-c", _SCRIPT, *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        try:
+            lines = []
+            for line in process.stderr:
+                lines.append(line)
+                if re.search(progress, line):
+                    process.send_signal(signal.SIGINT)
+                    break
+            out, err = process.communicate(timeout=300)
+        finally:
+            process.kill()
+    return process.returncode, out, "".join(lines) + err

@@ -12,15 +12,17 @@ from scipy.linalg import solve_banded
 E, RHO, NU = 210e9, 7850.0, 0.3
 
 
-def element(length: float, outer: float, inner: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return stiffness and mass `(4, 4)` over (y, theta) of both ends."""
+def element(
+    length: float, outer: float, inner: float = 0.0, young: float = E, density: float = RHO, nu: float = NU
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return stiffness and mass `(4, 4)` over (y, theta) of both ends of a round bar or tube."""
     area, inertia = np.pi / 4.0 * (outer**2 - inner**2), np.pi / 64.0 * (outer**4 - inner**4)
     m2 = (1.0 + (inner / outer) ** 2) ** 2
-    kappa = 6.0 * (1.0 + NU) * m2 / ((7.0 + 6.0 * NU) * m2 + (20.0 + 12.0 * NU) * (inner / outer) ** 2)
-    phi = 12.0 * E * inertia / (kappa * E / (2.0 * (1.0 + NU)) * area * length**2)
+    kappa = 6.0 * (1.0 + nu) * m2 / ((7.0 + 6.0 * nu) * m2 + (20.0 + 12.0 * nu) * (inner / outer) ** 2)
+    phi = 12.0 * young * inertia / (kappa * young / (2.0 * (1.0 + nu)) * area * length**2)
     a, b, c = 6.0 * length, (4.0 + phi) * length**2, (2.0 - phi) * length**2
     k = np.array([[12, a, -12, a], [a, b, -a, c], [-12, -a, 12, -a], [a, c, -a, b]])
-    k *= E * inertia / ((1.0 + phi) * length**3)
+    k *= young * inertia / ((1.0 + phi) * length**3)
     m = np.zeros((4, 4))
     for point, weight in zip(*np.polynomial.legendre.leggauss(5), strict=True):
         x = 0.5 * (1.0 + point)
@@ -37,7 +39,7 @@ def element(length: float, outer: float, inner: float) -> tuple[NDArray[np.float
             3 * x**2 - (2 - phi) * x,
         ]
         shapes = np.array([y, theta]) / (1.0 + phi)
-        m += 0.5 * weight * length * RHO * (area * np.outer(*shapes[[0, 0]]) + inertia * np.outer(*shapes[[1, 1]]))
+        m += 0.5 * weight * length * density * (area * np.outer(*shapes[[0, 0]]) + inertia * np.outer(*shapes[[1, 1]]))
     return k, m
 
 

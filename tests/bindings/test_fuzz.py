@@ -54,10 +54,10 @@ def limited_memory() -> Iterator[None]:
     resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def run_alone(script: str, *arguments: str) -> None:
+def run_alone(script: str) -> None:
     """Run a script in a process of its own, the test folder as its first argument; it must end well and soon."""
     tests = str(Path(__file__).resolve().parents[1])
-    command = [sys.executable, "-c", textwrap.dedent(script), tests, *arguments]
+    command = [sys.executable, "-c", textwrap.dedent(script), tests]
     done = subprocess.run(command, timeout=60, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"ended with {done.returncode}: {done.stderr[-500:]}"
 
@@ -128,7 +128,7 @@ def test_undamaged_call_succeeds() -> None:
 TABLES = ["segments", "joints", "masses", "grounds", "excitations", "responses", "parameters"]
 
 
-@settings(max_examples=1500)
+@settings(max_examples=500)
 @given(data=st.data())
 def test_any_number_in_any_place(data: st.DataObject) -> None:
     arguments = good()
@@ -307,32 +307,30 @@ EXTREMES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("which", range(len(EXTREMES)), ids=["-".join(map(str, extreme)) for extreme in EXTREMES])
-def test_extreme_numbers_return_or_raise(which: int) -> None:
+def test_extreme_numbers_return_or_raise() -> None:
     """Slips of many orders of magnitude: a result or an error, within limits of memory and time."""
-    run_alone(
-        """
+    script = """
         import resource, sys, time
         import numpy as np
         resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, 4 * 2**30))
         sys.path.insert(0, sys.argv[1])
         from bindings.test_fuzz import EXTREMES, check, good, modes
         from bindings import calls
-        name, row, column, value = EXTREMES[int(sys.argv[2])]
-        arguments = good()
-        if name in arguments:
-            arguments[name][row if column is None else (row, column)] = value
-        other = modes(arguments)
-        if name in other and row is None:
-            other[name] = value
-        other["most"] = 5
-        started = time.perf_counter()
-        check(calls.receptance, arguments)
-        check(calls.natural_frequencies, other)
-        assert time.perf_counter() - started < 10.0
-        """,
-        str(which),
-    )
+        for name, row, column, value in EXTREMES:
+            print(name, row, column, value, file=sys.stderr, flush=True)
+            arguments = good()
+            if name in arguments:
+                arguments[name][row if column is None else (row, column)] = value
+            other = modes(arguments)
+            if name in other and row is None:
+                other[name] = value
+            other["most"] = 5
+            started = time.perf_counter()
+            check(calls.receptance, arguments)
+            check(calls.natural_frequencies, other)
+            assert time.perf_counter() - started < 10.0
+    """
+    run_alone(script)
 
 
 def test_huge_node_numbers_are_refused_before_allocation() -> None:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
-import os
 import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from command_line import call
 from examples.documents import DOCUMENTS, ROOT, blocks, commands, difference, links
-
-# A long command of a document must not block the others.
-SECONDS_AT_MOST = 300
+from receptance.studies import er32
 
 
 def _named(document: Path) -> str:
@@ -52,35 +52,39 @@ def test_python_blocks(document: Path, tmp_path: Path, monkeypatch: pytest.Monke
         assert wrong is None, f"{where}: {wrong}"
 
 
-def _output(command: str, folder: Path) -> str:
-    """Return the standard output of a command."""
-    program = shutil.which("receptance", path=sysconfig.get_path("scripts"))
-    assert program is not None, f"there is no command `receptance` beside {sys.executable}: install the package"
-    _, *arguments = shlex.split(command)
-    # The documents show the output of a pipe, which has no width of its own.
-    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
-    done = subprocess.run(
-        [program, *arguments],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=SECONDS_AT_MOST,
-        check=False,
-    )
-    assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
-    return done.stdout
+run_er32 = er32.run
+
+
+@functools.cache
+def er32_results(settings: er32.ER32Settings) -> dict[str, Any]:
+    """Return the results of the study, which four documents run with the same settings."""
+    return run_er32(settings)
 
 
 @pytest.mark.parametrize("document", SHELL, ids=_named)
-def test_shell_lines(document: Path, tmp_path: Path) -> None:
-    """The commands of a document, typed in their order in an empty folder, print the lines shown below them."""
+def test_shell_lines(
+    document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The commands of a document, run in their order in an empty folder, print the lines shown below them."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setattr(er32, "run", lambda settings, progress: er32_results(settings))
     for block in blocks(document):
         where = f"{_named(document)}:{block.line}"
-        printed = [line for command in commands(block) for line in _output(command, tmp_path).splitlines()]
+        for command in commands(block):
+            code = call(monkeypatch, *shlex.split(command)[1:])
+            assert code == 0, f"{where}, {command}: exit code {code}\n{capsys.readouterr()}"
+        printed = capsys.readouterr().out.splitlines()
         assert any(printed) or not commands(block), f"{where}: {block.body} prints nothing"
         for shown in (block.shown or "").splitlines() if commands(block) else ():
             assert any(difference(line, shown) is None for line in printed), f"{where} shows {shown!r}"
+
+
+def test_installed_command_runs() -> None:
+    program = shutil.which("receptance", path=sysconfig.get_path("scripts"))
+    assert program is not None, f"there is no command `receptance` beside {sys.executable}: install the package"
+    done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith("receptance ")
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_named)

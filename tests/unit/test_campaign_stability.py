@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,10 @@ import numpy as np
 import pytest
 
 from campaign_text import TEXT, changed, load
+from command_line import call
 from receptance import FRF
 from receptance.campaign import CampaignError
 from receptance.campaign.prediction import forecast_of
-from receptance.cli import main
 from receptance.io import write
 from receptance.stability import Milling, TipModes, stability_lobes
 
@@ -69,14 +68,6 @@ def write_tip(folder: Path) -> None:
     rows = [f"{f:g},{g.real:.9e},{g.imag:.9e}" for f, g in zip(LINES, values, strict=True)]
     head = "frequency [Hz],receptance real [m/N],receptance imaginary [m/N]"
     (folder / "tip.csv").write_text("\n".join([head, *rows]) + "\n")
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert isinstance(end.value.code, int)
-    return end.value.code
 
 
 @pytest.mark.parametrize(

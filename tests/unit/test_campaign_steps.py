@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from campaign_text import TEXT, load
+from command_line import call
 from receptance import campaign, examples
 from receptance.campaign import CampaignError
-from receptance.cli import main
 
 CANDIDATES = """
 [candidates.again]
@@ -52,13 +51,6 @@ def free_free(tmp_path_factory):
 @pytest.fixture(scope="module")
 def load_campaign(free_free):
     return campaign.load(free_free)
-
-
-def call(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        main()
-    return end.value.code
 
 
 def test_candidates_follow_the_file(tmp_path):

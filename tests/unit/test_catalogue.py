@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from command_line import call
 from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
@@ -19,7 +19,6 @@ from receptance.campaign.frequencies import read_frequencies
 from receptance.campaign.prediction import forecast_of
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
-from receptance.cli import main
 from receptance.io import read_frf
 from receptance.spindle import read_spindle, write_spindle
 
@@ -272,14 +271,6 @@ def test_correlated_errors() -> None:
     np.testing.assert_allclose(rows.T @ rows, covariance, rtol=1e-12)
     with pytest.raises(ValueError, match="covariance has shape"):
         errors_of("spindle", ["a.b"], covariance)
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["receptance", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert isinstance(end.value.code, int)
-    return end.value.code
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

@@ -6,17 +6,15 @@ import gzip
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
 
 from campaign_text import TEXT, changed, write
-from command_line import call
+from command_line import call, interrupted
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -30,23 +28,24 @@ def left() -> set[str]:
     return {path.name for path in Path().iterdir()}
 
 
-def test_example_from_creation_to_prediction(tmp_path: Path) -> None:
-    """As a user runs it: separate processes, plain text in a pipe, empty error output."""
-    for arguments in (
-        ["example", "er32"],
-        ["identify", "er32"],
-        ["predict", "er32", "--json", "p.json", "--plot", "p.png"],
-    ):
-        done = subprocess.run(
-            [sys.executable, "-W", "error", "-m", "receptance.cli", *arguments],
-            capture_output=True, cwd=tmp_path, timeout=120, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr.decode()
-        assert done.stderr == b""
-        text = done.stdout.decode("utf-8")
-        assert "\x1b" not in text
-        assert "\u2026" not in text, "a cell was cut off"
-        assert max(map(len, text.splitlines())) <= 132
+def test_example_from_creation_to_prediction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last command runs as a user runs it: a separate process, plain text in a pipe, empty error output."""
+    assert call(monkeypatch, "example", "er32") == 0
+    assert call(monkeypatch, "identify", "er32") == 0
+    text = capsys.readouterr().out
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "receptance.cli", "predict",
+         "er32", "--json", "p.json", "--plot", "p.png"],
+        capture_output=True, cwd=tmp_path, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr.decode()
+    assert done.stderr == b""
+    text += done.stdout.decode("utf-8")
+    assert "\x1b" not in text
+    assert "\u2026" not in text, "a cell was cut off"
+    assert max(map(len, text.splitlines())) <= 132
     assert "held out: 20 natural frequencies and peaks" in text
     assert left() == {"er32", "p.json", "p.png"}
     assert {path.name for path in Path("er32").iterdir()} == {"campaign.toml"}
@@ -340,19 +339,11 @@ def test_schema(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[s
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_interruption_during_computation(tmp_path: Path) -> None:
     write(tmp_path, TEXT + "[settings]\nstarts = 100000\n")
-    started = subprocess.Popen(
-        [sys.executable, "-m", "receptance.cli", "identify", "campaign.toml", "--json", "i.json"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    time.sleep(4.0)
-    started.send_signal(signal.SIGINT)
-    out, err = started.communicate(timeout=20)
-    assert started.returncode == 130, err.decode()
-    assert b"interrupted, no file was written" in err
-    assert b"Traceback" not in err
-    assert out == b""
+    code, out, err = interrupted("identify", "campaign.toml", "--json", "i.json")
+    assert code == 130, err
+    assert "interrupted, no file was written" in err
+    assert "Traceback" not in err
+    assert out == ""
     assert left() == {"campaign.toml"}
 
 

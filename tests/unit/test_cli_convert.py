@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import pytest
 import scipy.io
 import typer
 
+import command_line
 from receptance import FRF
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError
@@ -106,14 +105,15 @@ def test_mistakes(arguments: str, message: str) -> None:
     assert set(Path().iterdir()) == before
 
 
-def test_exit_codes() -> None:
-    """As a separate process."""
+def test_exit_codes(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     Path("a.csv").write_text("frequency [Hz],real,imag\n1,2,3\n")
-    command = [sys.executable, "-W", "error", "-m", "receptance.cli", "convert", "a.csv", "b.npz"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("receptance: a.csv, line 1: column 'real' has no unit")
+    command = ("convert", "a.csv", "b.npz")
+    assert command_line.call(monkeypatch, *command) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith("receptance: a.csv, line 1: column 'real' has no unit")
     assert not Path("b.npz").exists()
-    done = subprocess.run([*command, "--unit", "m/N"], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.endswith("Written: b.npz\n")
+    assert command_line.call(monkeypatch, *command, "--unit", "m/N") == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    assert output.out.endswith("Written: b.npz\n")

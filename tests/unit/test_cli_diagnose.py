@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import re
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from campaign_text import TEXT, write
-from command_line import call
+from command_line import call, interrupted
 from receptance import FRF, campaign, io
 from receptance.units import Form
 
@@ -147,32 +143,12 @@ def test_the_stable_depth_is_a_metric(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert own["held_out_after"] < 0.5 * own["held_out_before"]
 
 
-INTERRUPTED = """
-import signal, sys
-import receptance.cli.running as running
-from receptance.cli import main
-# A shell that starts it in the background would have it ignore the signal; every line of progress at once.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-running._QUIET = 0.0
-main()
-"""
-
-
 @pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")
 def test_interruption_gives_a_preliminary_verdict() -> None:
     simulated(1.06)
     arguments = ["diagnose", "rods", "--json", "v.json", "--report", "v.html", "--extended", "extended.toml"]
-    command = [sys.executable, "-c", INTERRUPTED, *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        lines = []
-        for line in process.stderr:
-            lines.append(line)
-            if re.search(r"step [5-9] of about \d+, about \d+ (s|min) left", line):
-                process.send_signal(signal.SIGINT)
-                break
-        out, err = process.communicate(timeout=300)
-    assert process.returncode == 130, (lines, err)
+    code, out, err = interrupted(*arguments, progress=r"step [5-9] of about \d+, about \d+ (s|min) left")
+    assert code == 130, err
     assert "verdict so far, not final" in out
     assert "interrupted in step" in out
     assert "extended.toml was not written: the diagnosis was interrupted" in out

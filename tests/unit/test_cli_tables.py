@@ -41,9 +41,12 @@ NO_ANSWER = {
 """What an example does not ask for, so that the command says that there is nothing to do."""
 FEW_LEVELS = {"transfer", "diagnose"}
 """What fits the whole taper again and again; a few of its levels print the same tables."""
-SLOW = {("er32", "diagnose"), ("hammer", "diagnose"), *(("taper", command) for command in COMMANDS)}
-# `demo` prints what `study er32` prints.
-STUDIES = {"er32": False, "bt50": True}
+SLOW = {
+    *((example, command) for example in ("er32", "hammer") for command in ("diagnose", "transfer")),
+    *(("taper", command) for command in COMMANDS),
+}
+# `demo` prints the tables of `study er32`.
+STUDIES: dict[str, tuple[str, ...]] = {"er32": ("--draws", "3"), "bt50": ()}
 
 
 def _cases() -> list[Any]:
@@ -58,8 +61,8 @@ def _cases() -> list[Any]:
         for command, options in COMMANDS.items()
     ]
     cases += [
-        pytest.param(("study", name), 0, marks=[pytest.mark.slow] if slow else [], id=f"study {name}")
-        for name, slow in STUDIES.items()
+        pytest.param(("study", name, *options), 0, marks=[] if options else [pytest.mark.slow], id=f"study {name}")
+        for name, options in STUDIES.items()
     ]
     return cases
 

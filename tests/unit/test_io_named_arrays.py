@@ -165,10 +165,8 @@ def test_variables_with_the_names_of_this_library(path: Path) -> None:
 
 
 def test_time_series_of_other_programs(path: Path) -> None:
-    save(
-        path,
-        {"t": np.arange(4) / 1000.0, "F": np.arange(4.0), "a": np.arange(4, dtype=np.int16), "short": np.arange(3.0)},
-    )
+    arrays = {"t": np.arange(4) / 1000.0, "F": np.arange(4.0), "a": np.arange(4, dtype=np.int16)}
+    save(path, {**arrays, "short": np.arange(3.0), "gap": np.array([0.0, np.nan, 0.0, 0.0])})
     variables = {"time_s": "t", "hammer": "F", "tip": "a"}
     series = read(path, variables=variables, unit={"hammer": "kN", "tip": "g"})
     assert isinstance(series, TimeSeries)
@@ -184,6 +182,7 @@ def test_time_series_of_other_programs(path: Path) -> None:
         ({"tip": "a"}, {"unit": "g"}, "the sample rate is unknown"),
         ({"time_s": "t"}, {}, "variables names no channel"),
         ({"time_s": "short", "tip": "a"}, {"unit": "g"}, "there are 3 times for 4 samples"),
+        ({"time_s": "t", "tip": "gap"}, {"unit": "g"}, "sample 1 of 'tip' is nan"),
     ):
         with pytest.raises(FileFormatError, match=message):
             read(path, variables=changed, **options)

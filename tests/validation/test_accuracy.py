@@ -15,8 +15,8 @@ from receptance import _core
 from validation import accuracy, plain_formulations
 from validation.accuracy import DRIVE, INNER, TRANSFER, Report
 
-FRESH_CASES = 200
-QUICK_CASES = 400
+FRESH_CASES = 100
+QUICK_CASES = 200
 """Models of the fast part: enough for every kind and every column; all models are part of the slow tests."""
 BOUNDS = {TRANSFER: 1e-6, INNER: 1e-5}
 """The entries that are not drive points at the ends. Of two reciprocal entries one is right; the other's way back

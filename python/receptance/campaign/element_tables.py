@@ -55,6 +55,9 @@ class Table(BaseModel):
 class ElementTable(Table):
     """A table whose keys follow from the declarations of an element."""
 
+    # `create_model` states every description. A search for source code would take half of the time of the import.
+    model_config = ConfigDict(use_attribute_docstrings=False)
+
     origin: ClassVar[tuple[Callable[[Any], type[ElementTable]], Any]]
     """Function that makes the model, and its argument."""
 

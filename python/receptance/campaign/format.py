@@ -67,7 +67,7 @@ class PartTable(Table):
     """whether the part is rigid: only its mass counts"""
 
 
-class _ModeKeys(ElementTable):
+class _ModeKeys(ElementTable, use_attribute_docstrings=True):
     """A mode of a modal part, as seen at the plane where it joins the part before it."""
 
     frequency_hz: Annotated[float | None, Amount(units.FREQUENCY_OR_ZERO)] = None
@@ -80,7 +80,7 @@ class _ModeKeys(ElementTable):
     """rotation of the mode shape, likewise"""
 
 
-class _ModalPartKeys(ElementTable):
+class _ModalPartKeys(ElementTable, use_attribute_docstrings=True):
     """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
 
     modes: Annotated[list[Annotated[ElementTable, Of(Mode, keys=_ModeKeys)]], Field(min_length=1)]
@@ -89,7 +89,7 @@ class _ModalPartKeys(ElementTable):
     """whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has none"""
 
 
-class _MicroslipKeys(ElementTable):
+class _MicroslipKeys(ElementTable, use_attribute_docstrings=True):
     reference_force: Annotated[float, Amount(units.FORCE)] | None = None
     """force that is the level 1, where measurements give their `level` as a force"""
 
@@ -518,14 +518,14 @@ def _across(value: Any) -> Any:
     raise ValueError(f'is {shown(value)}, expected a table, "as x" or "rigid"')
 
 
-class _TurningKeys(ElementTable):
+class _TurningKeys(ElementTable, use_attribute_docstrings=True):
     angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
     """angle between the force and the direction of the chip thickness"""
     x: TipTable
     """receptance of the tip in the direction of the chip thickness"""
 
 
-class _MillingKeys(ElementTable):
+class _MillingKeys(ElementTable, use_attribute_docstrings=True):
     x: TipTable
     """receptance of the tip in the direction of feed"""
     y: Annotated[TipTable | Literal["as x", "rigid"], BeforeValidator(_across)] = "as x"
