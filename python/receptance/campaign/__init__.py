@@ -2,14 +2,14 @@
 
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.cuts import CampaignCut, Tip
-from receptance.campaign.loading import load
+from receptance.campaign.json_schema import field_tables, json_schema
 from receptance.campaign.measurements import Measurement
 from receptance.campaign.prediction import PredictedFrequencies, Prediction, forecast_of
 from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.quantities import Condition, Deviation
-from receptance.campaign.schema import field_tables, json_schema
+from receptance.campaign.read import load
 from receptance.campaign.tolerances import Effects
-from receptance.campaign.writing import extended_text, write_extended
+from receptance.campaign.values import Condition, Deviation
+from receptance.campaign.write import extended_text, write_extended
 
 __all__ = [
     "Campaign",

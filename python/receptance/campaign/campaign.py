@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance._text import instead_of
-from receptance.campaign.builder import Built
+from receptance.campaign.build import Built
 from receptance.campaign.measurements import Measurement
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.quantities import Condition, Deviation
 from receptance.campaign.tolerances import Effects, inherited_effects
+from receptance.campaign.values import Condition, Deviation
 from receptance.identification import Candidate, Unknown
 from receptance.identification.mapping import Place
 from receptance.model.assembly import Assembly
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.cuts import CampaignCut
-    from receptance.campaign.format import CampaignTable
     from receptance.campaign.prediction import Prediction
+    from receptance.campaign.schema import CampaignTable
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability

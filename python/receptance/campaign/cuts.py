@@ -19,10 +19,10 @@ from receptance.stability import Lobes, Milling, Turning
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from receptance.campaign.builder import Builder
-    from receptance.campaign.format import CampaignTable, TipTable
-    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.build import Builder
     from receptance.campaign.measurements import Measurement
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.schema import CampaignTable, TipTable
 
 __all__ = ["CampaignCut", "Tip", "build_cut"]
 
@@ -93,10 +93,7 @@ def build_cut(
 ) -> CampaignCut | None:
     """Return a cut, or None after its mistakes are added."""
     own, path = table.cuts[name], ("cuts", name)
-    if own.kind == "milling":
-        cut = builder.element(Milling, own, path)
-    else:
-        cut = builder.element(Turning, own, path, angle_deg=own.angle)
+    cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
     spread = {
         key: deviation.of(getattr(own, key)) / getattr(own, key)
         for key, deviation in own.tolerance

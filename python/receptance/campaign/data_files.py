@@ -10,13 +10,13 @@ import numpy as np
 
 from receptance import units
 from receptance._text import shown
-from receptance.campaign.quantities import parse_share
+from receptance.campaign.values import parse_share
 from receptance.identification import MeasuredFRF
 from receptance.identification.observations import altered
 from receptance.units import FORMS, parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.format import FileFields, FRFTable, HammerTable
+    from receptance.campaign.schema import FileFields, FRFTable, HammerTable
     from receptance.frf import FRF
     from receptance.measurement import HammerRecords
     from receptance.model.assembly import Assembly

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 from receptance import units
 from receptance._files import read_whole
 from receptance._text import did_you_mean, one_of, shown
-from receptance.campaign.quantities import Deviation, parse_deviation, parse_share
+from receptance.campaign.values import Deviation, parse_deviation, parse_share
 from receptance.io.text import truncation_notes
 from receptance.units import parse
 
 if TYPE_CHECKING:
-    from receptance.campaign.format import FrequenciesTable
+    from receptance.campaign.schema import FrequenciesTable
 
 __all__ = ["Frequencies", "FrequencyTableError", "damping_of", "deviations_of", "read_frequencies"]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.campaign.builder import with_attached, with_sensor
+from receptance.campaign.build import with_attached, with_sensor
 from receptance.campaign.data_files import (
     estimate_hammer_frf,
     observed_frf,
@@ -21,15 +21,16 @@ from receptance.campaign.data_files import (
     with_stated_variance,
 )
 from receptance.campaign.frequencies import damping_of, deviations_of, frequencies_of
-from receptance.campaign.quantities import Condition
 from receptance.campaign.tolerances import tolerances_of
+from receptance.campaign.values import Condition
 from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.campaign.builder import Builder, Built
-    from receptance.campaign.format import (
+    from receptance.campaign.build import Builder, Built
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.schema import (
         CampaignTable,
         CandidateFrequenciesTable,
         CandidateFRFTable,
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
         FRFTable,
         HammerTable,
     )
-    from receptance.campaign.lines import KeyPath
     from receptance.campaign.tolerances import Effects
     from receptance.frf import FRF
     from receptance.model.assembly import Assembly
@@ -104,6 +104,9 @@ class _Reader:
 
     def observation(self) -> Observation | None:
         """Return the observation, or None after its mistakes are added."""
+        if self.table.kind == "frf" and self.table.force is not None and self.table.level is not None:
+            text = "is given with a force, which determines it, expected one of the two"
+            self.builder.problems.add((*self.path, "level"), text)
         there = not any(self.builder.problems.at((*self.path, key)) for key in ("file", "coherence"))
         assembly = self.built.assemblies.get(self.table.assembly)
         if assembly is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.builder import addresses_of
+from receptance.campaign.build import addresses_of
 from receptance.identification import MeasuredFRF, Unknown
 from receptance.identification.unknowns import covered
 from receptance.model.beams import Part
@@ -16,10 +16,10 @@ from receptance.model.terminals import RESIDUALS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.campaign.builder import Builder, Built
-    from receptance.campaign.format import CampaignTable, ModalPartTable
-    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.build import Builder, Built
     from receptance.campaign.measurements import Measurement
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.schema import CampaignTable, ModalPartTable
 
 __all__ = ["modal_unknowns"]
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.quantities import parse_share
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import tolerances_of, tolerances_of_measurements
+from receptance.campaign.values import parse_share
 from receptance.errors import ReceptanceError
 from receptance.identification import (
     Candidate,

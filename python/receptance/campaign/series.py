@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance._text import did_you_mean, shown
-from receptance.campaign.quantities import kind_of, parse_condition
+from receptance.campaign.values import kind_of, parse_condition
 from receptance.errors import ReceptanceError
 from receptance.identification import identify
 from receptance.identification.laws import Law
@@ -26,9 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.campaign import Campaign
-    from receptance.campaign.format import SeriesTable, SettingsTable
-    from receptance.campaign.lines import KeyPath
-    from receptance.campaign.problems import Problems
+    from receptance.campaign.problems import KeyPath, Problems
+    from receptance.campaign.schema import SeriesTable, SettingsTable
     from receptance.identification import Identification
     from receptance.identification.task import Observation
     from receptance.report.table import Cell
@@ -372,7 +371,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     Examples
     --------
     >>> from receptance.campaign.series import level_unit
-    >>> from receptance.campaign.format import SeriesTable
+    >>> from receptance.campaign.schema import SeriesTable
     >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
     ('kN', 1000.0)
     """

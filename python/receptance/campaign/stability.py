@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.cuts import CampaignCut, Tip
-    from receptance.campaign.format import StabilityTable
+    from receptance.campaign.schema import StabilityTable
     from receptance.diagnosis import HeldOut, Metric
     from receptance.frf import FRF
     from receptance.identification import Identification

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.builder import JOINTS, addresses_of, unknown_address
+from receptance.campaign.build import addresses_of, unknown_address
 from receptance.campaign.problems import path_text
-from receptance.campaign.quantities import Deviation
+from receptance.campaign.values import Deviation
 from receptance.identification.laws import Tolerance
 from receptance.identification.unknowns import covered
 from receptance.model.beams import Material, Part, Segment
@@ -20,12 +20,11 @@ from receptance.model.fields import Member
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from receptance.campaign.builder import Builder, Built
-    from receptance.campaign.format import CampaignTable
-    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.build import Builder, Built
     from receptance.campaign.measurements import Measurement
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.schema import CampaignTable, ElementTable
     from receptance.model.assembly import Assembly
-    from receptance.model.fields import Element
 
 __all__ = [
     "Effects",
@@ -144,11 +143,11 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
                 yield from _of_segment(f"{name}.segment[{index}]", segment, parts[name], campaign)
         elif name in campaign.joints:
             joint = campaign.joints[name]
-            yield from _of_element(("joints", name), name, JOINTS[joint.kind], joint, campaign)
+            yield from _of_element(("joints", name), name, joint, campaign)
         elif name in campaign.parts:  # a measured or modal spindle has errors of its own
             for index, table in enumerate(campaign.parts[name].segments):
                 place: KeyPath = ("parts", name, "segments", index)
-                yield from _of_element(place, f"{name}.segment[{index}]", Segment, table, campaign)
+                yield from _of_element(place, f"{name}.segment[{index}]", table, campaign)
     for name in assembly.attachments:
         if name in campaign.attachments:
             yield from _own(("attachments", name), name, campaign.attachments[name].tolerance)
@@ -166,17 +165,15 @@ def _of_segment(first: str, segment: Segment, own: Deviations, campaign: Campaig
             yield from _own(place, _prefixed(first, member), campaign.materials[material.name].tolerance)
 
 
-def _of_element(
-    place: KeyPath, first: str, kind: type[Element], table: Any, campaign: CampaignTable
-) -> Iterator[_Inherited]:
+def _of_element(place: KeyPath, first: str, table: ElementTable, campaign: CampaignTable) -> Iterator[_Inherited]:
     """Yield the tolerances of an element, of its members and of its materials; addresses begin with `first`."""
     yield from _own(place, first, table.tolerance)
-    for name, member in kind.declared.items():
+    for name, member in table.element.declared.items():
         if not isinstance(member, Member):
             continue
         inside, own = getattr(table, name), _prefixed(first, member)
         if member.kind is not Material:
-            yield from _of_element((*place, name), own, member.kind, inside, campaign)
+            yield from _of_element((*place, name), own, inside, campaign)
         elif inside in campaign.materials:
             yield from _own(("materials", inside), own, campaign.materials[inside].tolerance)
 

@@ -271,7 +271,7 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
 
 def _quantity(address: str, text: str, what: str) -> float:
     """Return a value in SI units; a number without unit is accepted for dimensionless quantities."""
-    from receptance.campaign.quantities import value_at
+    from receptance.campaign.values import value_at
 
     try:
         return value_at(address, float(text) if _is_plain(text) else text)
@@ -280,7 +280,7 @@ def _quantity(address: str, text: str, what: str) -> float:
 
 
 def _unit(address: str) -> str:
-    from receptance.campaign.quantities import kind_of
+    from receptance.campaign.values import kind_of
 
     try:
         return kind_of(address).unit

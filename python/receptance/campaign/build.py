@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from receptance._text import did_you_mean, instead_of, one_of
-from receptance.campaign.element_tables import PLAIN_NUMBER
 from receptance.campaign.problems import path_text
-from receptance.campaign.quantities import kind_of, parse_share, prior_of
+from receptance.campaign.schema import ATTACHMENTS, JOINTS
+from receptance.campaign.values import PLAIN_NUMBER, kind_of, parse_share, prior_of
 from receptance.errors import ReceptanceError
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Power
@@ -19,20 +19,16 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment
 from receptance.model.coordinates import Coordinate
 from receptance.model.distributed import SpreadJoint
-from receptance.model.fields import Element, Member, Number
+from receptance.model.fields import Member, Number
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import ModalPart, Mode
 from receptance.taper.rigid import as_rigid
 
 if TYPE_CHECKING:
-    from receptance.campaign.element_tables import ElementTable
-    from receptance.campaign.format import AssemblyTable, CampaignTable, CoordinateTable, UnknownTable
-    from receptance.campaign.lines import KeyPath
-    from receptance.campaign.problems import Problems
+    from receptance.campaign.problems import KeyPath, Problems
+    from receptance.campaign.schema import AssemblyTable, CampaignTable, CoordinateTable, ElementTable, UnknownTable
 
 __all__ = [
-    "JOINTS",
-    "OWNERS",
     "AnyJoint",
     "Builder",
     "Built",
@@ -43,30 +39,9 @@ __all__ = [
 ]
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
-OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
-"""Sections whose names begin addresses."""
-JOINTS: dict[str, type[Element]] = {
-    "point": PointJoint,
-    "spread": SpreadJoint,
-    "collet": ColletJoint,
-    "micro-slip": MicroslipJoint,
-}
-"""Class of joint by `kind`."""
-_ATTACHMENTS: dict[str, type[Element]] = {
-    "mass": PointMass,
-    "ground": GroundSpring,
-    "resonator": Resonator,
-}
-_SINGULAR = {
-    "assemblies": "an assembly",
-    "attachments": "an attachment",
-    "materials": "a material",
-    "parts": "a part",
-    "modal_parts": "a modal part",
-}
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
-    *(kind.__name__ for kind in (*JOINTS.values(), *_ATTACHMENTS.values())),
+    *(one.element.__name__ for one in (*JOINTS.choices, *ATTACHMENTS.choices)),
     "Section",
     "Candidate",
     "Milling",
@@ -100,10 +75,6 @@ class Builder:
     ----------
     problems : Problems
         List to which mistakes are added.
-    named : dict of str to list of str
-        All names of each section, including those of tables with mistakes.
-    broken : frozenset of str
-        Sections that are missing or are not tables; references to them are not checked.
 
     Attributes
     ----------
@@ -115,10 +86,8 @@ class Builder:
         The notes that were warnings.
     """
 
-    def __init__(self, problems: Problems, named: dict[str, list[str]], broken: frozenset[str] = frozenset()) -> None:
+    def __init__(self, problems: Problems) -> None:
         self.problems = problems
-        self.named = named
-        self._broken = broken
         self.built = Built()
         self.notes: list[str] = []
         self.warnings: list[str] = []
@@ -146,30 +115,16 @@ class Builder:
         self.notes[:] = [note for note in self.notes if not (note.startswith(place) and text in note)]
         self.notes.append(f"{place}{text}")
 
-    def check_name(self, path: KeyPath, name: str, *sections: str) -> bool:
-        """Return whether one of the sections has a name; add a mistake if not."""
-        known = [other for section in sections for other in self.named[section]]
-        if name in known or self.incomplete(*sections):
-            return True
-        what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in sections)
-        self.problems.add(path, f'is "{name}", which is not {what} of this file{instead_of(name, known)}')
-        return False
-
-    def incomplete(self, *sections: str) -> bool:
-        """Return whether one of the sections is missing or not a table."""
-        return not self._broken.isdisjoint(sections)
-
     # Elements --------------------------------------------------------------------------------------------------------
 
     def build(self, campaign: CampaignTable) -> Built:
         """Build all objects of a campaign that have no mistakes."""
         built = self.built
         for name, table in campaign.materials.items():
-            _store(built.materials, name, self.element(Material, table, ("materials", name), name=name))
+            _store(built.materials, name, self.element(table, ("materials", name), name=name))
         for name, part in campaign.parts.items():
-            rows = [self.segment(("parts", name, "segments", i), row) for i, row in enumerate(part.segments)]
-            segments = [segment for segment in rows if segment is not None]
-            if len(segments) == len(rows):
+            segments = [self.element(row, ("parts", name, "segments", i)) for i, row in enumerate(part.segments)]
+            if None not in segments:
                 made = Part(segments, name=name)
                 built.parts[name] = as_rigid(made) if part.rigid else made
         for address, unknown in campaign.unknowns.items():
@@ -180,23 +135,21 @@ class Builder:
             _store(built.joints, name, self._joint(name, joint))
         for name, point in campaign.attachments.items():
             path: KeyPath = ("attachments", name)
-            _store(built.attachments, name, self.element(_ATTACHMENTS[point.kind], point, path, name, name=name))
+            _store(built.attachments, name, self.element(point, path, name, name=name))
         for name, sensor in campaign.sensors.items():
-            _store(built.sensors, name, self.element(PointMass, sensor, ("sensors", name), name, name=name))
+            _store(built.sensors, name, self.element(sensor, ("sensors", name), name, name=name))
         for name, assembly in campaign.assemblies.items():
             _store(built.assemblies, name, self._assembly(name, assembly))
         self._check_unknowns(campaign)
         return built
 
-    def element(self, kind: type[Any], table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
+    def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
         """Return an element from its table, or None after its mistakes are added.
 
         Parameters
         ----------
-        kind : type
-            Class of the element.
         table : ElementTable
-            Its table. A missing number that is unknown gets its start value.
+            The table. A missing number that is unknown gets its start value.
         path : tuple
             Place of the table in the file.
         address : str, optional
@@ -205,7 +158,7 @@ class Builder:
             Values of fields that are not read from the table.
         """
         values = dict(given)
-        for name, declared in kind.declared.items():
+        for name, declared in table.element.declared.items():
             if name in values or name not in type(table).model_fields:
                 continue
             value = getattr(table, name)
@@ -213,25 +166,20 @@ class Builder:
                 # An unknown material was reported; with steel in its place dimensions are checked as well.
                 value = None if value is None else self.built.materials.get(value, STEEL)
             elif isinstance(declared, Member):
-                value = self.element(declared.kind, value, (*path, name), f"{address}.{name}")
+                value = self.element(value, (*path, name), f"{address}.{name}")
                 if value is None:
                     return None
             elif isinstance(declared, Number) and name not in table.model_fields_set:
                 unknown = self.built.unknowns.get(f"{address}.{name}")
                 value = value if unknown is None or unknown.start is None else unknown.start
             values[name] = tuple(value) if isinstance(value, list) else value
-        return self.make(path, kind, **values)
-
-    def segment(self, path: KeyPath, table: ElementTable) -> Segment | None:
-        """Return a segment, or None after its mistakes are added."""
-        made: Segment | None = self.element(Segment, table, path)
-        return made
+        return self.make(path, table.element, **values)
 
     def _joint(self, name: str, table: ElementTable) -> AnyJoint | None:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
         if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
             return None  # a missing value of the joint is only a consequence of the mistake in the unknown
-        made: AnyJoint | None = self.element(JOINTS[table.kind], table, ("joints", name), name, name=name)
+        made: AnyJoint | None = self.element(table, ("joints", name), name, name=name)
         return made
 
     def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart | None:
@@ -249,10 +197,10 @@ class Builder:
             unknown = table.identify or any(f"{own}.{key}" in campaign.unknowns for key in shapes)
             if not unknown and not any(getattr(row, key) for key in shapes):
                 self.problems.add(here, "has no mode shape, expected y or theta, or one of them among the unknowns")
-            modes.append(self.element(Mode, row, here, own, **given))
+            modes.append(self.element(row, here, own, **given))
         if None in modes or len(modes) < len(table.modes):
             return None
-        made: ModalPart | None = self.element(ModalPart, table, path, name, modes=modes, name=name)
+        made: ModalPart | None = self.element(table, path, name, modes=modes, name=name)
         return made
 
     # Unknowns --------------------------------------------------------------------------------------------------------
@@ -336,7 +284,9 @@ class Builder:
     def _check_unknowns(self, campaign: CampaignTable) -> None:
         """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""
         built = self.built
-        if len(built.assemblies) < len(self.named["assemblies"]) or not built.assemblies:
+        if built.assemblies.keys() != campaign.assemblies.keys() or not built.assemblies:
+            return
+        if self.problems.at(("assemblies",)):
             return  # an assembly with a mistake may have the parameter
         measured = {*built.sensors, *(name for one in campaign.measurements.values() for name in one.attachments)}
         claimed: dict[tuple[str, str], str] = {}

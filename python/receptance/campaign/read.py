@@ -13,17 +13,16 @@ from pathlib import Path
 from typing import Any
 
 from receptance._files import read_whole
-from receptance.campaign.builder import Builder, Built, with_attached, with_sensor
+from receptance.campaign.build import Builder, Built, with_attached, with_sensor
 from receptance.campaign.campaign import Campaign
 from receptance.campaign.cuts import build_cut
-from receptance.campaign.format import CampaignTable
-from receptance.campaign.lines import KeyPath, lines_of
 from receptance.campaign.measurements import Measurement, build_candidate, build_measurement
 from receptance.campaign.modal_starts import modal_unknowns
-from receptance.campaign.problems import CampaignError, Problem, Problems, translate
-from receptance.campaign.references import check_references
+from receptance.campaign.problems import CampaignError, KeyPath, Problem, Problems, lines_of, translate
+from receptance.campaign.schema import CampaignTable
 from receptance.campaign.series import expand_series
 from receptance.campaign.tolerances import Effects, assembly_effects, attachment_effects
+from receptance.campaign.values import OWNERS, References
 from receptance.errors import ReceptanceWarning
 from receptance.identification import MeasuredFRF
 from receptance.model.assembly import Assembly
@@ -193,10 +192,8 @@ def _build(data: dict[str, Any], problems: Problems, folder: Path | None) -> tup
     """Return the tables and the objects built from them; data files are looked for if a folder is given."""
     expanded = expand_series(data, problems)
     problems.templates.update(expanded.templates)
-    data = expanded.data
-    table, named, broken = _validate(data, problems, expanded.broken)
-    builder = Builder(problems, named, broken)
-    check_references(data, folder, builder)
+    table = _validate(expanded.data, problems, expanded.broken, folder)
+    builder = Builder(problems)
     return table, builder, builder.build(table)
 
 
@@ -254,15 +251,15 @@ def _check_values(data: dict[str, Any], problems: Problems) -> None:
             problems.add(path, "is a whole number beyond the 64 bits of TOML, expected a smaller one")
 
 
-def _validate(
-    data: dict[str, Any], problems: Problems, unknown: frozenset[str]
-) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
-    """Return the tables without mistakes, the names of all tables, and the sections whose names are not known."""
+def _validate(data: dict[str, Any], problems: Problems, unknown: frozenset[str], folder: Path | None) -> CampaignTable:
+    """Return the tables without mistakes; tables with wrong references only are among them."""
     from pydantic import ValidationError
 
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
     broken |= {section for section in _REQUIRED if section not in data and "cuts" not in data} | unknown
+    _check_owners(named, problems)
+    references: References | None = References(named, frozenset(broken), folder)
     rest = copy.deepcopy(data)
     if "cuts" in data:
         rest |= {section: {} for section in _REQUIRED if section not in data}
@@ -271,13 +268,26 @@ def _validate(
             joint.setdefault("kind", "point")
     while True:
         try:
-            return CampaignTable.model_validate(rest), named, frozenset(broken)
+            return CampaignTable.model_validate(rest, context=references)
         except ValidationError as error:
             found = translate(error.errors(), rest, CampaignTable)
-        for path, text in found:
+        references = None  # all of them are checked
+        for path, (text, _) in found.items():
             problems.add(path, text)
-        for path, _ in found:
-            _prune(rest, path)
+        for path, (_, only_reference) in found.items():
+            if not only_reference:
+                _prune(rest, path)
+
+
+def _check_owners(named: dict[str, list[str]], problems: Problems) -> None:
+    """Check that names of parts, joints, attachments and sensors, which begin addresses, are unique."""
+    owner: dict[str, str] = {}
+    for section in OWNERS:
+        for name in named[section]:
+            if name in owner:
+                text = f"is also the name of one of the {owner[name]}, expected another name"
+                problems.add((section, name), text)
+            owner.setdefault(name, section)
 
 
 def _prune(data: dict[str, Any], path: KeyPath) -> None:
