@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.run import Campaign
     from receptance.campaign.tolerances import Effects
     from receptance.identification import Identification, MeasuredFrequencies
     from receptance.identification.peaks import Peak

@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,17 @@ from receptance.campaign.values import AddressError, BrokenReferenceError
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["CampaignError", "KeyPath", "Problem", "Problems", "line_of", "lines_of", "path_text", "translate"]
+__all__ = [
+    "CampaignError",
+    "KeyPath",
+    "Problem",
+    "Problems",
+    "errors_about",
+    "line_of",
+    "lines_of",
+    "path_text",
+    "translate",
+]
 
 KeyPath = tuple[str | int, ...]
 
@@ -119,7 +130,9 @@ class _Scanner:
             self.at += 1
 
     def _key(self) -> str:
-        found = self._take(_BASIC, _LITERAL, _BARE)
+        begin = self.at
+        self._pass(_BASIC, _LITERAL, _BARE)
+        found = self.text[begin : self.at]
         if found[0] == "'":
             return found[1:-1]
         return _unescaped(found) if found[0] == '"' else found
@@ -132,9 +145,9 @@ class _Scanner:
         elif first == "{":
             self._inline(path)
         elif first in "\"'":
-            self._take(_LONG_BASIC, _LONG_LITERAL, _BASIC, _LITERAL)
+            self._pass(_LONG_BASIC, _LONG_LITERAL, _BASIC, _LITERAL)
         else:
-            self._take(_PLAIN)
+            self._pass(_PLAIN)
 
     def _items(self, path: KeyPath) -> None:
         self.at += 1
@@ -162,12 +175,13 @@ class _Scanner:
         self.at = match.end() if match else self.at
         return self.at
 
-    def _take(self, *patterns: re.Pattern[str]) -> str:
+    def _pass(self, *patterns: re.Pattern[str]) -> None:
+        """Go to the end of the first pattern that matches."""
         for pattern in patterns:
             match = pattern.match(self.text, self.at)
             if match:
                 self.at = match.end()
-                return match.group()
+                return
         raise ValueError(f"line {self._current_line()} has no value")
 
     def _current_line(self) -> int:
@@ -246,6 +260,15 @@ class CampaignError(ValueError):
         return type(self), (self.file, self.problems)
 
 
+@contextmanager
+def errors_about(file: Path | str, prefix: str = "") -> Iterator[None]:
+    """Raise a ValueError of the library as an error about a file."""
+    try:
+        yield
+    except ValueError as error:
+        raise CampaignError.about(file, f"{prefix}{error}") from error
+
+
 class Problems:
     """Collects mistakes and finds their lines.
 
@@ -260,6 +283,8 @@ class Problems:
         self.found: list[Problem] = []
         self.templates: dict[KeyPath, KeyPath] = {}
         """Section and name of expanded tables, and of the tables of the file they come from; see `expand_series`."""
+        self.incomplete: set[str] = set()
+        """Sections in which some names are not known, because the series has a mistake."""
 
     def add(self, path: KeyPath, text: str) -> None:
         """Add a mistake, unless it was added before."""

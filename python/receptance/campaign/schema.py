@@ -1,7 +1,7 @@
 """Pydantic models of the tables of a campaign file.
 
-Models of elements (materials, segments, joints, masses, cuts) are made from the declarations of the elements; the others
-are declared here.
+Models of elements (materials, segments, joints, masses, cuts) are made from the declarations of the elements; the
+others are declared here.
 """
 
 from __future__ import annotations
@@ -35,10 +35,13 @@ from receptance.campaign.values import (
     Condition,
     DataFile,
     Deviation,
+    DeviationShare,
+    ForceWindow,
     NameInMachine,
     NameOf,
     OneOf,
     Position,
+    Share,
     Spread,
     parse_condition,
     parse_level,
@@ -369,7 +372,7 @@ class FileFields(Table):
     """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
     averages: Annotated[int, Field(ge=1)] | None = None
     """number of averages, if the file does not state it"""
-    standard_deviation: str | None = None
+    standard_deviation: DeviationShare | None = None
     """standard deviation of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from
     coherence and averages"""
     decay_rate: Annotated[float, Amount(units.DECAY_RATE)] | None = None
@@ -414,7 +417,7 @@ class _Response(_Measured):
     """coordinate of the load"""
     bands: Annotated[list[Band], Field(min_length=1)] | None = None
     """frequency bands to use, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
-    floor: str | None = None
+    floor: DeviationShare | None = None
     """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
     integrate: Annotated[int, Field(ge=-2, le=2)] = 0
     """number of additional integrations of the motion, for a file that states a wrong quantity: 1 if it holds
@@ -479,7 +482,7 @@ class HammerTable(_Response):
     """decay rate of the exponential window to apply to both channels"""
     response_decay_rate: Rate = 0.0
     """decay rate of an exponential window that the recorder applied to the response alone"""
-    force_window: str = "auto"
+    force_window: ForceWindow = "auto"
     """length of the force window after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"` for the whole
     block"""
 
@@ -547,9 +550,9 @@ class CandidateFRFTable(_Possible):
     """highest line"""
     step: Frequency
     """distance of the lines, whose noise is independent"""
-    standard_deviation: str
+    standard_deviation: DeviationShare
     """expected standard deviation of the FRF on every line, such as `"2 %"`"""
-    floor: str | None = None
+    floor: DeviationShare | None = None
     """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
 
 
@@ -624,7 +627,7 @@ class UnknownTable(Table):
     along: str | None = None
     """with `free`: name of the condition over which values are interpolated for assemblies that were not measured; by
     default that of the series"""
-    individual: str | None = None
+    individual: Share | None = None
     """standard deviation of the individual deviation of each assembly, such as `"5 %"`"""
     follows: dict[str, float] = Field(default={})
     """further parameters by address that are multiplied by its powers and individual deviations, raised to the number
@@ -646,8 +649,8 @@ class SettingsTable(Table):
     """whether the fit begins at the starts, or is preceded by easier fits, for starts that are decades off"""
     profiles: bool = True
     """whether intervals are also computed from profile likelihoods"""
-    band_width: str = "5 %"
-    """half width of the bands of the percentage objective"""
+    band_width: Share = 0.05
+    """half width of the bands of the percentage objective, by default `"5 %"`"""
 
 
 class PredictionTable(Table):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainValidator, WithJsonSchema
 
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
@@ -44,11 +44,14 @@ __all__ = [
     "Condition",
     "DataFile",
     "Deviation",
+    "DeviationShare",
+    "ForceWindow",
     "NameInMachine",
     "NameOf",
     "OneOf",
     "Position",
     "References",
+    "Share",
     "Spread",
     "json_schema",
     "kind_of",
@@ -139,6 +142,26 @@ def parse_share(text: Any, expected: str) -> float:
     if number < 0.0:
         raise ValueError(f"is {shown(text)}, expected zero or more: {expected}")
     return number / 100.0
+
+
+def parse_deviation_share(text: Any) -> float:
+    """Return a relative standard deviation from a percentage."""
+    expected = 'a standard deviation of the FRF in percent, such as "2 %"'
+    share = parse_share(text, expected)
+    if share <= 0.0:
+        raise ValueError(f'is "{text}", expected more than zero: {expected}')
+    return share
+
+
+DeviationShare = Annotated[float, PlainValidator(parse_deviation_share), WithJsonSchema({"type": "string"})]
+"""A standard deviation of an FRF, relative to its magnitude."""
+Share = Annotated[
+    float,
+    PlainValidator(lambda text: parse_share(text, 'a percentage such as "5 %"')),
+    PlainSerializer(lambda share: f"{100.0 * share:g} %"),
+    WithJsonSchema({"type": "string"}),
+]
+"""A percentage."""
 
 
 def parse_deviation(value: Any, quantity: Quantity) -> Deviation:
@@ -264,6 +287,25 @@ def parse_level(written: Any) -> tuple[float, bool]:
         raise ValueError(f'is {shown(written)}, expected a number from 0 on, or a force such as "50 N"')
     return float(written), False
 
+
+def parse_force_window(written: Any) -> float | Literal["auto", "none"]:
+    """Return the length of the force window in s, "auto" or "none"."""
+    if written == "auto":
+        return "auto"
+    if written == "none":
+        return "none"
+    try:
+        return parse(written, units.TIME)
+    except ValueError as error:
+        found = str(error).split(", expected", 1)[0]
+        text = found or f"is {shown(written)}"
+        raise ValueError(f'{text}, expected a time such as "2 ms", "auto" or "none"') from None
+
+
+ForceWindow = Annotated[
+    float | Literal["auto", "none"], PlainValidator(parse_force_window), WithJsonSchema({"type": "string"})
+]
+"""Length of a force window in s, "auto" or "none"."""
 
 # Priors --------------------------------------------------------------------------------------------------------------
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
@@ -15,9 +14,7 @@ import numpy as np
 from receptance import units
 from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
-from receptance.campaign.problems import Problems
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
-from receptance.campaign.series import expand_series
 from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
@@ -33,7 +30,7 @@ from receptance.model.terminals import ModalPart
 from receptance.units import Quantity
 
 if TYPE_CHECKING:
-    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.run import Campaign
     from receptance.diagnosis import Verdict
     from receptance.identification.laws import Tolerance
     from receptance.model.assembly import Assembly
@@ -262,7 +259,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     if verdict.explanation is None or verdict.extended is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
     # A cause may act at one level only, so that each level has its own tables.
-    data = expand_series(tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig")), Problems({})).data
+    data = copy.deepcopy(campaign.contents)
     measured = {
         name: _applied(verdict, name, one.observation, one.effects) for name, one in campaign.measurements.items()
     }

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign import Campaign
-    from receptance.campaign.run import Compared
+    from receptance.campaign.comparison import Compared
     from receptance.sweep import Candidates
 
 __all__ = ["sweep"]
@@ -79,7 +79,7 @@ def sweep(
 ) -> None:
     """Compare many values of parameters with the measurements."""
     targets = Targets(json_file, plot)
-    from receptance.campaign.run import compared_with
+    from receptance.campaign.comparison import compared_with
     from receptance.sweep import Misfit
     from receptance.sweep import sweep as run
 
@@ -129,7 +129,7 @@ def sweep(
 
 def _agreement(compared: Compared, chosen: xr.Dataset) -> dict[str, Any]:
     """Return the values of fixed parameters, and the smallest misfit in comparison with noise."""
-    from receptance.campaign.run import expected_misfit
+    from receptance.campaign.comparison import expected_misfit
 
     found = expected_misfit(compared.observations)
     least = float(chosen["misfit"].values[0]) if chosen.sizes["candidate"] else float("inf")
