@@ -157,7 +157,7 @@ class MeasurementReader:
             sensor=table.sensor,
             files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
             conditions=table.conditions,
-            effects=self._errors(table.assembly, table.sensor or "", *table.attachments),
+            effects=self._errors(table.assembly, table.sensor, *table.attachments),
             notes=tuple(self.builder.notes[before:]),
         )
 
@@ -172,7 +172,7 @@ class MeasurementReader:
         common = {
             "label": name,
             "assembly": assembly,
-            "tolerances": tuple(tolerances_of(self._errors(table.assembly, table.sensor or ""))),
+            "tolerances": tuple(tolerances_of(self._errors(table.assembly, table.sensor))),
             "configuration": table.assembly,
             "conditions": self._conditions(table),
             "cost": table.cost,
@@ -202,10 +202,10 @@ class MeasurementReader:
         conditions = {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
         return {key: one.value for key, one in conditions.items()}
 
-    def _errors(self, assembly: str, *points: str) -> Effects:
+    def _errors(self, assembly: str, *points: str | None) -> Effects:
         """Return the errors of an assembly with those of sensors and attachments."""
         found = dict(self._effects.get(assembly, {}))
-        for name in points:
+        for name in filter(None, points):
             for error, moved in attachment_effects(name, self.campaign, self.builder.built).items():
                 found[error] = {**found.get(error, {}), **moved}
         return found

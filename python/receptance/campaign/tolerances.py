@@ -18,7 +18,7 @@ from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from receptance.campaign.build import Builder, Built
     from receptance.campaign.measurements import Measurement
@@ -82,16 +82,12 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: 
         elif taken & set(addresses):
             builder.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
         else:
-            own = {a: deviation.of(assembly.get(a)) for a in addresses}
-            effects.setdefault(deviation.name or path_text(path), {}).update(own)
+            _add_effects(effects, assembly, ((a, path, deviation) for a in addresses), set())
             taken |= set(addresses)
 
-    own_sets = {own for address in table.set for own in covered(address, assembly)}
-    for address, path, deviation in _inherited(assembly, campaign, {}):
-        if address in taken or address not in assembly.parameters:
-            continue
-        title = deviation.name or path_text((*here, "set", address) if address in own_sets else path)
-        effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+    own = {own: (*here, "set", own) for address in table.set for own in covered(address, assembly)}
+    inherited = ((a, own.get(a, path), deviation) for a, path, deviation in _inherited(assembly, campaign, {}))
+    _add_effects(effects, assembly, inherited, taken)
     return effects
 
 
@@ -107,12 +103,8 @@ def inherited_effects(
     parts : mapping of str to dict
         Names of the other parts, and the standard deviations of their dimensions by address.
     """
-    taken = _identified(assembly, built)
     effects: Effects = {}
-    for address, path, deviation in _inherited(assembly, campaign, parts):
-        if address not in taken and address in assembly.parameters:
-            title = deviation.name or path_text(path)
-            effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+    _add_effects(effects, assembly, _inherited(assembly, campaign, parts), _identified(assembly, built))
     return effects
 
 
@@ -127,6 +119,14 @@ def attachment_effects(name: str, campaign: CampaignTable, built: Built) -> Effe
             value = float(getattr(point, address.split(".", 1)[1]))
             effects.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
     return effects
+
+
+def _add_effects(effects: Effects, assembly: Assembly, inherited: Iterable[_Inherited], taken: Collection[str]) -> None:
+    """Add the standard deviations of parameters of an assembly, except for those that are taken."""
+    for address, path, deviation in inherited:
+        if address not in taken and address in assembly.parameters:
+            title = deviation.name or path_text(path)
+            effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
 
 
 def _identified(assembly: Assembly, built: Built) -> set[str]:
