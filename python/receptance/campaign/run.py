@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from receptance.identification.next_measurement import Target
     from receptance.stability import Stability
 
-__all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighable_tolerances"]
+__all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighted_tolerances"]
 
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
@@ -261,7 +261,7 @@ class Campaign:
             raise CampaignError.about(self.file, text)
         unknowns, left_out = observed_unknowns(self, seen)
         settings = self.table.settings
-        tolerances = weighable_tolerances(self, seen)
+        tolerances = weighted_tolerances(self, seen)
         observations = [measured.observation for measured in seen.values()]
         lines = sum(o.frequency_hz.size for o in observations)
         by_level, unknowns, options = fit_options(self, observations, unknowns, threads=threads, say=say)
@@ -327,10 +327,10 @@ class Campaign:
         provenance = self.provenance()
         for name, (owner, measured) in groups.items():
             say(f"solving for {name}")
-            wanted = [t for t in _ORDER if f"{owner}.{t}" in self.table.unknowns]
-            terms = wanted[: len(measured)]
-            if len(terms) < len(wanted):
-                left = ", ".join(f"{owner}.{term}" for term in wanted[len(terms) :])
+            unknown = [t for t in _ORDER if f"{owner}.{t}" in self.table.unknowns]
+            terms = unknown[: len(measured)]
+            if len(terms) < len(unknown):
+                left = ", ".join(f"{owner}.{term}" for term in unknown[len(terms) :])
                 count = f"{len(measured)} FRF{'' if len(measured) == 1 else 's'}"
                 notes.append(
                     f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
@@ -473,7 +473,7 @@ class Campaign:
         if any(one.held_out for one in self.measurements.values()):
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
         measured, settings = self.measurements, self.table.settings
-        tolerances = weighable_tolerances(self, measured)
+        tolerances = weighted_tolerances(self, measured)
         observations = [
             one.observation.configured(one.assembly, one.observation.conditions) for one in measured.values()
         ]
@@ -614,7 +614,7 @@ def fit_options(
     )
 
 
-def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
+def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
     """Return the errors of all measurements.
 
     Raises
@@ -636,13 +636,13 @@ def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) ->
                 )
             ],
         )
-    bare = [name for name, measured in seen.items() if not measured.observation.weighted]
-    if bare:
+    unweighted = [name for name, measured in seen.items() if not measured.observation.weighted]
+    if unweighted:
         expected = (
             "has no standard deviation, which a fit of errors of dimensions and materials needs; expected "
             '`standard_deviation`, such as "2 %", or no tolerances'
         )
-        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in bare])
+        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in unweighted])
     return tolerances
 
 

@@ -673,12 +673,13 @@ class PredictionTable(Table):
 
 
 class SeriesTable(Table):
-    """Levels of repeated measurements; a table with `{level}` in its name stands for one table for each level."""
+    """Levels of repeated measurements; a table with `{level}` in its name is the template of a table for each level."""
 
     over: Name
     """name of the condition, such as `"drawbar force"`"""
     levels: Annotated[list[Written], Field(min_length=1)]
-    """the levels, `["0 kN", "1 kN"]`; `{level}` stands for one as it is written, `{value}` for its number alone"""
+    """the levels, `["0 kN", "1 kN"]`; `{level}` is replaced by the level as it is written, `{value}` by
+    its number"""
     hold_out: list[Written] = Field(default=[])
     """levels whose measurements are held out, written as in `levels`"""
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
 
-__all__ = ["_METRICS", "CampaignCut", "Tip", "Tips", "build_cut", "named_metrics", "stability_of_campaign"]
+__all__ = ["CampaignCut", "Tip", "Tips", "build_cut", "named_metrics", "stability_of_campaign"]
 
 
 @dataclass(frozen=True, kw_only=True)
