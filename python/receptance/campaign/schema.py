@@ -28,7 +28,7 @@ from pydantic import (
 from receptance import units
 from receptance._text import shown
 from receptance.campaign.values import (
-    AddressKey,
+    Address,
     Amount,
     AtAddress,
     ByAddress,
@@ -38,11 +38,11 @@ from receptance.campaign.values import (
     DeviationShare,
     ForceWindow,
     NameInMachine,
-    NameOf,
     OneOf,
     Position,
     Share,
     Spread,
+    name_of,
     parse_condition,
     parse_level,
 )
@@ -203,7 +203,7 @@ def _key(element: type[Element], name: str, field: Declaration, defaults: Mappin
         kind = Annotated[float, Amount(field.quantity)]
         return (kind | None if default is None else kind), default
     if isinstance(field, Member) and field.kind is Material:
-        kind = Annotated[str, NameOf("materials")]
+        kind = Annotated[str, name_of("materials")]
         return (kind | None if default is None else kind), default
     if isinstance(field, Member):
         table = table_of(Of(field.kind, name=f"{field.kind.__name__}MemberTable"))
@@ -217,7 +217,7 @@ def _key(element: type[Element], name: str, field: Declaration, defaults: Mappin
     if name == "position":
         return Position, default
     if name == "part":
-        return Annotated[str, NameOf("parts", optional=True)], default
+        return Annotated[str, name_of("parts", optional=True)], default
     hint = get_args(get_type_hints(element, include_extras=True)[name])[0]
     if hint == tuple[float, ...]:
         return Annotated[list[Annotated[float, Field(ge=0.0)]], Field()], list(default)
@@ -253,10 +253,9 @@ ConditionValue = Annotated[
 ]
 """A number with any unit."""
 Conditions = dict[str, ConditionValue]
-AssemblyName = Annotated[str, NameOf("assemblies")]
-SensorName = Annotated[str, NameOf("sensors")]
-AttachmentNames = list[Annotated[str, NameOf("attachments")]]
-FileName = Annotated[str, DataFile()]
+AssemblyName = Annotated[str, name_of("assemblies")]
+SensorName = Annotated[str, name_of("sensors")]
+AttachmentNames = list[Annotated[str, name_of("attachments")]]
 
 # Parts and joints ----------------------------------------------------------------------------------------------------
 
@@ -305,7 +304,7 @@ AttachmentTable = Annotated[ElementTable, ATTACHMENTS]
 class CoordinateTable(Table):
     """A position on a part, a direction and a sign."""
 
-    part: Annotated[str, NameOf("parts", optional=True)] = ""
+    part: Annotated[str, name_of("parts", optional=True)] = ""
     """name of the part; by default the first one of the chain"""
     position: Position = 0.0
     """distance from the part's tip-side end, or `"end"` for its far end; by default 0"""
@@ -316,7 +315,7 @@ class CoordinateTable(Table):
 class AssemblyTable(Table):
     """A configuration: parts and joints in a row from the tip, and values of its own."""
 
-    chain: Annotated[list[Annotated[str, NameOf("parts", "joints", "modal_parts")]], Field(min_length=1)]
+    chain: Annotated[list[Annotated[str, name_of("parts", "joints", "modal_parts")]], Field(min_length=1)]
     """names of parts and joints from the tip on; begins with a part and ends with a part or a modal part"""
     attachments: AttachmentNames = Field(default=[])
     """names of the masses and ground springs on it"""
@@ -351,7 +350,7 @@ class EntryTable(Table):
 class FileFields(Table):
     """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
 
-    file: FileName
+    file: DataFile
     """path, relative to the campaign file: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
     format: str | None = None
     """format of the file, if its ending does not determine it"""
@@ -361,7 +360,7 @@ class FileFields(Table):
     """unit of the FRF, if the file does not state it, such as `"m/s^2/N"`"""
     entry: EntryTable = EntryTable()
     """the FRF to read, if the file holds several FRFs, responses or excitations"""
-    coherence: FileName | None = None
+    coherence: DataFile | None = None
     """another file with the coherence"""
     ignore_coherence: bool = False
     """whether the coherence in the file is ignored"""
@@ -441,7 +440,7 @@ class HammerTable(_Response):
 
     kind: Literal["hammer records"]
     """`"hammer records"`"""
-    file: Annotated[FileName | list[FileName], OneOf(str, list, what="the name of a file, or a list of them")]
+    file: Annotated[DataFile | list[DataFile], OneOf(str, list, what="the name of a file, or a list of them")]
     """path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"""
     format: str | None = None
     """format of the files, if their ending does not determine it"""
@@ -509,7 +508,7 @@ class FrequenciesTable(_Measured):
     ] = None
     """standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one for
     each"""
-    file: FileName | None = None
+    file: DataFile | None = None
     """CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`,
     `damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"""
     response: CoordinateTable = CoordinateTable()
@@ -607,9 +606,9 @@ class UnknownTable(Table):
     """assemblies that have the unknown; by default all"""
     multiple: float | None = None
     """the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"""
-    also: dict[Annotated[str, AddressKey()], float] = Field(default={})
+    also: dict[Address, float] = Field(default={})
     """further parameters by address, as multiples of the unknown"""
-    moves: dict[Annotated[str, AddressKey()], float] = Field(default={})
+    moves: dict[Address, float] = Field(default={})
     """parameters by address that the unknown changes: v becomes v + n u, with the unknown u and the number n; the
     unknown then has a name instead of an address, and plain numbers in SI units"""
     relative: bool = False
@@ -693,11 +692,11 @@ _Speed = Annotated[float, Amount(units.SPINDLE_SPEED)]
 class TipTable(FileFields):
     """The receptance of the tool tip in one direction: one of an assembly, a measurement or a file."""
 
-    file: FileName | None = None  # type: ignore[assignment]
+    file: DataFile | None = None  # type: ignore[assignment]
     """path of a file with the FRF of the tip"""
     assembly: AssemblyName | None = None
     """name of an assembly whose tip is predicted"""
-    measurement: Annotated[str, NameOf("measurements")] | None = None
+    measurement: Annotated[str, name_of("measurements")] | None = None
     """name of a measured FRF of the campaign"""
     bands: Annotated[list[Band], Field(min_length=1)] | None = None
     """frequency bands of a file or a measurement in which limits are computed, `[["300 Hz", "4 kHz"]]`; by default all
@@ -771,17 +770,17 @@ class CatalogueSpread(Table):
 class CatalogueTable(Table):
     """Tools and holders in CSV files, and their machine."""
 
-    tools: FileName | None = None
+    tools: DataFile | None = None
     """CSV file with a tool in each row; not needed if the command names one"""
-    holders: FileName | None = None
+    holders: DataFile | None = None
     """CSV file with a segment of a holder in each row; parts of this file are holders as well"""
-    machine: Annotated[list[Annotated[str, NameInMachine()]], Field(min_length=1)]
+    machine: Annotated[list[NameInMachine], Field(min_length=1)]
     """names of joints and parts behind the holder, from its joint on"""
     attachments: AttachmentNames = Field(default=[])
     """names of masses and ground springs on these parts"""
     spindle: str | None = None
     """file with the receptances of a spindle behind the machine: from `write_spindle`, or FRFs"""
-    joint: Annotated[str, NameOf("joints")] | None = None
+    joint: Annotated[str, name_of("joints")] | None = None
     """name of the joint between tool and holder, for rows that name none"""
     tolerance: CatalogueSpread = CatalogueSpread()
     """standard deviations of the dimensions of tools"""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -35,8 +35,8 @@ __all__ = [
     "FIELDS",
     "OWNERS",
     "PLAIN_NUMBER",
+    "Address",
     "AddressError",
-    "AddressKey",
     "Amount",
     "AtAddress",
     "BrokenReferenceError",
@@ -47,7 +47,6 @@ __all__ = [
     "DeviationShare",
     "ForceWindow",
     "NameInMachine",
-    "NameOf",
     "OneOf",
     "Position",
     "References",
@@ -55,6 +54,7 @@ __all__ = [
     "Spread",
     "json_schema",
     "kind_of",
+    "name_of",
     "parse_condition",
     "parse_deviation",
     "parse_level",
@@ -475,6 +475,15 @@ class References:
         what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in mentioned)
         raise BrokenReferenceError(f'is "{name}", which is not {what} of this file{instead_of(name, known)}')
 
+    def check_machine(self, name: str) -> None:
+        """Raise a `BrokenReferenceError` if the machine of a catalogue cannot contain an element of this name."""
+        if name in self.named["modal_parts"]:
+            raise BrokenReferenceError(
+                f'is "{name}", a modal part, which `machine` cannot contain; expected parts and joints, or the spindle '
+                'in a file of its own, named by `spindle = "FILE"`'
+            )
+        self.check_name(name, ("parts", "joints"))
+
     def check_address(self, address: str) -> None:
         """Raise an `AddressError` if a text is not an address, or its owner is unknown."""
         kind_of(address)
@@ -494,73 +503,33 @@ class References:
         raise BrokenReferenceError(text + did_you_mean(file.name, near))
 
 
-class _Reference:
-    """Base of the markers: the text of a field is checked after its type."""
+def _checked(check: Callable[[References, str], None]) -> AfterValidator:
+    """Return the marker of a text that is checked against the context of the validation, if there is one."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Check the text against the context of the validation, if there is one."""
-        return handler.generate_schema(Annotated[source, AfterValidator(self._validated)])
-
-    def _validated(self, text: str, info: ValidationInfo) -> str:
+    def validated(text: str, info: ValidationInfo) -> str:
         if isinstance(info.context, References):
-            self.check(text, info.context)
+            check(info.context, text)
         return text
 
-    def check(self, text: str, references: References) -> None:
-        """Raise a ValueError if there is nothing of that name."""
-        raise NotImplementedError
+    return AfterValidator(validated)
 
 
-class NameOf(_Reference):
-    """Marks a text as a name in one of some sections of the file.
+def name_of(*sections: str, optional: bool = False) -> AfterValidator:
+    """Return the marker of a text that is a name in one of some sections of the file, or, if `optional`, empty."""
 
-    Parameters
-    ----------
-    *sections : str
-        The sections.
-    optional : bool, optional
-        Whether the text may be empty.
-    """
+    def check(references: References, name: str) -> None:
+        if name or not optional:
+            references.check_name(name, sections)
 
-    def __init__(self, *sections: str, optional: bool = False) -> None:
-        self.sections, self.optional = sections, optional
-
-    def check(self, text: str, references: References) -> None:
-        """Raise a `BrokenReferenceError` if no section has the name."""
-        if text or not self.optional:
-            references.check_name(text, self.sections)
+    return _checked(check)
 
 
-class NameInMachine(NameOf):
-    """Marks a text as a name in the chain of the machine of a catalogue."""
-
-    def __init__(self) -> None:
-        super().__init__("parts", "joints")
-
-    def check(self, text: str, references: References) -> None:
-        """Raise a `BrokenReferenceError` if there is no such part or joint."""
-        if text in references.named["modal_parts"]:
-            raise BrokenReferenceError(
-                f'is "{text}", a modal part, which `machine` cannot contain; expected parts and joints, or the spindle '
-                'in a file of its own, named by `spindle = "FILE"`'
-            )
-        super().check(text, references)
-
-
-class DataFile(_Reference):
-    """Marks a text as the path of a data file, relative to the campaign file."""
-
-    def check(self, text: str, references: References) -> None:
-        """Raise a `BrokenReferenceError` if the file does not exist."""
-        references.check_file(text)
-
-
-class AddressKey(_Reference):
-    """Marks a key as the address of a parameter."""
-
-    def check(self, text: str, references: References) -> None:
-        """Raise an `AddressError` if it is not an address, or has no owner."""
-        references.check_address(text)
+DataFile = Annotated[str, _checked(References.check_file)]
+"""Path of a data file, relative to the campaign file."""
+Address = Annotated[str, _checked(References.check_address)]
+"""Address of a parameter."""
+NameInMachine = Annotated[str, _checked(References.check_machine)]
+"""Name in the chain of the machine of a catalogue."""
 
 
 # Values at addresses -------------------------------------------------------------------------------------------------
