@@ -1,8 +1,9 @@
 """Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
+from receptance.campaign.comparison import Comparison
 from receptance.campaign.json_schema import field_tables, json_schema
 from receptance.campaign.measurements import Measurement
-from receptance.campaign.prediction import PredictedFrequencies, Prediction, forecast_of
+from receptance.campaign.prediction import Prediction, forecast_of
 from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.read import load
 from receptance.campaign.run import Campaign
@@ -15,11 +16,11 @@ __all__ = [
     "Campaign",
     "CampaignCut",
     "CampaignError",
+    "Comparison",
     "Condition",
     "Deviation",
     "Effects",
     "Measurement",
-    "PredictedFrequencies",
     "Prediction",
     "Problem",
     "Tip",

@@ -42,8 +42,11 @@ from receptance.model.terminals import ModalPart
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
+    import os
+
     from numpy.typing import NDArray
 
+    from receptance.campaign.comparison import Comparison
     from receptance.campaign.prediction import Prediction
     from receptance.campaign.schema import CampaignTable
     from receptance.campaign.stability import CampaignCut
@@ -58,6 +61,7 @@ if TYPE_CHECKING:
     from receptance.identification.laws import Tolerance
     from receptance.identification.next_measurement import Target
     from receptance.stability import Stability
+    from receptance.sweep import Candidates
 
 __all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighted_tolerances"]
 
@@ -349,6 +353,41 @@ class Campaign:
             notes += [f"{name}: {note}" for note in one.notes]
         return InverseCouplings(found, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
 
+    def compare(
+        self,
+        candidates: Candidates,
+        *,
+        given: Mapping[str, float] | None = None,
+        store: str | os.PathLike[str] | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Comparison:
+        """Compare many values of parameters with the measurements that are not held out.
+
+        Unknowns that neither vary nor have a given value are identified first, together with those that vary, and keep
+        their identified values.
+
+        Parameters
+        ----------
+        candidates : Grid, Listed or Sampled
+            Values of parameters, by address; see `receptance.sweep`.
+        given : mapping of str to float, optional
+            Values of other parameters in SI units, by address.
+        store : path, optional
+            As in `receptance.sweep.sweep`.
+        progress : callable, optional
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            No measured assembly has a parameter; or as in `identify`.
+        SweepError
+            As in `receptance.sweep.sweep`.
+        """
+        from receptance.campaign.comparison import compare_candidates
+
+        return compare_candidates(self, candidates, given=given, store=store, progress=progress)
+
     def next_measurement(
         self,
         identified: Identification | None = None,
@@ -522,7 +561,6 @@ class Campaign:
             There are no unknowns or no measurements, or measurements have no standard deviations. It is a ValueError.
         """
         from receptance.diagnosis import diagnose
-        from receptance.diagnosis.fitting import observed_numbers
         from receptance.diagnosis.held_out import improvement
         from receptance.diagnosis.thresholds import LEAST_FREEDOM
 
@@ -531,7 +569,7 @@ class Campaign:
             raise CampaignError.about(self.file, "there are no measurements, expected `measurements`")
         notes = list(self.notes)
         seen, held_out = dict(self.to_identify), dict(self.held_out)
-        numbers = sum(observed_numbers(one.observation) for one in seen.values())
+        numbers = sum(one.observation.independent_values for one in seen.values())
         if held_out and numbers - len(self.unknowns) < LEAST_FREEDOM:
             notes.append(
                 f"{numbers:.3g} measured values for {len(self.unknowns)} unknowns are too few to test the model, so "
@@ -699,7 +737,8 @@ def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple
 
     unknowns, left_out = observed_unknowns(campaign, seen)
     observations = tuple(one.observation for one in seen.values())
-    return Model(observations, tuple(unknowns), tuple(tolerances_of_measurements(seen))), left_out
+    tolerances = tuple(tolerances_of_measurements(seen))
+    return Model(observations, tuple(unknowns), tolerances, seed=campaign.table.settings.seed), left_out
 
 
 def _held_out_error(campaign: Campaign) -> list[str]:
@@ -715,7 +754,7 @@ def _held_out_error(campaign: Campaign) -> list[str]:
         tolerances=tuple(tolerances_of_measurements(campaign.held_out)),
     )
     try:
-        errors, modes = metrics_of(fit_base(model, seed=campaign.table.settings.seed), out, scored=False)
+        errors, modes = metrics_of(fit_base(model), out, scored=False)
     except (ValueError, ReceptanceError):
         return []
     if FREQUENCIES not in errors:

@@ -208,6 +208,11 @@ class MeasuredFRF:
         """Effective number of independent lines: each one counts as 1 / correlated_lines."""
         return float(np.sum(1.0 / self.correlated_lines))
 
+    @property
+    def independent_values(self) -> float:
+        """Effective number of independent real values: two for each independent line."""
+        return 2.0 * self.independent_lines
+
     @classmethod
     def from_frf(
         cls,
@@ -390,6 +395,11 @@ class MeasuredFrequencies:
             standard_deviation_hz=factor * np.asarray(self.standard_deviation_hz),
             standard_deviation_damping=None if damping is None else factor * np.asarray(damping),
         )
+
+    @property
+    def independent_values(self) -> float:
+        """Number of independent real values: frequencies and known damping ratios."""
+        return float(self.frequency_hz.size + self.damped.size)
 
     @property
     def damped(self) -> NDArray[np.intp]:

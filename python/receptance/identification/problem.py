@@ -16,7 +16,6 @@ import numpy as np
 from receptance import _checks, _core
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.residuals import CoreObservations, InfeasibleError
-from receptance.model.addresses import interface_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -312,7 +311,7 @@ class Problem:
         if found is None:
             return "a residual or its derivative is not finite"
         number, text = found
-        return interface_names(self._added.assemblies[number]._flatten(()), text)
+        return self._added.assemblies[number].flat().with_joint_name(text)
 
     def _evaluate(self, x: NDArray[np.float64]) -> _Rows:
         if self._at is None or not np.array_equal(self._at, x):

@@ -18,7 +18,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.factors import FACTORS
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.model.joints import PointJoint
-from receptance.model.tables import Tied, by_line, tie
+from receptance.model.tables import Tied
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -130,7 +130,7 @@ class CoreObservations:
         if key not in self._receptances:
             evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
             try:
-                given = by_line(model.flat, evaluated / math.tau, force)
+                given = model.flat.by_line(evaluated / math.tau, force)
             except ValueError as error:
                 raise InfeasibleError(str(error)) from None
             tied, assembly = model.model(addresses, factors), one.observation.assembly
@@ -234,7 +234,7 @@ def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]
     """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
     placed = one.placed
     factors = [(FACTORS.index(name), i) for i, name in enumerate(placed.addresses) if name in FACTORS]
-    tied = tie(one.observation.assembly, placed.addresses, one.points, others=FACTORS)
+    tied = one.observation.assembly.tied(placed.addresses, one.points, others=FACTORS)
     start = np.where(placed.base >= 0, placed.scale, placed.fixed)
     columns = [placed.base, start, placed.second, placed.share, placed.exponents, placed.shifts]
     addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
