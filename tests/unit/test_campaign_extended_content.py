@@ -43,7 +43,7 @@ def campaign_of(
     """Simulate the FRFs of short, long and, held out, longest; the campaign adds statements to the simulated data."""
     plain = load(folder, f"{HEAD}{UNKNOWNS}")
     for name, assembly in plain.assemblies.items():
-        from receptance.campaign.builder import with_attached
+        from receptance.campaign.build import with_attached
 
         true = with_attached(assembly.replace(JOINT), *masses)
         write(folder / f"{name}.csv", FRF(frequency_hz=LINES, values=factor * true.receptance(LINES)))

@@ -163,7 +163,7 @@ def test_a_stepped_sine(tmp_path: Path) -> None:
     lines = np.linspace(1000.0, 3500.0, 120)
     for i in range(3):
         (tmp_path / f"sine{i}.csv").write_text("")
-    shape = campaign.loading.measured_structures(text)["sine0"][0]
+    shape = campaign.read.measured_structures(text)["sine0"][0]
     assembly = type(shape)([joint if name == "joint" else of for name, of in shape.elements.items()])
     rng = np.random.default_rng(3)
     for i, force in enumerate((0.2, 1.0, 0.5)):

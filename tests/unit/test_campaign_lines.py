@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from receptance.campaign.lines import line_of, lines_of
+from receptance.campaign.problems import line_of, lines_of
 
 ODD = '''\
 # remark with [brackets] and "quotes"

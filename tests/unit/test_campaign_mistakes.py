@@ -306,3 +306,34 @@ def test_zero_tolerance_is_accepted(tmp_path: Path) -> None:
         assert "parts.tool.segments[0].length" not in fit.errors
     assert ends[1] == pytest.approx(ends[0])
     assert ends[2] == pytest.approx(ends[0])
+
+
+def test_a_mistake_in_the_tip_of_a_cut(tmp_path: Path) -> None:
+    """The tip across the feed is a table or a word; a mistake in the table is reported at its key, once."""
+    cut = '\n[cuts.one]\nkind = "milling"\nteeth = 2\nk_t = "800 MPa"\nk_n = "300 MPa"\nx = { assembly = "short" }\n'
+    for written, words in (
+        ('{ measurment = "short" }', 'cuts.one.y.measurment: is not a known key; did you mean "measurement"?'),
+        ("{ measurement = 3 }", "cuts.one.y.measurement: is 3, expected text in quotes"),
+        ('{ measurement = "shrt" }', 'cuts.one.y.measurement: is "shrt", which is not a measurement of this file'),
+        ('"as z"', 'cuts.one.y: is "as z", expected a table, "as x" or "rigid"'),
+    ):
+        error = mistakes(tmp_path, f"{TEXT}{cut}y = {written}\n")
+        assert words in str(error)
+        assert len(error.problems) == 1
+
+
+def test_the_force_channel_of_hammer_records_is_not_the_amplitude_of_a_sine(tmp_path: Path) -> None:
+    old = 'kind = "natural frequencies"\nassembly = "short"\nfrequencies = ["2500 Hz", "10000 Hz"]\n'
+    joint = ("[joints.joint]", '[joints.joint]\nkind = "micro-slip"')
+    for kind, expected in (
+        ('"hammer records"\nforce = "hammer"\nmotion = "tip"', ["file"]),
+        ('"frf"\nforce = "5 N"', ["file", "level"]),
+    ):
+        new = f'kind = {kind}\nassembly = "short"\nfile = "short.csv"\nlevel = 2\n'
+        error = mistakes(tmp_path, changed((f'{old}standard_deviation = "2 Hz"\n', new), joint))
+        assert [problem.path for problem in error.problems] == [("measurements", "short", key) for key in expected]
+
+
+def test_a_wrong_address_of_an_unknown_is_reported_once(tmp_path: Path) -> None:
+    error = mistakes(tmp_path, changed(('"joint.k_y" = {', '"joint.k_z" = {')))
+    assert [problem.path for problem in error.problems] == [("unknowns", "joint.k_z")]

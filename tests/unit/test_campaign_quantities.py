@@ -8,7 +8,7 @@ import pytest
 
 from receptance import units
 from receptance._text import did_you_mean, one_of
-from receptance.campaign.quantities import Deviation, kind_of, parse_condition, parse_deviation, parse_position
+from receptance.campaign.values import Deviation, kind_of, parse_condition, parse_deviation, parse_position
 from receptance.units import QUANTITIES, Quantity, parse
 
 

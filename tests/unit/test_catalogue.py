@@ -15,7 +15,7 @@ from command_line import call
 from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
-from receptance.campaign.frequencies import read_frequencies
+from receptance.campaign.measurements import read_frequencies
 from receptance.campaign.prediction import forecast_of
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly

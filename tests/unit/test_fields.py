@@ -22,7 +22,7 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.campaign.element_tables import Of, table_of
+from receptance.campaign.schema import Of, table_of
 from receptance.model.fields import Element, Member, Number
 
 SHANK = Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE, core=STEEL)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Coordinate, ReceptanceWarning
-from receptance.campaign.frequencies import FrequencyTableError, read_frequencies
+from receptance.campaign.measurements import FrequencyTableError, read_frequencies
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
 
 EXPECTED = [1e-3 - 2e-3j, 3e-3 + 4e-3j]

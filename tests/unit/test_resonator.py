@@ -22,7 +22,7 @@ from receptance import (
     damped_modes,
     identify,
 )
-from receptance.campaign.writing import attachment_table
+from receptance.campaign.write import attachment_table
 
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
 HOLDER = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")

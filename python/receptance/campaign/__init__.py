@@ -1,16 +1,16 @@
 """Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
-from receptance.campaign.campaign import Campaign
 from receptance.campaign.comparison import Comparison
-from receptance.campaign.cuts import CampaignCut, Tip
-from receptance.campaign.loading import load
+from receptance.campaign.json_schema import field_tables, json_schema
 from receptance.campaign.measurements import Measurement
 from receptance.campaign.prediction import Prediction, forecast_of
 from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.quantities import Condition, Deviation
-from receptance.campaign.schema import field_tables, json_schema
+from receptance.campaign.read import load
+from receptance.campaign.run import Campaign
+from receptance.campaign.stability import CampaignCut, Tip
 from receptance.campaign.tolerances import Effects
-from receptance.campaign.writing import extended_text, write_extended
+from receptance.campaign.values import Condition, Deviation
+from receptance.campaign.write import extended_text, write_extended
 
 __all__ = [
     "Campaign",

@@ -12,8 +12,8 @@ import numpy as np
 
 from receptance._text import instead_of
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.quantities import kind_of
 from receptance.campaign.tolerances import tolerances_of
+from receptance.campaign.values import kind_of
 from receptance.identification import Identification, MeasuredFrequencies, MeasuredFRF
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
 
 __all__ = ["Comparison", "compare_candidates"]

@@ -1,49 +1,66 @@
-"""Observations from the measurements of a campaign, and the candidates for the next one."""
+"""Measurements of a campaign: FRFs, records of hammer hits and natural frequencies, and candidates for the next one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.builder import with_attached, with_sensor
-from receptance.campaign.data_files import (
-    estimate_hammer_frf,
-    observed_frf,
-    parse_deviation_share,
-    parse_force_window,
-    read_entry,
-    read_records,
-    with_coordinates,
-    with_stated_variance,
-)
-from receptance.campaign.frequencies import damping_of, deviations_of, frequencies_of
-from receptance.campaign.quantities import Condition
-from receptance.campaign.tolerances import tolerances_of
+from receptance import units
+from receptance._files import read_whole
+from receptance._text import did_you_mean, one_of, shown
+from receptance.campaign.tolerances import attachment_effects, tolerances_of
+from receptance.campaign.values import Condition, Deviation, parse_deviation, parse_share
 from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
+from receptance.identification.observations import altered
+from receptance.io.text import truncation_notes
+from receptance.units import FORMS, parse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.campaign.builder import Builder, Built
-    from receptance.campaign.format import (
+    from receptance.campaign.build import Builder
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.schema import (
         CampaignTable,
         CandidateFrequenciesTable,
         CandidateFRFTable,
+        CandidateTable,
+        FileFields,
         FrequenciesTable,
         FRFTable,
         HammerTable,
+        MeasurementTable,
     )
-    from receptance.campaign.lines import KeyPath
     from receptance.campaign.tolerances import Effects
     from receptance.frf import FRF
+    from receptance.measurement import HammerRecords
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["Measurement", "build_candidate", "build_measurement"]
+__all__ = [
+    "Frequencies",
+    "FrequencyTableError",
+    "Measurement",
+    "MeasurementReader",
+    "damping_of",
+    "deviations_of",
+    "estimate_hammer_frf",
+    "integrate_motion",
+    "observed_frf",
+    "read_entry",
+    "read_frequencies",
+    "read_records",
+    "restrict_to_bands",
+    "with_coordinates",
+    "with_stated_variance",
+]
 
 Observation = MeasuredFRF | MeasuredFrequencies
 
@@ -90,52 +107,117 @@ class Measurement:
         return self.role == "hold out"
 
 
-class _Reader:
-    """Reads the data of one measurement; mistakes are added to the builder."""
+_MOST_LINES = 100_000
+"""Largest number of lines of a candidate."""
 
-    def __init__(self, name: str, campaign: CampaignTable, built: Built, folder: Path, builder: Builder) -> None:
-        self.name = name
-        self.campaign = campaign
-        self.table = campaign.measurements[name]
-        self.path: KeyPath = ("measurements", name)
-        self.built = built
-        self.folder = folder
-        self.builder = builder
 
-    def observation(self) -> Observation | None:
-        """Return the observation, or None after its mistakes are added."""
-        there = not any(self.builder.problems.at((*self.path, key)) for key in ("file", "coherence"))
-        assembly = self.built.assemblies.get(self.table.assembly)
-        if assembly is not None:
-            assembly = self.builder.at_level(self.path, self.table.level, assembly, self.campaign)
-        sensor = None if self.table.sensor is None else self.built.sensors.get(self.table.sensor)
-        if assembly is None or (self.table.sensor is not None and sensor is None):
+class MeasurementReader:
+    """Makes measurements, with their data, and candidates from their tables; mistakes are added to the builder.
+
+    Parameters
+    ----------
+    campaign : CampaignTable
+        The file.
+    builder : Builder
+        Builder with the objects of the file.
+    folder : Path
+        Folder of the data files.
+    effects : dict
+        Errors of assemblies by name.
+    """
+
+    def __init__(self, campaign: CampaignTable, builder: Builder, folder: Path, effects: Mapping[str, Effects]) -> None:
+        self.campaign, self.builder, self.folder = campaign, builder, folder
+        self._effects = effects
+
+    def measurement(self, name: str) -> Measurement | None:
+        """Return a measurement, or None after its mistakes are added."""
+        table = self.campaign.measurements[name]
+        before = len(self.builder.notes)
+        path: KeyPath = ("measurements", name)
+        if table.kind == "frf" and table.force is not None and table.level is not None:
+            text = "is given with a force, which determines it, expected one of the two"
+            self.builder.problems.add((*path, "level"), text)
+        assembled = self.builder.measured(path, table, self.campaign, table.attachments, table.level)
+        if assembled is None:
             return None
-        if self.table.attachments:
-            if not self.built.attachments.keys() >= set(self.table.attachments):
-                return None
-            points = [self.built.attachments[name] for name in self.table.attachments]
-            assembly = self.builder.make((*self.path, "attachments"), with_attached, assembly, *points)
-            if assembly is None:
-                return None
-        at = self.builder.place((*self.path, "response"), self.table.response, assembly)
-        if self.table.kind != "natural frequencies":
-            excited = self.builder.place((*self.path, "excitation"), self.table.excitation, assembly)
-            if at is None or excited is None or not there:
-                return None
-            return self._frf(self.table, with_sensor(assembly, sensor, at), at, excited)
-        if at is None or not there:
+        assembly, response = assembled
+        observation: Observation | None
+        if table.kind == "natural frequencies":
+            observation = self._frequencies(path, table, assembly)
+        else:
+            observation = self._frf(path, table, assembly, response)
+        if observation is None:
             return None
-        return self._frequencies(self.table, with_sensor(assembly, sensor, at))
+        return Measurement(
+            name=name,
+            assembly=table.assembly,
+            role=table.role,
+            observation=observation.configured(table.assembly, self._conditions(table)),
+            sensor=table.sensor,
+            files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
+            conditions=table.conditions,
+            effects=self._errors(table.assembly, table.sensor, *table.attachments),
+            notes=tuple(self.builder.notes[before:]),
+        )
 
-    def _frequencies(self, table: FrequenciesTable, assembly: Assembly) -> MeasuredFrequencies | None:
-        make, path = self.builder.make, self.path
+    def candidate(self, name: str) -> Candidate | None:
+        """Return a candidate, or None after its mistakes are added."""
+        table, path = self.campaign.candidates[name], ("candidates", name)
+        make = self.builder.make
+        assembled = self.builder.measured(path, table, self.campaign)
+        if assembled is None:
+            return None
+        assembly, response = assembled
+        common = {
+            "label": name,
+            "assembly": assembly,
+            "tolerances": tuple(tolerances_of(self._errors(table.assembly, table.sensor))),
+            "configuration": table.assembly,
+            "conditions": self._conditions(table),
+            "cost": table.cost,
+        }
+        if table.kind == "natural frequencies":
+            spread = make((*path, "standard_deviation"), _deviations, table, assembly)
+            if spread is None:
+                return None
+            return make(path, Candidate, modes=tuple(table.modes), standard_deviation_hz=spread, **common)
+        excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
+        lines = make(path, _lines, table)
+        if excitation is None or lines is None:
+            return None
+        return make(
+            path,
+            Candidate,
+            frequency_hz=lines,
+            response=response,
+            excitation=excitation,
+            standard_deviation=table.standard_deviation,
+            floor=table.floor or 0.0,
+            **common,
+        )
+
+    def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
+        """Return the conditions of an assembly with those of a measurement."""
+        conditions = {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
+        return {key: one.value for key, one in conditions.items()}
+
+    def _errors(self, assembly: str, *points: str | None) -> Effects:
+        """Return the errors of an assembly with those of sensors and attachments."""
+        found = dict(self._effects.get(assembly, {}))
+        for name in filter(None, points):
+            for error, moved in attachment_effects(name, self.campaign, self.builder.built).items():
+                found[error] = {**found.get(error, {}), **moved}
+        return found
+
+    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> MeasuredFrequencies | None:
+        make = self.builder.make
         if (table.file is None) == (table.frequencies is None):
             what = "neither frequencies nor a file" if table.file is None else "frequencies and a file"
             self.builder.problems.add(path, f"has {what}, expected one of the two")
             return None
         source: KeyPath = (*path, "frequencies" if table.file is None else "file")
-        found = make(source, frequencies_of, table, self.folder)
+        found = None if self.builder.problems.at(source) else make(source, frequencies_of, table, self.folder)
         if found is None:
             return None
         given = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, found.frequency_hz)
@@ -151,160 +233,43 @@ class _Reader:
             standard_deviation_hz=given or found.deviation_hz,
             damping_ratio=damping[0],
             standard_deviation_damping=damping[1],
-            label=self.name,
+            label=path[-1],
         )
 
     def _frf(
-        self, table: FRFTable | HammerTable, assembly: Assembly, response: Coordinate, excitation: Coordinate
+        self, path: KeyPath, table: FRFTable | HammerTable, assembly: Assembly, response: Coordinate
     ) -> MeasuredFRF | None:
-        make, path = self.builder.make, self.path
-        floor = make((*path, "floor"), parse_deviation_share, table.floor)
-        found = self._hammer(table) if table.kind == "hammer records" else self._from_file(table)
-        if found is None or self.builder.problems.at((*path, "floor")):
+        make = self.builder.make
+        excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
+        there = not any(self.builder.problems.at((*path, key)) for key in ("file", "coherence"))
+        if excitation is None or not there:
+            return None
+        found = self._hammer(path, table) if table.kind == "hammer records" else self._from_file(path, table)
+        if found is None:
             return None
         for note in found.notes:
             self.builder.note(path, note)
-        at = make(path, with_coordinates, found, table, response, excitation, self.name)
+        at = make(path, with_coordinates, found, table, response, excitation, str(path[-1]))
         if at is None:
             return None
         place: KeyPath = path if table.bands is None else (*path, "bands")
-        seen: MeasuredFRF | None = make(place, observed_frf, at, table, assembly, response, excitation, floor or 0.0)
+        seen = make(place, observed_frf, at, table, assembly, response, excitation, table.floor or 0.0)
         for note in () if seen is None else seen.notes:
             if note not in found.notes:
                 self.builder.note(path, note)
         return seen
 
-    def _from_file(self, table: FRFTable) -> FRF | None:
-        make, path = self.builder.make, self.path
-        share = make((*path, "standard_deviation"), parse_deviation_share, table.standard_deviation)
-        found = make((*path, "file"), read_entry, table, self.folder)
-        if found is None or self.builder.problems.at((*path, "standard_deviation")):
-            return None
-        return with_stated_variance(found, share)
+    def _from_file(self, path: KeyPath, table: FRFTable) -> FRF | None:
+        found = self.builder.make((*path, "file"), read_entry, table, self.folder)
+        return None if found is None else with_stated_variance(found, table.standard_deviation)
 
-    def _hammer(self, table: HammerTable) -> FRF | None:
-        make, path = self.builder.make, self.path
-        window = make((*path, "force_window"), parse_force_window, table.force_window)
-        records = make((*path, "file"), read_records, table, self.folder)
-        if records is None or window is None:
-            return None
-        return make(path, estimate_hammer_frf, records, table, window)
+    def _hammer(self, path: KeyPath, table: HammerTable) -> FRF | None:
+        records = self.builder.make((*path, "file"), read_records, table, self.folder)
+        return None if records is None else self.builder.make(path, estimate_hammer_frf, records, table)
 
 
 def _files(written: str | list[str] | None) -> tuple[str, ...]:
     return (written,) if isinstance(written, str) else tuple(written or ())
-
-
-def build_measurement(
-    name: str,
-    campaign: CampaignTable,
-    built: Built,
-    effects: tuple[dict[str, Effects], dict[str, Effects]],
-    folder: Path,
-    builder: Builder,
-    of_assemblies: Mapping[str, Mapping[str, Condition]],
-) -> Measurement | None:
-    """Return a measurement with its data, or None after its mistakes are added.
-
-    Parameters
-    ----------
-    name : str
-        Name of the measurement.
-    campaign : CampaignTable
-        The file.
-    built : Built
-        Objects of the file.
-    effects : tuple of dict
-        Errors of assemblies, and of sensors and attachments, by their names.
-    folder : Path
-        Folder of the data files.
-    builder : Builder
-        Builder to which mistakes are added.
-    of_assemblies : mapping
-        Conditions of assemblies.
-    """
-    table = campaign.measurements[name]
-    before = len(builder.notes)
-    observation = _Reader(name, campaign, built, folder, builder).observation()
-    if observation is None:
-        return None
-    described = {key: one.value for key, one in {**of_assemblies.get(table.assembly, {}), **table.conditions}.items()}
-    observation = observation.configured(table.assembly, described)
-    return Measurement(
-        name=name,
-        assembly=table.assembly,
-        role=table.role,
-        observation=observation,
-        sensor=table.sensor,
-        files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-        conditions=table.conditions,
-        effects=_with_attached(effects, table.assembly, table.sensor or "", *table.attachments),
-        notes=tuple(builder.notes[before:]),
-    )
-
-
-_MOST_LINES = 100_000
-"""Largest number of lines of a candidate."""
-
-
-def build_candidate(
-    name: str,
-    campaign: CampaignTable,
-    built: Built,
-    effects: tuple[dict[str, Effects], dict[str, Effects]],
-    builder: Builder,
-    of_assemblies: Mapping[str, Mapping[str, Condition]],
-) -> Candidate | None:
-    """Return a candidate, or None after its mistakes are added; see `build_measurement` for the parameters."""
-    table, path = campaign.candidates[name], ("candidates", name)
-    make = builder.make
-    assembly = built.assemblies.get(table.assembly)
-    sensor = None if table.sensor is None else built.sensors.get(table.sensor)
-    if assembly is None or (table.sensor is not None and sensor is None):
-        return None
-    response = builder.place((*path, "response"), table.response, assembly)
-    if response is None:
-        return None
-    errors = _with_attached(effects, table.assembly, table.sensor or "")
-    known = {key: one.value for key, one in of_assemblies.get(table.assembly, {}).items()}
-    common = {
-        "label": name,
-        "assembly": with_sensor(assembly, sensor, response),
-        "tolerances": tuple(tolerances_of(errors)),
-        "configuration": table.assembly,
-        "conditions": {**known, **{key: one.value for key, one in table.conditions.items()}},
-        "cost": table.cost,
-    }
-    if table.kind == "natural frequencies":
-        spread = make((*path, "standard_deviation"), _deviations, table, common["assembly"])
-        if spread is None:
-            return None
-        return make(path, Candidate, modes=tuple(table.modes), standard_deviation_hz=spread, **common)
-    excitation = builder.place((*path, "excitation"), table.excitation, assembly)
-    lines = make(path, _lines, table)
-    share = make((*path, "standard_deviation"), parse_deviation_share, table.standard_deviation)
-    floor = make((*path, "floor"), parse_deviation_share, table.floor)
-    if excitation is None or lines is None or share is None or builder.problems.at((*path, "floor")):
-        return None
-    return make(
-        path,
-        Candidate,
-        frequency_hz=lines,
-        response=response,
-        excitation=excitation,
-        standard_deviation=share,
-        floor=floor or 0.0,
-        **common,
-    )
-
-
-def _with_attached(effects: tuple[dict[str, Effects], dict[str, Effects]], assembly: str, *names: str) -> Effects:
-    """Return the errors of an assembly with those of sensors and attachments."""
-    found = dict(effects[0].get(assembly, {}))
-    for name in names:
-        for error, moved in effects[1].get(name, {}).items():
-            found[error] = {**found.get(error, {}), **moved}
-    return found
 
 
 def _lines(table: CandidateFRFTable) -> NDArray[np.float64]:
@@ -321,3 +286,429 @@ def _deviations(table: CandidateFrequenciesTable, assembly: Assembly) -> list[fl
     """Return standard deviations in Hz; percentages refer to the model with its start values."""
     frequencies, _ = assembly.lowest_natural_frequencies(max(table.modes))
     return deviations_of(table.standard_deviation, frequencies[np.array(table.modes) - 1].tolist()) or []
+
+
+# FRFs from data files -------------------------------------------------------------------------------------------------
+
+_USED_SHARE = 0.9
+"""Share of usable lines in a band below which a note is made; a few lines at antiresonances are never usable."""
+
+
+def read_entry(table: FileFields, folder: Path) -> FRF:
+    """Return the FRF of a measurement, selected by `entry` if the file holds several.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, or holds several responses or excitations and `entry` selects none.
+    """
+    from receptance.io import read_all, read_frf
+
+    options: dict[str, Any] = {
+        "format": table.format,
+        "quantity": table.quantity,
+        "unit": table.unit,
+        "coherence": None if table.coherence is None else folder / table.coherence,
+        "ignore_coherence": table.ignore_coherence or None,
+        "variables": table.variables or None,
+        "columns": table.columns or None,
+    }
+    given = {key: value for key, value in options.items() if value is not None}
+    if table.entry.number is None:
+        found = read_frf(folder / table.file, **given)
+    else:
+        found = _entry(read_all(folder / table.file, **given), table.entry.number)
+    found = found.select(responses=table.entry.response, excitations=table.entry.excitation)
+    _, n_out, n_in = found.shape
+    if (n_out, n_in) != (1, 1):
+        names = found.labels or ((), ())
+        known = "; ".join(
+            f"{what} {', '.join(side) if any(side) else f'0 to {count - 1}'}"
+            for what, side, count in (("responses", names[0], n_out), ("excitations", names[1], n_in))
+        )
+        raise ValueError(
+            f"holds {n_out} responses and {n_in} excitations, expected `entry` to select one of each, such as "
+            f"`entry = {{ response = 0, excitation = 0 }}`; there are {known}"
+        )
+    return _with_stated_properties(found, table)
+
+
+def _entry(things: Sequence[object], number: int) -> FRF:
+    from receptance.frf import FRF
+
+    frfs = [thing for thing in things if isinstance(thing, FRF)]
+    if number >= len(frfs):
+        listed = "; ".join(f"{index}: {frf!r}" for index, frf in enumerate(frfs[:6])) or "none"
+        raise ValueError(f"holds {len(frfs)} FRFs, expected `entry.number` to be one of their numbers: {listed}")
+    return frfs[number]
+
+
+def _with_stated_properties(frf: FRF, table: FileFields) -> FRF:
+    """Return the FRF with the properties that the campaign states and the file does not."""
+    changes: dict[str, Any] = {}
+    for key, stated, own in (
+        ("averages", table.averages, frf.averages),
+        ("decay_rate", table.decay_rate, frf.decay_rate or None),
+    ):
+        if stated is None:
+            continue
+        if own is not None and not np.isclose(stated, own, rtol=1e-9):
+            raise ValueError(
+                f"states {key} {own:g} and the campaign {stated:g}, expected equal values; delete it in the campaign"
+            )
+        changes[key] = stated
+    return frf.with_(**changes) if changes else frf
+
+
+def with_stated_variance(frf: FRF, share: float | None) -> FRF:
+    """Return the FRF with a variance: the stated one, that of the file, or that from coherence and averages.
+
+    The last is (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
+
+    Parameters
+    ----------
+    frf : FRF
+        The FRF.
+    share : float or None
+        Stated standard deviation, relative to the magnitude.
+    """
+    if share is not None:
+        return frf.with_(log_variance=share**2, degrees_of_freedom=None)
+    from receptance.frf.variance import with_variance
+
+    return with_variance(frf)
+
+
+def with_coordinates(
+    frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excitation: Coordinate, name: str
+) -> FRF:
+    """Return the FRF with the coordinates and signs that the campaign gives its channels."""
+    if table.response.direction[0] != table.excitation.direction[0]:
+        frf = frf.flipped()
+    return frf.with_(label=name, responses=response, excitations=excitation)
+
+
+def restrict_to_bands(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
+    """Return the FRF with only the lines inside the bands usable, and a note on bands with few usable lines.
+
+    Raises
+    ------
+    ValueError
+        The ends of a band are not ascending, or a band has no usable line.
+    """
+    lines = frf.frequency_hz
+    usable = np.ones(lines.size, dtype=np.bool_) if frf.usable is None else frf.usable
+    chosen = np.zeros_like(usable)
+    notes = []
+    for low, high in bands:
+        if low >= high:
+            raise ValueError(f"has a band from {low:g} to {high:g} Hz, expected the lower end first")
+        asked = (lines >= low) & (lines <= high)
+        inside = usable & asked
+        if not inside.any():
+            first, last = lines[usable][[0, -1]] if usable.any() else lines[[0, -1]]
+            raise ValueError(
+                f"has a band from {low:g} to {high:g} Hz without a usable line, expected one within {first:g} to "
+                f"{last:g} Hz"
+            )
+        count, of = np.count_nonzero(inside), np.count_nonzero(asked)
+        if count < _USED_SHARE * of:
+            first, last = lines[inside][[0, -1]]
+            notes.append(
+                f"of the band from {low:g} to {high:g} Hz {count} of {of} lines are used, from {first:g} to {last:g} "
+                "Hz; the others are not usable"
+            )
+        chosen |= inside
+    return frf.with_(usable=chosen, notes=(*frf.notes, *notes))
+
+
+def observed_frf(
+    frf: FRF,
+    table: FRFTable | HammerTable,
+    assembly: Assembly,
+    response: Coordinate,
+    excitation: Coordinate,
+    floor: float,
+) -> MeasuredFRF:
+    """Return the observation of an FRF on the lines inside the bands of the campaign.
+
+    Raises
+    ------
+    ValueError
+        There is no usable line, or a stepped sine has the key `ends`.
+    """
+    force = table.force if table.kind == "frf" else None
+    if force is not None and table.ends is not None:
+        raise ValueError("has `force`, a key of stepped sines, and `ends`, a key of hammer hits; expected one of them")
+    if table.bands is not None:
+        frf = restrict_to_bands(frf, table.bands)
+    found = MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)
+    return altered(integrate_motion(found, table.integrate), ends=table.ends)
+
+
+def integrate_motion(one: MeasuredFRF, times: int) -> MeasuredFRF:
+    """Return an FRF with its motion integrated so many times, or differentiated if `times` is negative."""
+    if not times:
+        return one
+    index = FORMS.index(one.form) + times
+    form = FORMS[index] if 0 <= index < len(FORMS) else one.form
+    return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** times, form=form)
+
+
+def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
+    """Return the time records of all files of a measurement.
+
+    Raises
+    ------
+    ValueError
+        A file cannot be read, a channel does not exist, or its quantity is unknown or wrong.
+    """
+    from receptance.io import read_time_series
+    from receptance.measurement import HammerRecords
+
+    options: dict[str, Any] = {
+        "format": table.format,
+        "sample_rate_hz": table.sample_rate,
+        "unit": table.units or None,
+        "variables": table.variables or None,
+        "columns": table.columns or None,
+    }
+    given = {key: value for key, value in options.items() if value is not None}
+    names = [table.file] if isinstance(table.file, str) else table.file
+    if not names:
+        raise ValueError("is an empty list, expected at least one file")
+    return [
+        HammerRecords.from_series(
+            read_time_series(folder / name, **given),
+            force=table.force,
+            responses=table.motion,
+            excitation=_unsigned(table.excitation.direction),
+            at=_unsigned(table.response.direction),
+            full_scale_force=table.full_scale_force,
+            response_decay_rate=table.response_decay_rate,
+            label=name,
+        )
+        for name in names
+    ]
+
+
+def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF:
+    """Return the FRF that is estimated from the hits in time records.
+
+    Raises
+    ------
+    ValueError
+        There are no hits, or the settings do not match the records.
+    """
+    from receptance.measurement import estimate_frf, find_hits
+
+    options: dict[str, Any] = {
+        "trigger": table.trigger,
+        "duration_s": table.duration,
+        "pre_trigger_s": table.pre_trigger,
+        "double_hits": table.double_hits,
+        "double_share": table.double_share,
+        "separation_s": table.separation,
+    }
+    hits = find_hits(records, **{key: value for key, value in options.items() if value is not None})
+    if table.drop_hits:
+        hits = hits.without(*table.drop_hits, reason="dropped by the campaign")
+    return estimate_frf(
+        hits,
+        estimator=table.estimator,
+        decay_rate=table.decay_rate,
+        force_drop_db=table.force_drop_db,
+        force_window_s=None if table.force_window == "none" else table.force_window,
+    )
+
+
+def _unsigned(written: str) -> str:
+    return written.removeprefix("+").removeprefix("-")
+
+
+# Natural frequencies --------------------------------------------------------------------------------------------------
+
+_COLUMNS = ("mode", "frequency", "standard_deviation", "damping_ratio", "damping_deviation")
+_SHARES = ("damping_ratio", "damping_deviation")
+_UNKNOWN = "unknown"
+_RATIO = 'a damping ratio such as "1.2 %", or "unknown"'
+_SPREAD = 'a standard deviation such as "5 %" of the ratio, or a number'
+_HEAD = re.compile(r"\s*(?P<name>\w+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Measured modes.
+
+    Attributes
+    ----------
+    frequency_hz, deviation_hz : list of float
+        Natural frequencies and their standard deviations.
+    modes : list of int or None
+        Numbers of the modes.
+    damping, damping_deviation : list of float or None
+        Damping ratios, NaN if unknown, and their standard deviations relative to them.
+    """
+
+    frequency_hz: list[float]
+    modes: list[int] | None = None
+    deviation_hz: list[float] | None = None
+    damping: list[float] | None = None
+    damping_deviation: list[float] | None = None
+
+
+class FrequencyTableError(ValueError):
+    """A CSV file of natural frequencies cannot be read; the message names the line."""
+
+
+def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) -> list[float] | None:
+    """Return the standard deviations of frequencies in Hz; one text stands for all of them.
+
+    Raises
+    ------
+    ValueError
+        A text is not a standard deviation of a frequency, or the list has a different length.
+    """
+    if written is None:
+        return None
+    texts = [written] * len(frequency_hz) if isinstance(written, str) else written
+    if len(texts) != len(frequency_hz):
+        raise ValueError(f"is a list of {len(texts)}, expected one text for all or {len(frequency_hz)}, one for each")
+    found: list[float] = []
+    for text, frequency in zip(texts, frequency_hz, strict=True):
+        deviation: Deviation = parse_deviation(text, units.FREQUENCY)
+        if deviation.amount <= 0.0:
+            raise ValueError(f"is {shown(text)}, expected more than zero")
+        found.append(deviation.of(frequency))
+    return found
+
+
+def read_frequencies(path: Path) -> Frequencies:
+    """Read a CSV file of natural frequencies.
+
+    The first line names the columns: `frequency [Hz]` (or another unit of frequency), and optionally `mode`,
+    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio. Lines that begin with # are
+    comments.
+
+    Raises
+    ------
+    FrequencyTableError
+        A line cannot be read.
+    OSError
+        The file cannot be opened.
+    """
+    try:
+        text = read_whole(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
+    # A number at the end of a truncated file is still a number, so that only the missing end of line shows it.
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    truncation_notes(text, lines)
+    rows = [
+        (number, cells)
+        for number, cells in ((n, _cells(n, line)) for n, line in lines)
+        if cells and cells[0].strip() and not cells[0].lstrip().startswith("#")
+    ]
+    if not rows:
+        raise FrequencyTableError("the table is empty, expected a line that names the columns and one for each mode")
+    columns = _columns(*rows[0])
+    found: dict[str, list[Any]] = {name: [] for name, _ in columns}
+    for number, cells in rows[1:]:
+        if len(cells) != len(columns):
+            raise FrequencyTableError(f"line {number} has {len(cells)} cells, expected {len(columns)}")
+        for (name, unit), cell in zip(columns, cells, strict=True):
+            found[name].append(_cell(number, name, unit, cell.strip()))
+    if not found["frequency"]:
+        raise FrequencyTableError("there is no frequency below the line that names the columns")
+    names = ("frequency", *(name for name in _COLUMNS if name != "frequency"))
+    return Frequencies(*(found.get(name) for name in names))  # type: ignore[arg-type]
+
+
+def _cells(number: int, line: str) -> list[str]:
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error as error:
+        raise FrequencyTableError(f"line {number} cannot be split into cells: {error}") from None
+
+
+def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
+    columns: list[tuple[str, str]] = []
+    for cell in cells:
+        match = _HEAD.fullmatch(cell)
+        name = match["name"] if match else cell.strip()
+        unit = (match["unit"] or "").strip() if match else ""
+        if name.endswith("_hz") and not unit:
+            name, unit = name.removesuffix("_hz"), "Hz"
+        if name not in _COLUMNS:
+            # Unknown columns are not quoted: the file may be of any kind.
+            near = did_you_mean(name, _COLUMNS)
+            what = f' "{cell.strip()}"' if near else ""
+            text = f"line {number} names a column{what} that is not known, expected {one_of(_COLUMNS)}{near}"
+            raise FrequencyTableError(text)
+        expected = "%" if name in _SHARES else "Hz"
+        if name != "mode" and not unit:
+            raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [{expected}]"')
+        if name in _SHARES and unit not in ("%", "1"):
+            raise FrequencyTableError(f'line {number}: the column "{name}" is in {unit}, expected "{name} [%]"')
+        columns.append((name, unit))
+    names = [name for name, _ in columns]
+    if len(set(names)) != len(names) or "frequency" not in names:
+        raise FrequencyTableError(f'line {number} names {", ".join(names)}, expected each once and "frequency [Hz]"')
+    return columns
+
+
+def _cell(number: int, name: str, unit: str, cell: str) -> float | int:
+    try:
+        if name in _SHARES:
+            share = 0.01 if unit == "%" else 1.0
+            return float(cell) * share if cell else math.nan
+        return int(cell) if name == "mode" else parse(f"{cell} {unit}", units.FREQUENCY)
+    except ValueError as error:
+        words = str(error)
+        if name == "mode":
+            words = f'is "{cell}", expected the number of a mode, from 1 on'
+        elif name in _SHARES:
+            words = f'is "{cell}", expected a number, or nothing'
+        raise FrequencyTableError(f"line {number}: {name} {words}") from None
+
+
+def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
+    """Return the measured modes from the table itself or from its CSV file."""
+    found = Frequencies(list(table.frequencies or [])) if table.file is None else read_frequencies(folder / table.file)
+    return replace(found, modes=table.modes or found.modes)
+
+
+def damping_of(table: FrequenciesTable, given: Frequencies) -> tuple[list[float] | None, list[float] | None]:
+    """Return damping ratios and their standard deviations.
+
+    Raises
+    ------
+    ValueError
+        A text is not a ratio or a standard deviation, or a list has a different length.
+    """
+    ratios, spread = given.damping, given.damping_deviation
+    if table.damping_ratios is not None:
+        if ratios is not None:
+            raise ValueError("has damping ratios and so has the file, expected one of the two")
+        ratios = [math.nan if text == _UNKNOWN else parse_share(text, _RATIO) for text in table.damping_ratios]
+    if ratios is None:
+        if table.damping_deviation is not None:
+            raise ValueError("has a damping_deviation, but no damping_ratios")
+        return None, None
+    if table.damping_deviation is None:
+        deviations = None if spread is None else [_positive(s * r, r) for s, r in zip(spread, ratios, strict=True)]
+        return ratios, deviations
+    written = table.damping_deviation
+    listed = written if isinstance(written, list) else [written] * len(ratios)
+    if len(listed) != len(ratios):
+        raise ValueError(f"has {len(listed)} damping deviations, expected one for all or {len(ratios)}, one for each")
+    return ratios, [_positive(_deviation(one, ratio), ratio) for one, ratio in zip(listed, ratios, strict=True)]
+
+
+def _deviation(written: str | float, ratio: float) -> float:
+    return parse_share(written, _SPREAD) * ratio if isinstance(written, str) else float(written)
+
+
+def _positive(deviation: float, ratio: float) -> float:
+    """Return a standard deviation; for an unknown ratio a positive value without effect."""
+    return 1.0 if math.isnan(ratio) else deviation

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.run import Campaign
     from receptance.campaign.tolerances import Effects
     from receptance.identification import Identification, PredictedMode, Scatter
     from receptance.model.assembly import Assembly
@@ -262,7 +262,7 @@ def predict_campaign(
     notes = list(campaign.notes if identified is None else identified.notes)
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
-    lost: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     for name, measured in held_out.items():
         say(f"predicting {name}")
         seen = measured.observation
@@ -270,7 +270,7 @@ def predict_campaign(
         try:
             forecast = forecast_of(campaign, identified, place, measured.effects, name, notes)
         except CampaignError as error:
-            lost[name] = error.problems[0].text
+            reasons[name] = error.problems[0].text
             continue
         if isinstance(seen, MeasuredFRF):
             frfs.append(replace(forecast.observed(seen), name=name, assembly=measured.assembly))
@@ -283,14 +283,14 @@ def predict_campaign(
                 campaign, identified, campaign.place_of(name), campaign.effects.get(name, {}), name, notes
             )
         except CampaignError as error:
-            lost[name] = error.problems[0].text
+            reasons[name] = error.problems[0].text
             continue
         found = _unmeasured(name, campaign, forecast, notes)
         frequencies += [found[0]] if found[0] is not None else []
         frfs.append(found[1])
     if not frequencies and not frfs:
-        raise CampaignError.about(campaign.file, "; ".join(lost.values()))
-    notes += [f"not predicted: {reason}" for reason in lost.values()]
+        raise CampaignError.about(campaign.file, "; ".join(reasons.values()))
+    notes += [f"not predicted: {reason}" for reason in reasons.values()]
     wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
     if wide:
         notes.append(
@@ -302,7 +302,7 @@ def predict_campaign(
         frequencies=tuple(frequencies),
         frfs=tuple(frfs),
         level=campaign.table.prediction.level,
-        not_predicted=lost,
+        not_predicted=reasons,
         notes=tuple(dict.fromkeys(notes)),
         provenance=campaign.provenance(),
     )
@@ -341,11 +341,11 @@ def forecast_of(
         raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
     if identified is None:
         return found
-    wanted = {address for unknown in identified.task.parameters.wanted for address in unknown.reached}
-    if not any(covered(address, place.assembly) for address in wanted):
+    identifiable = {address for unknown in identified.task.parameters.wanted for address in unknown.reached}
+    if not any(covered(address, place.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
     asked = [address for unknown in campaign.unknowns for address in unknown.reached]
-    rest = [address for address in asked if address not in wanted and covered(address, place.assembly)]
+    rest = [address for address in asked if address not in identifiable and covered(address, place.assembly)]
     if rest:
         notes.append(f"{name}: not identified and at start values: {', '.join(rest)}")
     return found

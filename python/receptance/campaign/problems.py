@@ -1,22 +1,201 @@
-"""Mistakes in a campaign file, with their places; all mistakes are reported together."""
+"""Mistakes in a campaign file with their places and lines; all mistakes are reported together."""
 
 from __future__ import annotations
 
 import functools
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance._text import did_you_mean, one_of, shown
-from receptance.campaign.lines import KeyPath, line_of
+from receptance.campaign.values import AddressError, BrokenReferenceError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["CampaignError", "Problem", "Problems", "path_text", "translate"]
+__all__ = [
+    "CampaignError",
+    "KeyPath",
+    "Problem",
+    "Problems",
+    "errors_about",
+    "line_of",
+    "lines_of",
+    "path_text",
+    "translate",
+]
+
+KeyPath = tuple[str | int, ...]
+
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_BASIC = re.compile(r'"(?:[^"\\\n]|\\.)*"')
+_LITERAL = re.compile(r"'[^'\n]*'")
+_LONG_BASIC = re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}(?!")', re.DOTALL)
+_LONG_LITERAL = re.compile(r"'''.*?'{3,5}(?!')", re.DOTALL)
+_PLAIN = re.compile(r"[^,\]}\n#]+")
+
+
+def lines_of(text: str) -> dict[KeyPath, int]:
+    r"""Return the line, counted from 1, on which every table, key and list item of a valid TOML text begins.
+
+    Parameters
+    ----------
+    text : str
+        A text that `tomllib` can read.
+
+    Examples
+    --------
+    >>> from receptance.campaign.problems import lines_of
+    >>> found = lines_of('[parts.tool]\nsegments = [\n  { length = "60 mm" },\n]\n')
+    >>> found["parts", "tool", "segments", 0, "length"]
+    3
+    """
+    return _Scanner(text.replace("\r\n", "\n")).scan()
+
+
+def line_of(path: KeyPath, lines: dict[KeyPath, int]) -> int | None:
+    """Return the line of a value, or of the innermost table around it that is in the text."""
+    for length in range(len(path), 0, -1):
+        if path[:length] in lines:
+            return lines[path[:length]]
+    return None
+
+
+class _Scanner:
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+        self.lines: dict[KeyPath, int] = {}
+        self._counts: dict[KeyPath, int] = {}
+        """Number of tables so far in each array of tables."""
+        self._counted_to, self._line = 0, 1
+
+    def scan(self) -> dict[KeyPath, int]:
+        table: KeyPath = ()
+        while self._skip(_BLANK) < len(self.text):
+            if self.text.startswith("[[", self.at):
+                table = self._header(2)
+            elif self.text[self.at] == "[":
+                table = self._header(1)
+            else:
+                self._pair(table)
+        return self.lines
+
+    def _header(self, brackets: int) -> KeyPath:
+        line = self._current_line()
+        self.at += brackets
+        keys = self._keys()
+        self.at += brackets
+        path: KeyPath = ()
+        for key in keys[:-1]:
+            path = self._latest((*path, key), line)
+        path = (*path, keys[-1])
+        self.lines.setdefault(path, line)
+        if brackets == 2:
+            count = self._counts.get(path, 0)
+            self._counts[path] = count + 1
+            path = (*path, count)
+            self.lines[path] = line
+        return path
+
+    def _latest(self, path: KeyPath, line: int) -> KeyPath:
+        """Return the path, with the index of the last table if it is an array of tables."""
+        self.lines.setdefault(path, line)
+        return (*path, self._counts[path] - 1) if path in self._counts else path
+
+    def _pair(self, table: KeyPath) -> None:
+        line = self._current_line()
+        keys = self._keys()
+        path = table
+        for key in keys:
+            path = (*path, key)
+            self.lines.setdefault(path, line)
+        self.at += 1  # the equals sign
+        self._value(path)
+
+    def _keys(self) -> Sequence[str]:
+        keys = []
+        while True:
+            self._skip(_SPACE)
+            keys.append(self._key())
+            self._skip(_SPACE)
+            if self.text[self.at] != ".":
+                return keys
+            self.at += 1
+
+    def _key(self) -> str:
+        begin = self.at
+        self._pass(_BASIC, _LITERAL, _BARE)
+        found = self.text[begin : self.at]
+        if found[0] == "'":
+            return found[1:-1]
+        return _unescaped(found) if found[0] == '"' else found
+
+    def _value(self, path: KeyPath) -> None:
+        self._skip(_BLANK)
+        first = self.text[self.at]
+        if first == "[":
+            self._items(path)
+        elif first == "{":
+            self._inline(path)
+        elif first in "\"'":
+            self._pass(_LONG_BASIC, _LONG_LITERAL, _BASIC, _LITERAL)
+        else:
+            self._pass(_PLAIN)
+
+    def _items(self, path: KeyPath) -> None:
+        self.at += 1
+        index = 0
+        while self.text[self._skip(_BLANK)] != "]":
+            if self.text[self.at] == ",":
+                self.at += 1
+                continue
+            self.lines[(*path, index)] = self._current_line()
+            self._value((*path, index))
+            index += 1
+        self.at += 1
+
+    def _inline(self, path: KeyPath) -> None:
+        self.at += 1
+        while self.text[self._skip(_BLANK)] != "}":
+            if self.text[self.at] == ",":
+                self.at += 1
+                continue
+            self._pair(path)
+        self.at += 1
+
+    def _skip(self, pattern: re.Pattern[str]) -> int:
+        match = pattern.match(self.text, self.at)
+        self.at = match.end() if match else self.at
+        return self.at
+
+    def _pass(self, *patterns: re.Pattern[str]) -> None:
+        """Go to the end of the first pattern that matches."""
+        for pattern in patterns:
+            match = pattern.match(self.text, self.at)
+            if match:
+                self.at = match.end()
+                return
+        raise ValueError(f"line {self._current_line()} has no value")
+
+    def _current_line(self) -> int:
+        self._line += self.text.count("\n", self._counted_to, self.at)
+        self._counted_to = self.at
+        return self._line
+
+
+def _unescaped(quoted: str) -> str:
+    import tomllib
+
+    (key,) = tomllib.loads(f"{quoted} = 0")
+    return key
+
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -81,6 +260,15 @@ class CampaignError(ValueError):
         return type(self), (self.file, self.problems)
 
 
+@contextmanager
+def errors_about(file: Path | str, prefix: str = "") -> Iterator[None]:
+    """Raise a ValueError of the library as an error about a file."""
+    try:
+        yield
+    except ValueError as error:
+        raise CampaignError.about(file, f"{prefix}{error}") from error
+
+
 class Problems:
     """Collects mistakes and finds their lines.
 
@@ -95,6 +283,8 @@ class Problems:
         self.found: list[Problem] = []
         self.templates: dict[KeyPath, KeyPath] = {}
         """Section and name of expanded tables, and of the tables of the file they come from; see `expand_series`."""
+        self.incomplete: set[str] = set()
+        """Sections in which some names are not known, because the series has a mistake."""
 
     def add(self, path: KeyPath, text: str) -> None:
         """Add a mistake, unless it was added before."""
@@ -136,37 +326,53 @@ def path_text(path: KeyPath) -> str:
 
 def translate(
     errors: Iterable[Mapping[str, Any]], data: Mapping[str, Any], model: type[BaseModel]
-) -> list[tuple[KeyPath, str]]:
-    """Return the errors of pydantic as paths in the file and texts."""
+) -> dict[KeyPath, tuple[str, bool]]:
+    """Return by path in the file the text of each error of pydantic, and whether only a reference is wrong."""
     details = list(errors)
     fields = _Fields(model)
-    places = [_place(error["loc"], data) for error in details]
+    places = [_place(error, data) for error in details]
     misspelt = {
         (*place[:-1], near)
         for error, place in zip(details, places, strict=True)
         if error["type"] == "extra_forbidden" and (near := _near(str(place[-1]), fields.of(error["loc"]), data, place))
     }
-    found: dict[KeyPath, str] = {}
+    found: dict[KeyPath, tuple[str, bool]] = {}
     for error, place in zip(details, places, strict=True):
         if error["type"] == "missing" and place in misspelt:
             continue  # reported as a misspelt key
+        if error["type"] == "literal_error" and any(place == other[: len(place)] != other for other in places):
+            continue  # a table with a mistake, where a word is allowed as well
         text = _text_of(error, place, fields.of(error["loc"]), data)
-        found.setdefault(place, text)
-    return list(found.items())
+        found.setdefault(place, (text, isinstance(_cause(error), BrokenReferenceError)))
+    return found
 
 
-def _place(loc: tuple[int | str, ...], data: Any) -> KeyPath:
-    """Return a location of pydantic as a path in the file, without members of unions and marks of keys."""
+def _cause(error: Mapping[str, Any]) -> Any:
+    """Return the exception that a validator has raised, or None."""
+    return error.get("ctx", {}).get("error")
+
+
+def _place(error: Mapping[str, Any], data: Any) -> KeyPath:
+    """Return the place of an error as a path in the file, without members of unions and marks of keys.
+
+    The place of a wrong address is its key, even if a value below it cannot be read without its quantity.
+    """
     path: list[int | str] = []
     node: Any = data
-    for index, step in enumerate(loc):
+    loc = error["loc"]
+    for step in loc[:-1]:
         within = isinstance(node, list) and isinstance(step, int) and step < len(node)
-        chosen = isinstance(node, Mapping) and node.get("kind") == step and index < len(loc) - 1
-        if within or (isinstance(node, Mapping) and step in node):
+        chosen = isinstance(node, Mapping) and node.get("kind") == step
+        if not chosen and (within or (isinstance(node, Mapping) and step in node)):
             node = node[step]
-        elif step == "[key]" or chosen or not isinstance(node, Mapping):
-            continue
-        path.append(step)
+            path.append(step)
+    last = loc[-1]
+    if error["type"] == "missing" or (isinstance(node, Mapping) and last in node) or isinstance(last, int):
+        path.append(last)
+    cause = _cause(error)
+    if isinstance(cause, AddressError) and cause.address in path:
+        while path[-1] != cause.address:
+            path.pop()
     return tuple(path)
 
 
@@ -262,6 +468,8 @@ class _Fields:
             return node.get("items", {})
         if step in node.get("properties", {}):
             return node["properties"][step]
+        if step in self._schema["$defs"]:  # a member of a union
+            return {"$ref": step}
         if "discriminator" in node:
             return {"$ref": node["discriminator"]["mapping"].get(step, "")}
         return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})

@@ -1,20 +1,21 @@
-"""Identification, inverse coupling, transfer, next measurement and diagnosis of a campaign.
-
-Each function passes the measurements of a campaign to a function of the library, and returns its result with the
-campaign as provenance. Mistakes are reported with the file and the key.
-"""
+"""A campaign: structures, measurements and unknowns, and the analyses that they allow."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from receptance._text import did_you_mean, one_of
-from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.quantities import parse_share
+import numpy as np
+
+from receptance._text import did_you_mean, instead_of, one_of
+from receptance.campaign.build import Built
+from receptance.campaign.measurements import Measurement
+from receptance.campaign.problems import CampaignError, Problem, errors_about
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
-from receptance.campaign.tolerances import tolerances_of, tolerances_of_measurements
+from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
+from receptance.campaign.values import Condition, Deviation
 from receptance.errors import ReceptanceError
 from receptance.identification import (
     Candidate,
@@ -31,80 +32,596 @@ from receptance.identification import (
     transfer,
 )
 from receptance.identification.laws import Law
+from receptance.identification.mapping import Place
 from receptance.identification.pointwise_joint import TERMS
 from receptance.identification.task import Observation, place_of
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
+from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
-    from receptance.campaign.campaign import Campaign
-    from receptance.campaign.measurements import Measurement
+    import os
+
+    from numpy.typing import NDArray
+
+    from receptance.campaign.comparison import Comparison
+    from receptance.campaign.prediction import Prediction
+    from receptance.campaign.schema import CampaignTable
+    from receptance.campaign.stability import CampaignCut
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
-    from receptance.identification import Identification
+    from receptance.identification import (
+        Identification,
+        InverseCouplings,
+        NextMeasurement,
+        Transfer,
+    )
     from receptance.identification.laws import Tolerance
     from receptance.identification.next_measurement import Target
+    from receptance.stability import Stability
+    from receptance.sweep import Candidates
 
-__all__ = [
-    "campaign_model",
-    "diagnose_campaign",
-    "fit_options",
-    "identify_campaign",
-    "invert_campaign",
-    "observed_unknowns",
-    "rank_candidates",
-    "transfer_campaign",
-    "weighable_tolerances",
-]
+__all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighted_tolerances"]
+
+_SPEEDS = {"mean force": 400, "semi-discretisation": 30}
+"""Number of spindle speeds by default, by `stability.method`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """A measuring campaign, read from a file with `receptance.campaign.load`.
+
+    Attributes
+    ----------
+    file : Path
+        The campaign file.
+    table : CampaignTable
+        Contents of the file, checked; numbers in SI units.
+    contents : dict
+        Contents of the file as they are written, with a table for each level of a series.
+    assemblies : dict of str to Assembly
+        Configurations by name, without sensors. Unknown parameters have their start values.
+    measurements : dict of str to Measurement
+        Measurements by name.
+    unknowns : tuple of Unknown
+        Parameters to identify.
+    effects : dict
+        Errors of each assembly: by assembly, error and address the standard deviation in SI units. Errors with the same
+        name are one error.
+    conditions : dict of str to dict of str to Condition
+        Conditions of each assembly, such as a torque.
+    places : dict of str to tuple of Coordinate
+        Response and excitation at which assemblies without measurements are predicted.
+    candidates : dict of str to Candidate
+        Candidates for the next measurement.
+    cuts : dict of str to CampaignCut
+        Cuts whose stable depth is computed.
+    built : Built
+        Materials, parts, joints and attachments, for assemblies that are not in the file.
+    templates : dict of str to str
+        Measurements of a series, and the names of their tables in the file, such as "axial {level}".
+    notes : tuple of str
+        Notes for the user.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from receptance import campaign, examples
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = examples.write("er32", folder)
+    ...     er32 = campaign.load(folder)
+    >>> er32
+    Campaign('The ER32 collet holder, published natural frequencies', 13 assemblies, 13 measurements, 8 held out)
+    >>> found = er32.identify()
+    >>> round(found.values["joint_d12.k_theta"], -3)
+    104000.0
+    """
+
+    file: Path
+    table: CampaignTable
+    assemblies: dict[str, Assembly]
+    measurements: dict[str, Measurement]
+    unknowns: tuple[Unknown, ...]
+    effects: dict[str, Effects] = field(default_factory=dict)
+    conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
+    places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
+    candidates: dict[str, Candidate] = field(default_factory=dict)
+    cuts: dict[str, CampaignCut] = field(default_factory=dict)
+    built: Built = field(default_factory=Built, repr=False)
+    contents: dict[str, Any] = field(default_factory=dict, repr=False)
+    templates: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Title, or else the name of the file."""
+        return self.table.title or self.file.name
+
+    def provenance(self, *, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Provenance:
+        """Return the provenance of results of this campaign."""
+        return Provenance(
+            title=self.title,
+            description=self.table.description.strip(),
+            file=self.file.name,
+            settings=settings or {},
+            seed=seed,
+        )
+
+    @property
+    def to_identify(self) -> dict[str, Measurement]:
+        """Measurements that are used in the fit."""
+        return {name: measured for name, measured in self.measurements.items() if not measured.held_out}
+
+    @property
+    def held_out(self) -> dict[str, Measurement]:
+        """Measurements that predictions are compared with."""
+        return {name: measured for name, measured in self.measurements.items() if measured.held_out}
+
+    @property
+    def unmeasured(self) -> dict[str, Assembly]:
+        """Assemblies without any measurement."""
+        measured = {one.assembly for one in self.measurements.values()}
+        return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
+
+    @property
+    def highest_frequency(self) -> float | None:
+        """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
+        measured = [float(one.observation.frequency_hz[-1].real) for one in self.measurements.values()]
+        asked = self.table.prediction.upper
+        return max(measured, default=None) if asked is None else asked
+
+    def place_of(self, name: str) -> Place:
+        """Return an assembly with its configuration and conditions, for laws and tolerances."""
+        conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
+        return Place(self.assemblies[name], name, "", conditions)
+
+    def inherited_effects(self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]) -> Effects:
+        """Return the errors of an assembly of elements of this campaign that is not in the file.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            Parts, joints and attachments of the campaign, and other parts of its materials.
+        parts : mapping of str to dict
+            Names of the other parts, and the standard deviations of their dimensions by address.
+        """
+        return inherited_effects(assembly, self.table, self.built, parts)
+
+    def select_cuts(self, names: Sequence[str] = ()) -> list[CampaignCut]:
+        """Return cuts by name; by default all.
+
+        Raises
+        ------
+        CampaignError
+            There are no cuts, or there is no such cut.
+        """
+        if not self.cuts:
+            raise CampaignError.about(self.file, "there is no cut, expected [cuts.NAME]")
+        for name in names:
+            if name not in self.cuts:
+                raise CampaignError.about(self.file, f'there is no cut "{name}"{instead_of(name, self.cuts)}')
+        return [self.cuts[name] for name in names] if names else list(self.cuts.values())
+
+    def spindle_speeds(self) -> NDArray[np.float64]:
+        """Return the spindle speeds in rpm for which stable depths are computed.
+
+        Raises
+        ------
+        CampaignError
+            The file has no `stability.speeds`.
+        """
+        asked = self.table.stability
+        if asked.speeds is None:
+            text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
+            raise CampaignError.about(self.file, text)
+        low, high = asked.speeds
+        step = asked.step if asked.step is not None else (high - low) / _SPEEDS[asked.method]
+        return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+
+    def tables(self) -> list[Table]:
+        """Return the measurements; those of a series in a table of their own."""
+        groups: dict[str, list[Measurement]] = {}
+        rows = []
+        for name, one in self.measurements.items():
+            if name in self.templates:
+                groups.setdefault(self.templates[name], []).append(one)
+            else:
+                assembly = one.assembly if one.assembly != name else ""
+                rows.append((name, assembly, one.observation.describe(), one.sensor, one.role))
+        tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
+        series = []
+        for template, own in groups.items():
+            contents = dict.fromkeys(one.observation.describe() for one in own)
+            data = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
+            series.append((template, len(own), sum(one.held_out for one in own), data))
+        counts = (Column("levels", form="d"), Column("held out", form="d"))
+        tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
+        return [table for table in tables if table.rows]
+
+    def identify(self, *, threads: int | None = None, progress: Callable[[str], None] | None = None) -> Identification:
+        """Identify the unknowns on the measurements that are not held out.
+
+        Parameters
+        ----------
+        threads : int, optional
+            As in `Assembly.receptance`.
+        progress : callable, optional
+            Called with a line of text before each step.
+
+        Raises
+        ------
+        CampaignError
+            There are no unknowns or no measurements, or more unknowns than measured values. It is a ValueError.
+        ReceptanceError
+            The model cannot be evaluated at any of the starts.
+        """
+        say = progress or (lambda _: None)
+        seen = self.to_identify
+        self._check_unknowns()
+        if not seen:
+            text = 'there is no measurement for identification, expected one with the role "identify"'
+            raise CampaignError.about(self.file, text)
+        unknowns, left_out = observed_unknowns(self, seen)
+        settings = self.table.settings
+        tolerances = weighted_tolerances(self, seen)
+        observations = [measured.observation for measured in seen.values()]
+        lines = sum(o.frequency_hz.size for o in observations)
+        by_level, unknowns, options = fit_options(self, observations, unknowns, threads=threads, say=say)
+        say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
+        with errors_about(self.file):
+            fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
+        fit = replace(
+            fit,
+            series=over_levels(self, fit),
+            groups=self.templates,
+            provenance=self.provenance(seed=settings.seed, settings=settings.model_dump()),
+        )
+        notes = [*self.notes, *left_out, *(n for n in fit.notes if not any(o.endswith(n) for o in self.notes))]
+        if fit.errors:
+            notes.append(
+                f"{len(fit.errors)} errors of dimensions and materials are fitted with their tolerances as priors"
+            )
+        if by_level:
+            notes.append(
+                "each level was fitted separately first, then all together from these values; profile intervals are "
+                "not computed for a series"
+            )
+            if not fit.series:
+                notes.append(
+                    f"trends and laws are not fitted: they need at least {LEAST_LEVELS} different levels, none negative"
+                )
+        profiled = None
+        if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
+            profiled = fit.profiles(progress=say)
+        return replace(fit, notes=notes, profiled=profiled)
+
+    def invert(
+        self,
+        joint: str | None = None,
+        *,
+        limit: float = 0.2,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> InverseCouplings:
+        """Solve for the stiffness of joints on each frequency line, by inverse coupling.
+
+        The FRFs that are not held out are used. With fewer FRFs than unknown terms, k_theta is solved for first, then
+        k_y.
+
+        Parameters
+        ----------
+        joint : str, optional
+            Name of a joint; by default all joints with unknown stiffnesses.
+        limit : float, optional
+            As in `receptance.identification.invert_coupling`.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            No such joint was measured with an FRF, or the FRFs have no lines in common.
+        """
+        say = progress or (lambda _: None)
+        groups = _groups(self, joint)
+        found: dict[str, InverseCoupling] = {}
+        notes: list[str] = []
+        provenance = self.provenance()
+        for name, (owner, measured) in groups.items():
+            say(f"solving for {name}")
+            unknown = [t for t in _ORDER if f"{owner}.{t}" in self.table.unknowns]
+            terms = unknown[: len(measured)]
+            if len(terms) < len(unknown):
+                left = ", ".join(f"{owner}.{term}" for term in unknown[len(terms) :])
+                count = f"{len(measured)} FRF{'' if len(measured) == 1 else 's'}"
+                notes.append(
+                    f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
+                )
+            seen = [one.observation for one in measured.values() if isinstance(one.observation, MeasuredFRF)]
+            with errors_about(self.file, f"{name}: "):
+                one = invert_coupling(
+                    seen,
+                    joint=owner,
+                    terms=[term for term in TERMS if term in terms],
+                    tolerances=tolerances_of_measurements(measured),
+                    limit=limit,
+                    threads=threads,
+                )
+            found[name] = replace(one, name=name, provenance=provenance)
+            notes += [f"{name}: {note}" for note in one.notes]
+        return InverseCouplings(found, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
+
+    def compare(
+        self,
+        candidates: Candidates,
+        *,
+        given: Mapping[str, float] | None = None,
+        store: str | os.PathLike[str] | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Comparison:
+        """Compare many values of parameters with the measurements that are not held out.
+
+        Unknowns that neither vary nor have a given value are identified first, together with those that vary, and keep
+        their identified values.
+
+        Parameters
+        ----------
+        candidates : Grid, Listed or Sampled
+            Values of parameters, by address; see `receptance.sweep`.
+        given : mapping of str to float, optional
+            Values of other parameters in SI units, by address.
+        store : path, optional
+            As in `receptance.sweep.sweep`.
+        progress : callable, optional
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            No measured assembly has a parameter; or as in `identify`.
+        SweepError
+            As in `receptance.sweep.sweep`.
+        """
+        from receptance.campaign.comparison import compare_candidates
+
+        return compare_candidates(self, candidates, given=given, store=store, progress=progress)
+
+    def next_measurement(
+        self,
+        identified: Identification | None = None,
+        *,
+        targets: Sequence[str] = (),
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> NextMeasurement:
+        """Rank the candidates by the expected uncertainty of unknowns or predictions after each of them.
+
+        Parameters
+        ----------
+        identified : Identification, optional
+            Result of `identify`; computed if it is not given.
+        targets : sequence of str, optional
+            Names of unknowns, or of assemblies for their natural frequencies; by default all unknowns.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no candidates, a target does not exist, or as in `identify`.
+        """
+        if not self.candidates:
+            raise CampaignError.about(self.file, "no candidates to rank, expected `candidates`")
+        known = identified or self.identify(threads=threads, progress=progress)
+        chosen = [_target(name, self, known) for name in targets]
+        with errors_about(self.file):
+            found = next_measurement(
+                known,
+                list(self.candidates.values()),
+                targets=chosen or None,
+                level=self.table.prediction.level,
+                profiles=known.profiled or {},
+                progress=progress,
+            )
+        return replace(found, provenance=self.provenance(seed=known.seed))
+
+    def predict(
+        self,
+        identified: Identification | None = None,
+        *,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Prediction:
+        """Predict held-out measurements and assemblies without measurements.
+
+        Parameters
+        ----------
+        identified : Identification, optional
+            Result of `identify`; computed if it is not given and there are unknowns.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            No measurement is held out and every assembly was measured; no prediction is possible; or as in `identify`.
+        """
+        from receptance.campaign.prediction import predict_campaign
+
+        return predict_campaign(self, identified, threads=threads, progress=progress)
+
+    def stability(
+        self,
+        identified: Identification | None = None,
+        *,
+        cuts: Sequence[str] = (),
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Stability:
+        """Compute stable depths of cut over spindle speed with bands, and recommended speeds.
+
+        Parameters
+        ----------
+        identified : Identification, optional
+            Result of `identify`; computed if it is not given, there are unknowns and a tip is predicted.
+        cuts : sequence of str, optional
+            Names of cuts; by default all.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no cuts or no speeds, a cut does not exist, or as in `identify`.
+        """
+        from receptance.campaign.stability import stability_of_campaign
+
+        return stability_of_campaign(self, identified, cuts=cuts, threads=threads, progress=progress)
+
+    def transfer(
+        self,
+        *,
+        splits: Literal["leave-one-out", "one-for-all"] = "leave-one-out",
+        draws: int = 200,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Transfer:
+        """Predict every measured assembly from the others; roles of measurements are ignored.
+
+        Parameters
+        ----------
+        splits : {"leave-one-out", "one-for-all"}, optional
+            Each assembly from all others, or all others from each.
+        draws : int, optional
+            As in `receptance.identification.transfer`.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no unknowns, fewer than two assemblies were measured, or as in `identify`.
+        """
+        self._check_unknowns()
+        if len({one.assembly for one in self.measurements.values()}) < 2:
+            text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
+            raise CampaignError.about(self.file, text)
+        notes = list(self.notes)
+        if any(one.held_out for one in self.measurements.values()):
+            notes.append('the role "hold out" is ignored, because each assembly is held out once')
+        measured, settings = self.measurements, self.table.settings
+        tolerances = weighted_tolerances(self, measured)
+        observations = [
+            one.observation.configured(one.assembly, one.observation.conditions) for one in measured.values()
+        ]
+        say = progress or (lambda _: None)
+        _, unknowns, options = fit_options(self, observations, self.unknowns, threads=threads, say=say)
+        with errors_about(self.file):
+            found = transfer(
+                observations,
+                unknowns,
+                tolerances=tolerances,
+                splits=splits,
+                level=self.table.prediction.level,
+                draws=draws,
+                seed=settings.seed,
+                progress=progress,
+                **options,
+            )
+        provenance = self.provenance(settings=settings.model_dump())
+        return replace(found, campaign_notes=tuple(dict.fromkeys(notes)), provenance=provenance)
+
+    def diagnose(
+        self,
+        causes: Iterable[Cause | str] | None = None,
+        *,
+        metrics: Mapping[str, Metric] | None = None,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Verdict:
+        """Test whether the model explains the measurements, and find the cause if it does not.
+
+        Errors of dimensions and materials are fitted with their tolerances as priors. A cause is judged by how much it
+        improves predictions: of held-out measurements, or of assemblies that are left out in turn if none is held out.
+
+        Parameters
+        ----------
+        causes : sequence of Cause and str, optional
+            Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
+        metrics : mapping of str to callable, optional
+            As in `receptance.diagnosis.diagnose`, for held-out measurements.
+        threads, progress
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            There are no unknowns or no measurements, or measurements have no standard deviations. It is a ValueError.
+        """
+        from receptance.diagnosis import diagnose
+        from receptance.diagnosis.held_out import improvement
+        from receptance.diagnosis.thresholds import LEAST_FREEDOM
+
+        self._check_unknowns()
+        if not self.measurements:
+            raise CampaignError.about(self.file, "there are no measurements, expected `measurements`")
+        notes = list(self.notes)
+        seen, held_out = dict(self.to_identify), dict(self.held_out)
+        numbers = sum(one.observation.independent_values for one in seen.values())
+        if held_out and numbers - len(self.unknowns) < LEAST_FREEDOM:
+            notes.append(
+                f"{numbers:.3g} measured values for {len(self.unknowns)} unknowns are too few to test the model, so "
+                "held-out measurements are used in the diagnosis; improvement is computed for assemblies left out in "
+                "turn"
+            )
+            notes += _held_out_error(self)
+            seen, held_out = dict(self.measurements), {}
+        if not seen:
+            text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
+            raise CampaignError.about(self.file, text)
+        model, left_out = campaign_model(self, seen)
+        settings = self.table.settings
+        with errors_about(self.file):
+            verdict = diagnose(
+                model.observations,
+                model.unknowns,
+                tolerances=model.tolerances,
+                causes=causes,
+                seed=settings.seed,
+                threads=threads,
+                held_out=not held_out,
+                metrics=metrics,
+                progress=progress,
+            )
+        if held_out and verdict.final:
+            found = improvement(
+                verdict.selection,
+                verdict.explanation,
+                [one.observation for one in held_out.values()],
+                tolerances_of_measurements(held_out),
+                metrics,
+            )
+            verdict = verdict.with_improvement(found)
+        notes += [*left_out, *verdict.notes]
+        return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
+
+    def _check_unknowns(self) -> None:
+        if not self.unknowns:
+            raise CampaignError.about(self.file, "there are no unknowns, expected `unknowns`")
+
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(self.assemblies)} assembl{'y' if len(self.assemblies) == 1 else 'ies'}",
+            f"{len(self.measurements)} measurement{'' if len(self.measurements) == 1 else 's'}",
+            f"{len(self.held_out)} held out",
+        ]
+        return f"Campaign({self.title!r}, {', '.join(counts)})"
+
 
 _ORDER = ("k_theta", "k_y", "k_ytheta")
 """Terms of a joint in the order in which they are solved for if there are fewer FRFs than terms."""
-
-
-def identify_campaign(
-    campaign: Campaign, *, threads: int | None = None, progress: Callable[[str], None] | None = None
-) -> Identification:
-    """Identify the unknowns of a campaign; see `Campaign.identify`."""
-    say = progress or (lambda _: None)
-    seen = campaign.to_identify
-    if not campaign.unknowns:
-        raise CampaignError.about(campaign.file, "there are no unknowns, expected `unknowns`")
-    if not seen:
-        text = 'there is no measurement for identification, expected one with the role "identify"'
-        raise CampaignError.about(campaign.file, text)
-    unknowns, left_out = observed_unknowns(campaign, seen)
-    settings = campaign.table.settings
-    tolerances = weighable_tolerances(campaign, seen)
-    observations = [measured.observation for measured in seen.values()]
-    lines = sum(o.frequency_hz.size for o in observations)
-    by_level, unknowns, options = fit_options(campaign, observations, unknowns, threads=threads, say=say)
-    say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
-    try:
-        fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
-    except ValueError as error:
-        raise CampaignError.about(campaign.file, str(error)) from error
-    fit = replace(
-        fit,
-        series=over_levels(campaign, fit),
-        groups=campaign.templates,
-        provenance=campaign.provenance(seed=settings.seed, settings=settings.model_dump()),
-    )
-    notes = [*campaign.notes, *left_out, *(n for n in fit.notes if not any(o.endswith(n) for o in campaign.notes))]
-    if fit.errors:
-        notes.append(f"{len(fit.errors)} errors of dimensions and materials are fitted with their tolerances as priors")
-    if by_level:
-        notes.append(
-            "each level was fitted separately first, then all together from these values; profile intervals are not "
-            "computed for a series"
-        )
-        if not fit.series:
-            notes.append(
-                f"trends and laws are not fitted: they need at least {LEAST_LEVELS} different levels, none negative"
-            )
-    profiled = None
-    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
-        profiled = fit.profiles(progress=say)
-    return replace(fit, notes=notes, profiled=profiled)
 
 
 def fit_options(
@@ -126,7 +643,7 @@ def fit_options(
         started,
         {
             "objective": settings.objective,
-            "band_width_percent": 100.0 * parse_share(settings.band_width, 'a percentage such as "5 %"'),
+            "band_width_percent": 100.0 * settings.band_width,
             "starts": 1 if by_level else settings.starts,
             "max_evaluations": settings.max_evaluations,
             "threads": threads,
@@ -135,7 +652,7 @@ def fit_options(
     )
 
 
-def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
+def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
     """Return the errors of all measurements.
 
     Raises
@@ -157,13 +674,13 @@ def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) ->
                 )
             ],
         )
-    bare = [name for name, measured in seen.items() if not measured.observation.weighted]
-    if bare:
+    unweighted = [name for name, measured in seen.items() if not measured.observation.weighted]
+    if unweighted:
         expected = (
             "has no standard deviation, which a fit of errors of dimensions and materials needs; expected "
             '`standard_deviation`, such as "2 %", or no tolerances'
         )
-        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in bare])
+        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in unweighted])
     return tolerances
 
 
@@ -180,47 +697,6 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tu
     if not kept:
         raise CampaignError.about(campaign.file, "no measurement for identification depends on an unknown")
     return kept, notes
-
-
-def invert_campaign(
-    campaign: Campaign,
-    *,
-    joint: str | None = None,
-    limit: float = 0.2,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> InverseCouplings:
-    """Solve for the joints of a campaign on each line; see `Campaign.invert`."""
-    say = progress or (lambda _: None)
-    groups = _groups(campaign, joint)
-    found: dict[str, InverseCoupling] = {}
-    notes: list[str] = []
-    provenance = campaign.provenance()
-    for name, (owner, measured) in groups.items():
-        say(f"solving for {name}")
-        wanted = [t for t in _ORDER if f"{owner}.{t}" in campaign.table.unknowns]
-        terms = wanted[: len(measured)]
-        if len(terms) < len(wanted):
-            left = ", ".join(f"{owner}.{term}" for term in wanted[len(terms) :])
-            notes.append(
-                f"{name}: {len(measured)} FRF{'' if len(measured) == 1 else 's'} can determine as many terms on each "
-                f"line; {left} is fixed at its start value"
-            )
-        seen = [one.observation for one in measured.values() if isinstance(one.observation, MeasuredFRF)]
-        try:
-            one = invert_coupling(
-                seen,
-                joint=owner,
-                terms=[term for term in TERMS if term in terms],
-                tolerances=tolerances_of_measurements(measured),
-                limit=limit,
-                threads=threads,
-            )
-        except ValueError as error:
-            raise CampaignError.about(campaign.file, f"{name}: {error}") from error
-        found[name] = replace(one, name=name, provenance=provenance)
-        notes += [f"{name}: {note}" for note in one.notes]
-    return InverseCouplings(found, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
 
 
 def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[str, Measurement]]]:
@@ -255,46 +731,6 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
     return groups
 
 
-def transfer_campaign(
-    campaign: Campaign,
-    *,
-    splits: Literal["leave-one-out", "one-for-all"] = "leave-one-out",
-    draws: int = 200,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Transfer:
-    """Predict every measured assembly from the others; see `Campaign.transfer`."""
-    if not campaign.unknowns:
-        raise CampaignError.about(campaign.file, "there are no unknowns, expected `unknowns`")
-    if len({one.assembly for one in campaign.measurements.values()}) < 2:
-        text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
-        raise CampaignError.about(campaign.file, text)
-    notes = list(campaign.notes)
-    if any(one.held_out for one in campaign.measurements.values()):
-        notes.append('the role "hold out" is ignored, because each assembly is held out once')
-    measured, settings = campaign.measurements, campaign.table.settings
-    tolerances = weighable_tolerances(campaign, measured)
-    observations = [one.observation.configured(one.assembly, one.observation.conditions) for one in measured.values()]
-    say = progress or (lambda _: None)
-    _, unknowns, options = fit_options(campaign, observations, campaign.unknowns, threads=threads, say=say)
-    try:
-        found = transfer(
-            observations,
-            unknowns,
-            tolerances=tolerances,
-            splits=splits,
-            level=campaign.table.prediction.level,
-            draws=draws,
-            seed=settings.seed,
-            progress=progress,
-            **options,
-        )
-    except ValueError as error:
-        raise CampaignError.about(campaign.file, str(error)) from error
-    provenance = campaign.provenance(settings=settings.model_dump())
-    return replace(found, campaign_notes=tuple(dict.fromkeys(notes)), provenance=provenance)
-
-
 def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[Model, list[str]]:
     """Return the model of a campaign for a diagnosis, and notes on unknowns that are left out."""
     from receptance.diagnosis.model import Model
@@ -303,65 +739,6 @@ def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple
     observations = tuple(one.observation for one in seen.values())
     tolerances = tuple(tolerances_of_measurements(seen))
     return Model(observations, tuple(unknowns), tolerances, seed=campaign.table.settings.seed), left_out
-
-
-def diagnose_campaign(
-    campaign: Campaign,
-    *,
-    causes: Iterable[Cause | str] | None = None,
-    metrics: Mapping[str, Metric] | None = None,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Verdict:
-    """Diagnose a campaign; see `Campaign.diagnose`."""
-    from receptance.diagnosis import diagnose
-    from receptance.diagnosis.held_out import improvement
-    from receptance.diagnosis.thresholds import LEAST_FREEDOM
-
-    if not campaign.unknowns:
-        raise CampaignError.about(campaign.file, "there are no unknowns, expected `unknowns`")
-    if not campaign.measurements:
-        raise CampaignError.about(campaign.file, "there are no measurements, expected `measurements`")
-    notes = list(campaign.notes)
-    seen, held_out = dict(campaign.to_identify), dict(campaign.held_out)
-    numbers = sum(one.observation.independent_values for one in seen.values())
-    if held_out and numbers - len(campaign.unknowns) < LEAST_FREEDOM:
-        notes.append(
-            f"{numbers:.3g} measured values for {len(campaign.unknowns)} unknowns are too few to test the model, so "
-            "held-out measurements are used in the diagnosis; improvement is computed for assemblies left out in turn"
-        )
-        notes += _held_out_error(campaign)
-        seen, held_out = dict(campaign.measurements), {}
-    if not seen:
-        text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
-        raise CampaignError.about(campaign.file, text)
-    model, left_out = campaign_model(campaign, seen)
-    settings = campaign.table.settings
-    try:
-        verdict = diagnose(
-            model.observations,
-            model.unknowns,
-            tolerances=model.tolerances,
-            causes=causes,
-            seed=settings.seed,
-            threads=threads,
-            held_out=not held_out,
-            metrics=metrics,
-            progress=progress,
-        )
-    except ValueError as error:
-        raise CampaignError.about(campaign.file, str(error)) from error
-    if held_out and verdict.final:
-        found = improvement(
-            verdict.selection,
-            verdict.explanation,
-            [one.observation for one in held_out.values()],
-            tolerances_of_measurements(held_out),
-            metrics,
-        )
-        verdict = verdict.with_improvement(found)
-    notes += [*left_out, *verdict.notes]
-    return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
 
 
 def _held_out_error(campaign: Campaign) -> list[str]:
@@ -387,33 +764,6 @@ def _held_out_error(campaign: Campaign) -> list[str]:
     return [f"{text}error of {errors[FREQUENCIES]:.2f} %" + ("" if bias is None else f"; {bias}")]
 
 
-def rank_candidates(
-    campaign: Campaign,
-    identified: Identification | None,
-    *,
-    targets: Sequence[str] = (),
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> NextMeasurement:
-    """Rank the candidates of a campaign; see `Campaign.next_measurement`."""
-    if not campaign.candidates:
-        raise CampaignError.about(campaign.file, "no candidates to rank, expected `candidates`")
-    known = identified or identify_campaign(campaign, threads=threads, progress=progress)
-    chosen = [_target(name, campaign, known) for name in targets]
-    try:
-        found = next_measurement(
-            known,
-            list(campaign.candidates.values()),
-            targets=chosen or None,
-            level=campaign.table.prediction.level,
-            profiles=known.profiled or {},
-            progress=progress,
-        )
-    except ValueError as error:
-        raise CampaignError.about(campaign.file, str(error)) from error
-    return replace(found, provenance=campaign.provenance(seed=known.seed))
-
-
 def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
     """Return the name of an unknown, or the natural frequencies of an assembly up to `highest_frequency`."""
     if name in fit.values:
@@ -423,7 +773,7 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
         text = f'the target "{name}" is neither an identified parameter nor an assembly, expected {one_of(choices)}'
         raise CampaignError.about(campaign.file, text + did_you_mean(name, choices))
     errors = tuple(tolerances_of(campaign.effects.get(name, {})))
-    conditions = {key: one.value for key, one in campaign.conditions.get(name, {}).items()}
+    conditions = campaign.place_of(name).conditions
     assembly = fit.apply(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
     upper = campaign.highest_frequency
     assert upper is not None  # a fit has measurements

@@ -1,17 +1,15 @@
-"""Series of a campaign: templates for all levels, fits level by level, and parameters over the levels."""
+"""Series of a campaign: fits of each level, and parameters over the levels."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance._text import did_you_mean, shown
-from receptance.campaign.quantities import kind_of, parse_condition
+from receptance.campaign.values import kind_of, parse_condition
 from receptance.errors import ReceptanceError
 from receptance.identification import identify
 from receptance.identification.laws import Law
@@ -25,172 +23,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.campaign.campaign import Campaign
-    from receptance.campaign.format import SeriesTable, SettingsTable
-    from receptance.campaign.lines import KeyPath
-    from receptance.campaign.problems import Problems
+    from receptance.campaign.run import Campaign
+    from receptance.campaign.schema import SeriesTable, SettingsTable
     from receptance.identification import Identification
     from receptance.identification.task import Observation
     from receptance.report.table import Cell
 
-__all__ = [
-    "LEAST_LEVELS",
-    "LEVEL",
-    "ExpandedSeries",
-    "LevelSeries",
-    "expand_series",
-    "level_unit",
-    "over_levels",
-    "started_by_level",
-]
-
-LEVEL = "{level}"
-"""Placeholder for a level as it is written in the file."""
-_VALUE = "{value}"
-"""Placeholder for the number of a level without its unit."""
-_SECTIONS = ("assemblies", "measurements")
-_NUMBER = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
-
-
-@dataclass(frozen=True)
-class ExpandedSeries:
-    """Contents of a file with a table for each level of its series.
-
-    Attributes
-    ----------
-    data : dict
-        The contents.
-    templates : dict
-        Section and name of each new table, and of the template in the file.
-    broken : frozenset of str
-        Sections whose names are not known, because the series has a mistake.
-    """
-
-    data: dict[str, Any]
-    templates: dict[KeyPath, KeyPath] = field(default_factory=dict)
-    broken: frozenset[str] = frozenset()
-
-
-def expand_series(data: dict[str, Any], problems: Problems) -> ExpandedSeries:
-    """Replace the tables with `{level}` in their names by one table for each level.
-
-    Each assembly has its level as a condition. Measurements at levels of `hold_out` are held out.
-    """
-    templates = [
-        (section, name)
-        for section in _SECTIONS
-        for name in _table(data, section)
-        if isinstance(name, str) and LEVEL in name
-    ]
-    series = data.get("series")
-    if series is None:
-        for path in templates:
-            problems.add(path, f"has {LEVEL} in its name, but the file has no `series`, expected one with `levels`")
-        return _without(data, templates)
-    levels = series.get("levels") if isinstance(series, dict) else None
-    over = series.get("over") if isinstance(series, dict) else None
-    if not isinstance(over, str) or not isinstance(levels, list) or not all(map(_is_level, levels)) or not levels:
-        return _without(data, templates)  # the validation of the table reports the mistake
-    names = [_level_text(level) for level in levels]
-    if not templates and not _conditioned(data, over):
-        text = f"is not used: no assembly or measurement has {LEVEL} in its name, and no assembly has the condition"
-        problems.add(("series",), f"{text} {shown(over)}")
-    for index, name in enumerate(names):
-        if name in names[:index]:
-            problems.add(("series", "levels", index), f"is {shown(levels[index])} for the second time")
-    _check_units(levels, problems)
-    out = series.get("hold_out", [])
-    held = [_level_text(level) for level in out if _is_level(level)] if isinstance(out, list) else []
-    for index, name in enumerate(held):
-        if name not in names:
-            text = f"is {shown(name)}, which is not one of the levels{did_you_mean(name, names)}"
-            problems.add(("series", "hold_out", index), text)
-    found = {key: dict(value) if key in _SECTIONS else value for key, value in data.items()}
-    origin: dict[KeyPath, KeyPath] = {}
-    for section, template in templates:
-        table = found[section].pop(template)
-        for name in dict.fromkeys(names):
-            own = _substitute_level(template, name)
-            if own in found[section]:
-                problems.add(
-                    (section, template), f"becomes {shown(own)} at a level, which is the name of another table"
-                )
-                continue
-            found[section][own] = _table_at_level(section, table, name, over, name in held)
-            origin[section, own] = (section, template)
-    return ExpandedSeries(found, origin)
-
-
-def _conditioned(data: Mapping[str, Any], over: str) -> bool:
-    """Return whether an assembly has the condition, without a template."""
-    return any(
-        over in _table(one, "conditions") for one in _table(data, "assemblies").values() if isinstance(one, dict)
-    )
-
-
-def _check_units(levels: list[Any], problems: Problems) -> None:
-    """Add a mistake for the first level of a different quantity than the level before."""
-    try:
-        units = [parse_condition(level).unit for level in levels]
-    except ValueError:
-        return  # the validation of the condition reports the mistake
-    for index, (before, unit) in enumerate(pairwise(units), 1):
-        if unit != before:
-            text = (
-                f"is {shown(levels[index])} after {shown(levels[index - 1])}, expected the same quantity at all levels"
-            )
-            problems.add(("series", "levels", index), text)
-            return
-
-
-def _table_at_level(section: str, table: Any, level: str, over: str, held: bool) -> Any:
-    own = _substituted(table, level)
-    if not isinstance(own, dict):
-        return own
-    if section == "assemblies":
-        conditions = own.get("conditions", {})
-        if isinstance(conditions, dict):
-            own["conditions"] = {over: level, **conditions}
-    elif held:
-        own.setdefault("role", "hold out")
-    return own
-
-
-def _substituted(thing: Any, level: str) -> Any:
-    """Return a copy with the level in place of the placeholders."""
-    if isinstance(thing, str):
-        return _substitute_level(thing, level)
-    if isinstance(thing, list):
-        return [_substituted(one, level) for one in thing]
-    if isinstance(thing, dict):
-        return {key: _substituted(value, level) for key, value in thing.items()}
-    return thing
-
-
-def _substitute_level(text: str, level: str) -> str:
-    number = _NUMBER.match(level)
-    return text.replace(LEVEL, level).replace(_VALUE, number[1] if number else level)
-
-
-def _is_level(level: Any) -> bool:
-    return isinstance(level, (str, int, float)) and not isinstance(level, bool)
-
-
-def _level_text(level: Any) -> str:
-    return level if isinstance(level, str) else f"{level:g}"
-
-
-def _table(data: Mapping[str, Any], section: str) -> Mapping[str, Any]:
-    table = data.get(section)
-    return table if isinstance(table, dict) else {}
-
-
-def _without(data: dict[str, Any], templates: list[tuple[str, str]]) -> ExpandedSeries:
-    found = {key: dict(value) if key in _SECTIONS and isinstance(value, dict) else value for key, value in data.items()}
-    for section, name in templates:
-        del found[section][name]
-    return ExpandedSeries(found, broken=frozenset(section for section, _ in templates))
-
+__all__ = ["LEAST_LEVELS", "LevelSeries", "level_unit", "over_levels", "started_by_level"]
 
 LEAST_LEVELS = 6
 """Smallest number of levels to which laws are fitted."""
@@ -372,7 +211,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     Examples
     --------
     >>> from receptance.campaign.series import level_unit
-    >>> from receptance.campaign.format import SeriesTable
+    >>> from receptance.campaign.schema import SeriesTable
     >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
     ('kN', 1000.0)
     """

@@ -1,19 +1,21 @@
-"""Stability of the cuts of a campaign: receptances of tool tips, lobes, and the error of the stable depth."""
+"""Cuts of a campaign, receptances of their tool tips, lobes, and the error of the stable depth."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance._text import did_you_mean
-from receptance.campaign.cuts import CampaignCut
+from receptance.campaign.measurements import read_entry, restrict_to_bands, with_stated_variance
 from receptance.campaign.prediction import forecast_of, prediction_lines
-from receptance.campaign.problems import CampaignError
+from receptance.campaign.problems import CampaignError, errors_about
+from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.identification import MeasuredFRF
 from receptance.model.complex_modes import damped_modes
@@ -22,6 +24,7 @@ from receptance.stability import (
     Milling,
     Stability,
     TipModes,
+    Turning,
     critical_depths,
     receptance_draws,
     receptance_matrix,
@@ -30,11 +33,15 @@ from receptance.stability import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
-    from receptance.campaign.campaign import Campaign
-    from receptance.campaign.cuts import CampaignCut, Tip
-    from receptance.campaign.format import StabilityTable
+    from receptance.campaign.build import Builder
+    from receptance.campaign.measurements import Measurement
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.run import Campaign
+    from receptance.campaign.schema import CampaignTable, StabilityTable, TipTable
     from receptance.diagnosis import HeldOut, Metric
     from receptance.frf import FRF
     from receptance.identification import Identification
@@ -42,7 +49,166 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
 
-__all__ = ["_METRICS", "Tips", "named_metrics", "stability_of_campaign"]
+__all__ = ["CampaignCut", "Tip", "Tips", "build_cut", "named_metrics", "stability_of_campaign"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tip:
+    """Source of the receptance of a tool tip in one direction.
+
+    Attributes
+    ----------
+    name : str
+        Free-text label.
+    assembly : str
+        Name of the assembly that is predicted; empty for a measured tip.
+    frf : FRF or None
+        Measured FRF.
+    file : str
+        File of the FRF; empty for a measurement of the campaign and for a predicted tip.
+    """
+
+    name: str
+    assembly: str = ""
+    frf: FRF | None = None
+    file: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignCut:
+    """A cut of a campaign.
+
+    Attributes
+    ----------
+    name : str
+        Name in the file.
+    cut : Milling or Turning
+        The cut.
+    spread : dict of str to float
+        Standard deviations of the logarithms of the coefficients.
+    x, y : Tip
+        Tip in the direction of feed (in turning, of the chip thickness) and across it; y is None if it is rigid.
+    """
+
+    name: str
+    cut: Milling | Turning
+    x: Tip
+    y: Tip | None = None
+    spread: dict[str, float] = field(default_factory=dict)
+
+    def label(self, lobes: Lobes) -> Lobes:
+        """Return lobes with the name, the tips and the coefficients of this cut."""
+        tips = {"x": self.x.name, "y": None if self.y is None else self.y.name}
+        return replace(lobes, name=self.name, tips=tips, spread=self.spread)
+
+    def drawn(self, draws: int, seed: int) -> tuple[Milling, ...] | tuple[Turning, ...] | None:
+        """Return cuts with drawn coefficients; None if the coefficients are exact."""
+        if not any(self.spread.values()):
+            return None
+        return self.cut.drawn(draws, **self.spread, seed=seed)
+
+
+def build_cut(
+    name: str,
+    table: CampaignTable,
+    assemblies: Mapping[str, object],
+    measurements: Mapping[str, Measurement],
+    folder: Path,
+    builder: Builder,
+) -> CampaignCut | None:
+    """Return a cut, or None after its mistakes are added."""
+    own, path = table.cuts[name], ("cuts", name)
+    cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
+    spread = {
+        key: deviation.of(getattr(own, key)) / getattr(own, key)
+        for key, deviation in own.tolerance
+        if deviation is not None and getattr(own, key) > 0.0
+    }
+    x = _tip((*path, "x"), own.x, assemblies, measurements, folder, builder)
+    y = x if own.kind == "milling" else None
+    if own.kind == "milling" and own.y == "rigid":
+        y = None
+    elif own.kind == "milling" and not isinstance(own.y, str):
+        y = _tip((*path, "y"), own.y, assemblies, measurements, folder, builder)
+    if cut is None or x is None or builder.problems.at(path):
+        return None
+    return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
+
+
+def _tip(
+    path: KeyPath,
+    table: TipTable,
+    assemblies: Mapping[str, object],
+    measurements: Mapping[str, Measurement],
+    folder: Path,
+    builder: Builder,
+) -> Tip | None:
+    given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
+    if len(given) != 1:
+        found = " and ".join(given) or "neither an assembly, a measurement nor a file"
+        builder.problems.add(path, f"has {found}, expected one of the three")
+        return None
+    if table.assembly is not None:
+        if table.bands is not None:
+            builder.problems.add(
+                (*path, "bands"),
+                "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead",
+            )
+            return None
+        return (
+            Tip(name=f"predicted, {table.assembly}", assembly=table.assembly) if table.assembly in assemblies else None
+        )
+    if table.measurement is not None:
+        if table.measurement not in measurements:
+            return None
+        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement], builder, path)
+        frf = _within(path, table, frf, builder)
+        return None if frf is None else Tip(name=f"measured, {table.measurement}", frf=frf)
+    if builder.problems.at(path):
+        return None
+    frf = builder.make((*path, "file"), _read, table, folder)
+    if frf is None:
+        return None
+    for note in frf.notes:
+        builder.note(path, note)
+    frf = _within(path, table, frf, builder)
+    return None if frf is None else Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
+
+
+def _within(path: KeyPath, table: TipTable, frf: FRF | None, builder: Builder) -> FRF | None:
+    """Return the FRF with only the lines of the bands usable, or None after a mistake is added."""
+    if frf is None or table.bands is None:
+        return frf
+    return builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
+
+
+def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
+    """Return the FRF of a measurement."""
+    seen = measured.observation
+    if not isinstance(seen, MeasuredFRF):
+        raise ValueError(f'is "{measured.name}", natural frequencies; expected a measured FRF')
+    if seen.frequency_hz.dtype.kind == "c":
+        raise ValueError(f'is "{measured.name}", with an exponential window; expected an FRF without one')
+    if "theta" in (seen.response.direction, seen.excitation.direction):
+        raise ValueError(f'is "{measured.name}", a rotation or caused by a moment; expected a translation over a force')
+    if measured.sensor is not None:
+        builder.note(path, f"the receptance includes the mass of the sensor {measured.sensor}")
+    # The variance of an FRF is that of one line.
+    variance = None if seen.standard_deviation is None else seen.standard_deviation**2 / seen.correlated_lines
+    return FRF(
+        frequency_hz=seen.frequency_hz,
+        values=seen.receptance,
+        log_variance=variance,
+        correlated_lines=seen.correlated_lines,
+        label=measured.name,
+    )
+
+
+def _read(table: TipTable, folder: Path) -> FRF:
+    return with_stated_variance(read_entry(table, folder), table.standard_deviation).to("receptance")
+
+
+# Stable depths --------------------------------------------------------------------------------------------------------
 
 
 class Tips:
@@ -240,7 +406,6 @@ class _MeasuredTip:
 
 _Source = _MeasuredTip | _PredictedTip
 
-_SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 _SEARCH_RATIO = 10.0
 """Largest depth of semi-discretisation, over the smallest depth by the mean force, by default."""
 
@@ -268,11 +433,9 @@ def stability_of_campaign(
     for cut in chosen:
         say(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
-        try:
+        with errors_about(campaign.file, f"cuts.{cut.name}: "):
             tips = Tips(campaign, identified, asked.number_of_draws, asked.seed, directions, threads)
             found[cut.name] = replace(_lobes(cut, tips, speeds, asked, threads, say), provenance=provenance)
-        except ValueError as error:
-            raise CampaignError.about(campaign.file, f"cuts.{cut.name}: {error}") from error
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)

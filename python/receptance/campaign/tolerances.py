@@ -9,23 +9,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.campaign.builder import JOINTS, addresses_of, unknown_address
+from receptance.campaign.build import addresses_of, unknown_address
 from receptance.campaign.problems import path_text
-from receptance.campaign.quantities import Deviation
+from receptance.campaign.values import Deviation
 from receptance.identification.laws import Tolerance
 from receptance.identification.unknowns import covered
 from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
-    from receptance.campaign.builder import Builder, Built
-    from receptance.campaign.format import CampaignTable
-    from receptance.campaign.lines import KeyPath
+    from receptance.campaign.build import Builder, Built
     from receptance.campaign.measurements import Measurement
+    from receptance.campaign.problems import KeyPath
+    from receptance.campaign.schema import CampaignTable, ElementTable
     from receptance.model.assembly import Assembly
-    from receptance.model.fields import Element
 
 __all__ = [
     "Effects",
@@ -83,16 +82,12 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: 
         elif taken & set(addresses):
             builder.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
         else:
-            own = {a: deviation.of(assembly.get(a)) for a in addresses}
-            effects.setdefault(deviation.name or path_text(path), {}).update(own)
+            _add_effects(effects, assembly, ((a, path, deviation) for a in addresses), set())
             taken |= set(addresses)
 
-    own_sets = {own for address in table.set for own in covered(address, assembly)}
-    for address, path, deviation in _inherited(assembly, campaign, {}):
-        if address in taken or address not in assembly.parameters:
-            continue
-        title = deviation.name or path_text((*here, "set", address) if address in own_sets else path)
-        effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+    own = {own: (*here, "set", own) for address in table.set for own in covered(address, assembly)}
+    inherited = ((a, own.get(a, path), deviation) for a, path, deviation in _inherited(assembly, campaign, {}))
+    _add_effects(effects, assembly, inherited, taken)
     return effects
 
 
@@ -108,12 +103,8 @@ def inherited_effects(
     parts : mapping of str to dict
         Names of the other parts, and the standard deviations of their dimensions by address.
     """
-    taken = _identified(assembly, built)
     effects: Effects = {}
-    for address, path, deviation in _inherited(assembly, campaign, parts):
-        if address not in taken and address in assembly.parameters:
-            title = deviation.name or path_text(path)
-            effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+    _add_effects(effects, assembly, _inherited(assembly, campaign, parts), _identified(assembly, built))
     return effects
 
 
@@ -130,6 +121,14 @@ def attachment_effects(name: str, campaign: CampaignTable, built: Built) -> Effe
     return effects
 
 
+def _add_effects(effects: Effects, assembly: Assembly, inherited: Iterable[_Inherited], taken: Collection[str]) -> None:
+    """Add the standard deviations of parameters of an assembly, except for those that are taken."""
+    for address, path, deviation in inherited:
+        if address not in taken and address in assembly.parameters:
+            title = deviation.name or path_text(path)
+            effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+
+
 def _identified(assembly: Assembly, built: Built) -> set[str]:
     """Return the addresses of an assembly that are identified."""
     named = [address for unknown in built.unknowns.values() for address in addresses_of(unknown)]
@@ -144,11 +143,11 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
                 yield from _of_segment(f"{name}.segment[{index}]", segment, parts[name], campaign)
         elif name in campaign.joints:
             joint = campaign.joints[name]
-            yield from _of_element(("joints", name), name, JOINTS[joint.kind], joint, campaign)
+            yield from _of_element(("joints", name), name, joint, campaign)
         elif name in campaign.parts:  # a measured or modal spindle has errors of its own
             for index, table in enumerate(campaign.parts[name].segments):
                 place: KeyPath = ("parts", name, "segments", index)
-                yield from _of_element(place, f"{name}.segment[{index}]", Segment, table, campaign)
+                yield from _of_element(place, f"{name}.segment[{index}]", table, campaign)
     for name in assembly.attachments:
         if name in campaign.attachments:
             yield from _own(("attachments", name), name, campaign.attachments[name].tolerance)
@@ -166,17 +165,15 @@ def _of_segment(first: str, segment: Segment, own: Deviations, campaign: Campaig
             yield from _own(place, _prefixed(first, member), campaign.materials[material.name].tolerance)
 
 
-def _of_element(
-    place: KeyPath, first: str, kind: type[Element], table: Any, campaign: CampaignTable
-) -> Iterator[_Inherited]:
+def _of_element(place: KeyPath, first: str, table: ElementTable, campaign: CampaignTable) -> Iterator[_Inherited]:
     """Yield the tolerances of an element, of its members and of its materials; addresses begin with `first`."""
     yield from _own(place, first, table.tolerance)
-    for name, member in kind.declared.items():
+    for name, member in table.element.declared.items():
         if not isinstance(member, Member):
             continue
         inside, own = getattr(table, name), _prefixed(first, member)
         if member.kind is not Material:
-            yield from _of_element((*place, name), own, member.kind, inside, campaign)
+            yield from _of_element((*place, name), own, inside, campaign)
         elif inside in campaign.materials:
             yield from _own(("materials", inside), own, campaign.materials[inside].tolerance)
 

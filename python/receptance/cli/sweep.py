@@ -162,7 +162,7 @@ def _ranges(vary: list[str]) -> dict[str, tuple[float, float]]:
 
 def _quantity(address: str, text: str, what: str) -> float:
     """Return a value in SI units; a number without unit is accepted for dimensionless quantities."""
-    from receptance.campaign.quantities import value_at
+    from receptance.campaign.values import value_at
 
     value: float | str = text
     with suppress(ValueError):

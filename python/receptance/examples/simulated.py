@@ -61,7 +61,7 @@ _TAPER_HIGHEST_HZ = 6500.0
 
 def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the FRFs of the example free-free by file name: accelerance and coherence of ten hits each."""
-    from receptance.campaign.loading import measured_structures
+    from receptance.campaign.read import measured_structures
 
     random = np.random.default_rng(FREE_FREE_SEED)
     files = {}
@@ -74,7 +74,7 @@ def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
 
 def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the records of the example hammer by file name: one long record each, with all hits."""
-    from receptance.campaign.loading import measured_structures
+    from receptance.campaign.read import measured_structures
     from receptance.io import TimeSeries
     from receptance.measurement import simulate_hits
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+import numpy as np
+
 from receptance._text import did_you_mean, instead_of, one_of
-from receptance.campaign.element_tables import PLAIN_NUMBER
 from receptance.campaign.problems import path_text
-from receptance.campaign.quantities import kind_of, parse_share, prior_of
+from receptance.campaign.schema import ATTACHMENTS, JOINTS
+from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
+from receptance.identification import MeasuredFRF
 from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Power
 from receptance.identification.unknowns import Unknown, covered
@@ -19,54 +22,42 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment
 from receptance.model.coordinates import Coordinate
 from receptance.model.distributed import SpreadJoint
-from receptance.model.fields import Element, Member, Number
+from receptance.model.fields import Member, Number
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
-from receptance.model.terminals import ModalPart, Mode
+from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.taper.rigid import as_rigid
 
 if TYPE_CHECKING:
-    from receptance.campaign.element_tables import ElementTable
-    from receptance.campaign.format import AssemblyTable, CampaignTable, CoordinateTable, UnknownTable
-    from receptance.campaign.lines import KeyPath
-    from receptance.campaign.problems import Problems
+    from numpy.typing import NDArray
+
+    from receptance.campaign.measurements import Measurement
+    from receptance.campaign.problems import KeyPath, Problems
+    from receptance.campaign.schema import (
+        AssemblyTable,
+        CampaignTable,
+        CandidateTable,
+        CoordinateTable,
+        ElementTable,
+        MeasurementTable,
+        ModalPartTable,
+        UnknownTable,
+    )
 
 __all__ = [
-    "JOINTS",
-    "OWNERS",
     "AnyJoint",
     "Builder",
     "Built",
     "addresses_of",
+    "modal_unknowns",
     "unknown_address",
     "with_attached",
     "with_sensor",
 ]
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
-OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
-"""Sections whose names begin addresses."""
-JOINTS: dict[str, type[Element]] = {
-    "point": PointJoint,
-    "spread": SpreadJoint,
-    "collet": ColletJoint,
-    "micro-slip": MicroslipJoint,
-}
-"""Class of joint by `kind`."""
-_ATTACHMENTS: dict[str, type[Element]] = {
-    "mass": PointMass,
-    "ground": GroundSpring,
-    "resonator": Resonator,
-}
-_SINGULAR = {
-    "assemblies": "an assembly",
-    "attachments": "an attachment",
-    "materials": "a material",
-    "parts": "a part",
-    "modal_parts": "a modal part",
-}
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
-    *(kind.__name__ for kind in (*JOINTS.values(), *_ATTACHMENTS.values())),
+    *(one.element.__name__ for one in (*JOINTS.choices, *ATTACHMENTS.choices)),
     "Section",
     "Candidate",
     "Milling",
@@ -100,10 +91,6 @@ class Builder:
     ----------
     problems : Problems
         List to which mistakes are added.
-    named : dict of str to list of str
-        All names of each section, including those of tables with mistakes.
-    broken : frozenset of str
-        Sections that are missing or are not tables; references to them are not checked.
 
     Attributes
     ----------
@@ -115,10 +102,8 @@ class Builder:
         The notes that were warnings.
     """
 
-    def __init__(self, problems: Problems, named: dict[str, list[str]], broken: frozenset[str] = frozenset()) -> None:
+    def __init__(self, problems: Problems) -> None:
         self.problems = problems
-        self.named = named
-        self._broken = broken
         self.built = Built()
         self.notes: list[str] = []
         self.warnings: list[str] = []
@@ -146,30 +131,16 @@ class Builder:
         self.notes[:] = [note for note in self.notes if not (note.startswith(place) and text in note)]
         self.notes.append(f"{place}{text}")
 
-    def check_name(self, path: KeyPath, name: str, *sections: str) -> bool:
-        """Return whether one of the sections has a name; add a mistake if not."""
-        known = [other for section in sections for other in self.named[section]]
-        if name in known or self.incomplete(*sections):
-            return True
-        what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in sections)
-        self.problems.add(path, f'is "{name}", which is not {what} of this file{instead_of(name, known)}')
-        return False
-
-    def incomplete(self, *sections: str) -> bool:
-        """Return whether one of the sections is missing or not a table."""
-        return not self._broken.isdisjoint(sections)
-
     # Elements --------------------------------------------------------------------------------------------------------
 
     def build(self, campaign: CampaignTable) -> Built:
         """Build all objects of a campaign that have no mistakes."""
         built = self.built
         for name, table in campaign.materials.items():
-            _store(built.materials, name, self.element(Material, table, ("materials", name), name=name))
+            _store(built.materials, name, self.element(table, ("materials", name), name=name))
         for name, part in campaign.parts.items():
-            rows = [self.segment(("parts", name, "segments", i), row) for i, row in enumerate(part.segments)]
-            segments = [segment for segment in rows if segment is not None]
-            if len(segments) == len(rows):
+            segments = [self.element(row, ("parts", name, "segments", i)) for i, row in enumerate(part.segments)]
+            if None not in segments:
                 made = Part(segments, name=name)
                 built.parts[name] = as_rigid(made) if part.rigid else made
         for address, unknown in campaign.unknowns.items():
@@ -180,23 +151,21 @@ class Builder:
             _store(built.joints, name, self._joint(name, joint))
         for name, point in campaign.attachments.items():
             path: KeyPath = ("attachments", name)
-            _store(built.attachments, name, self.element(_ATTACHMENTS[point.kind], point, path, name, name=name))
+            _store(built.attachments, name, self.element(point, path, name, name=name))
         for name, sensor in campaign.sensors.items():
-            _store(built.sensors, name, self.element(PointMass, sensor, ("sensors", name), name, name=name))
+            _store(built.sensors, name, self.element(sensor, ("sensors", name), name, name=name))
         for name, assembly in campaign.assemblies.items():
             _store(built.assemblies, name, self._assembly(name, assembly))
         self._check_unknowns(campaign)
         return built
 
-    def element(self, kind: type[Any], table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
+    def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
         """Return an element from its table, or None after its mistakes are added.
 
         Parameters
         ----------
-        kind : type
-            Class of the element.
         table : ElementTable
-            Its table. A missing number that is unknown gets its start value.
+            The table. A missing number that is unknown gets its start value.
         path : tuple
             Place of the table in the file.
         address : str, optional
@@ -205,7 +174,7 @@ class Builder:
             Values of fields that are not read from the table.
         """
         values = dict(given)
-        for name, declared in kind.declared.items():
+        for name, declared in table.element.declared.items():
             if name in values or name not in type(table).model_fields:
                 continue
             value = getattr(table, name)
@@ -213,25 +182,20 @@ class Builder:
                 # An unknown material was reported; with steel in its place dimensions are checked as well.
                 value = None if value is None else self.built.materials.get(value, STEEL)
             elif isinstance(declared, Member):
-                value = self.element(declared.kind, value, (*path, name), f"{address}.{name}")
+                value = self.element(value, (*path, name), f"{address}.{name}")
                 if value is None:
                     return None
             elif isinstance(declared, Number) and name not in table.model_fields_set:
                 unknown = self.built.unknowns.get(f"{address}.{name}")
                 value = value if unknown is None or unknown.start is None else unknown.start
             values[name] = tuple(value) if isinstance(value, list) else value
-        return self.make(path, kind, **values)
-
-    def segment(self, path: KeyPath, table: ElementTable) -> Segment | None:
-        """Return a segment, or None after its mistakes are added."""
-        made: Segment | None = self.element(Segment, table, path)
-        return made
+        return self.make(path, table.element, **values)
 
     def _joint(self, name: str, table: ElementTable) -> AnyJoint | None:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
         if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
             return None  # a missing value of the joint is only a consequence of the mistake in the unknown
-        made: AnyJoint | None = self.element(JOINTS[table.kind], table, ("joints", name), name, name=name)
+        made: AnyJoint | None = self.element(table, ("joints", name), name, name=name)
         return made
 
     def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart | None:
@@ -249,10 +213,10 @@ class Builder:
             unknown = table.identify or any(f"{own}.{key}" in campaign.unknowns for key in shapes)
             if not unknown and not any(getattr(row, key) for key in shapes):
                 self.problems.add(here, "has no mode shape, expected y or theta, or one of them among the unknowns")
-            modes.append(self.element(Mode, row, here, own, **given))
+            modes.append(self.element(row, here, own, **given))
         if None in modes or len(modes) < len(table.modes):
             return None
-        made: ModalPart | None = self.element(ModalPart, table, path, name, modes=modes, name=name)
+        made: ModalPart | None = self.element(table, path, name, modes=modes, name=name)
         return made
 
     # Unknowns --------------------------------------------------------------------------------------------------------
@@ -325,18 +289,20 @@ class Builder:
             if power is None:
                 return None
             powers = (power,)
-        individual: float | None = 0.0
-        if table.individual is not None:
-            individual = self.make((*path, "individual"), parse_share, table.individual, 'a percentage such as "5 %"')
-            if individual is None:
-                return None
-        fields |= {"powers": powers, "free": table.free, "individual": individual, "follows": table.follows}
+        fields |= {
+            "powers": powers,
+            "free": table.free,
+            "individual": table.individual or 0.0,
+            "follows": table.follows,
+        }
         return self.make(path, Law, **fields)
 
     def _check_unknowns(self, campaign: CampaignTable) -> None:
         """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""
         built = self.built
-        if len(built.assemblies) < len(self.named["assemblies"]) or not built.assemblies:
+        if built.assemblies.keys() != campaign.assemblies.keys() or not built.assemblies:
+            return
+        if self.problems.at(("assemblies",)):
             return  # an assembly with a mistake may have the parameter
         measured = {*built.sensors, *(name for one in campaign.measurements.values() for name in one.attachments)}
         claimed: dict[tuple[str, str], str] = {}
@@ -407,6 +373,35 @@ class Builder:
         direction: Literal["y", "theta"] = "theta" if table.direction.endswith("theta") else "y"
         return Coordinate(name, position, direction)
 
+    def measured(
+        self,
+        path: KeyPath,
+        table: MeasurementTable | CandidateTable,
+        campaign: CampaignTable,
+        attachments: Sequence[str] = (),
+        level: tuple[float, bool] | None = None,
+    ) -> tuple[Assembly, Coordinate] | None:
+        """Return the assembly of a measurement with attachments and sensor, and the response coordinate.
+
+        None after mistakes are added.
+        """
+        built = self.built
+        assembly = built.assemblies.get(table.assembly)
+        if assembly is not None:
+            assembly = self.at_level(path, level, assembly, campaign)
+        sensor = None if table.sensor is None else built.sensors.get(table.sensor)
+        if assembly is None or (sensor is None and table.sensor is not None):
+            return None
+        if not built.attachments.keys() >= set(attachments):
+            return None
+        points = [built.attachments[name] for name in attachments]
+        response = self.place((*path, "response"), table.response, assembly)
+        if points:
+            assembly = self.make((*path, "attachments"), with_attached, assembly, *points)
+        if assembly is None or response is None:
+            return None
+        return (assembly if sensor is None else with_sensor(assembly, sensor, response)), response
+
     def at_level(
         self, path: KeyPath, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
     ) -> Assembly | None:
@@ -474,10 +469,8 @@ def addresses_of(unknown: Unknown) -> tuple[str, ...]:
     return () if isinstance(unknown, Move) else unknown.reached
 
 
-def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) -> Assembly:
+def with_sensor(assembly: Assembly, sensor: PointMass, at: Coordinate) -> Assembly:
     """Return the assembly with the mass of a sensor at a coordinate."""
-    if sensor is None:
-        return assembly
     return with_attached(assembly, replace(sensor, part=at.part, position=at.position))
 
 
@@ -497,3 +490,127 @@ def _without_owner(text: str) -> str:
     """Return a message of the library without the object at its beginning, which the path names."""
     owner, colon, rest = text.partition(": ")
     return rest if colon and owner.split(" ", 1)[0] in _KINDS else text
+
+
+# Unknowns of modal parts ----------------------------------------------------------------------------------------------
+
+_DAMPING = (1e-3, 0.03, 0.3)
+"""Lower bound, start and upper bound of damping ratios."""
+_FREQUENCY = 2.0
+"""Factor between bounds and start of natural frequencies: holder and tool change those of the spindle."""
+_SHAPE = 10.0
+"""Factor between bounds and start of y."""
+_SLOPE = 5.0
+"""Bound of theta, relative to y over the length of the part before the plane."""
+_RESIDUAL = 10.0
+"""Bound of residuals, relative to the static compliance of the modes at their start."""
+_PROMINENCE = 0.2
+"""Prominence of peaks of the logarithm of the mean FRF."""
+_SAME = 0.1
+"""Relative distance within which a peak belongs to a mode with a given frequency."""
+
+
+def modal_unknowns(
+    table: CampaignTable, built: Built, measurements: Mapping[str, Measurement], builder: Builder
+) -> dict[str, Unknown]:
+    """Return the unknowns of modal parts with `identify = true` that are not listed in `unknowns`."""
+    found: dict[str, Unknown] = {}
+    for name, part in table.modal_parts.items():
+        if not part.identify:
+            continue
+        path: KeyPath = ("modal_parts", name)
+        seen = [
+            one.observation
+            for one in measurements.values()
+            if not one.held_out
+            and isinstance(one.observation, MeasuredFRF)
+            and name in one.observation.assembly.elements
+        ]
+        if not seen:
+            builder.problems.add(
+                (*path, "identify"),
+                "is true, but there is no FRF for identification of an assembly that ends with this part, expected one",
+            )
+            continue
+        rigid = [index for index, mode in enumerate(part.modes) if mode.frequency_hz == 0.0]
+        if rigid:
+            builder.problems.add(
+                (*path, "modes", rigid[0]),
+                "is a rigid-body mode, but the part has `identify = true`, which is for elastic modes; expected "
+                "bounds of its numbers in `unknowns` instead",
+            )
+            continue
+        automatic = _of_part(name, part, seen)
+        given = {own for unknown in built.unknowns.values() for own in addresses_of(unknown)}
+        found |= {address: unknown for address, unknown in automatic.items() if address not in given}
+        for title, one in table.assemblies.items():
+            for address in one.set:
+                if title in built.assemblies and covered(address, built.assemblies[title]) & automatic.keys():
+                    here: KeyPath = ("assemblies", title, "set", address)
+                    builder.problems.add(
+                        here, f"is set here, but `modal_parts.{name}.identify` is true, expected one of the two"
+                    )
+    return found
+
+
+def _of_part(name: str, part: ModalPartTable, seen: list[MeasuredFRF]) -> dict[str, Unknown]:
+    lines, logarithm = _mean(seen)
+    frequencies = _frequencies([mode.frequency_hz for mode in part.modes], lines, logarithm)
+    length = [one for one in seen[0].assembly.elements.values() if isinstance(one, Part)][-1].length
+    lower, middle, upper = _DAMPING
+    found: list[Unknown] = []
+    compliance = 0.0
+    for index, (mode, frequency) in enumerate(zip(part.modes, frequencies, strict=True)):
+        own = f"{name}.mode[{index}]"
+        damping = mode.damping_ratio if "damping_ratio" in mode.model_fields_set else middle
+        # At its peak a mode has |H| = y^2 / (2 zeta w^2).
+        w = 2.0 * np.pi * frequency
+        peak = float(np.exp(np.interp(frequency, lines, logarithm)))
+        size = abs(mode.y) or w * float(np.sqrt(2.0 * middle * peak))
+        slope = max(_SLOPE * size / length, 2.0 * abs(mode.theta))
+        turned = -1.0 if mode.y < 0.0 else 1.0  # the sign of a whole shape is free
+        compliance += (size / w) ** 2
+        found += [
+            _around(f"{own}.frequency_hz", frequency, frequency / _FREQUENCY, frequency * _FREQUENCY),
+            _around(f"{own}.damping_ratio", damping, min(lower, damping / 2.0), max(upper, 2.0 * damping)),
+            _around(f"{own}.y", size, size / _SHAPE, size * _SHAPE),
+            _around(f"{own}.theta", turned * mode.theta, -slope, slope),
+        ]
+    for residual, unit in zip(RESIDUALS, (1.0, 1.0 / length**2, 1.0 / length), strict=True):
+        value = float(getattr(part, residual))
+        reach = max(_RESIDUAL * compliance * unit, 2.0 * abs(value))
+        found.append(_around(f"{name}.{residual}", value, -reach, reach))
+    return {unknown.address: unknown for unknown in found}
+
+
+def _around(address: str, start: float, lower: float, upper: float) -> Unknown:
+    return Unknown(address=address, lower=float(lower), upper=float(upper), start=float(start))
+
+
+def _mean(seen: list[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return lines in Hz, and the mean logarithm of the magnitudes of all FRFs that cover each line."""
+    own = [one.frequency_hz.real for one in seen]
+    lines: NDArray[np.float64] = np.unique(np.concatenate(own))
+    rows = []
+    for at, one in zip(own, seen, strict=True):
+        magnitude: NDArray[Any] = np.abs(one.receptance)
+        rows.append(np.interp(lines, at, np.log(np.maximum(magnitude, 1e-300)), left=np.nan, right=np.nan))
+    mean: NDArray[np.float64] = np.nanmean(rows, axis=0)
+    return lines, mean
+
+
+def _frequencies(given: list[float | None], lines: NDArray[np.float64], logarithm: NDArray[np.float64]) -> list[float]:
+    """Return a frequency for each mode: the given one, or one of the lowest peaks in ascending order."""
+    from scipy.signal import find_peaks
+
+    known = [one for one in given if one is not None]
+    missing = len(given) - len(known)
+    # A free structure that joins the plane raises no natural frequency: the n-th of the assembly is at most that
+    # of the spindle (separation of eigenvalues). So the lowest peaks are taken, not the highest.
+    peaks = [float(f) for f in lines[find_peaks(logarithm, prominence=_PROMINENCE)[0]]]
+    free = [f for f in peaks if all(abs(f - one) > _SAME * one for one in known)][:missing]
+    # Modes without a peak are distributed over the band.
+    rest = missing - len(free)
+    free += [float(f) for f in np.geomspace(max(lines[0], 0.01 * lines[-1]), lines[-1], rest + 2)[1:-1]]
+    waiting = iter(sorted(free))
+    return [next(waiting) if one is None else one for one in given]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
@@ -14,12 +13,10 @@ import numpy as np
 
 from receptance import units
 from receptance._files import write_whole
-from receptance.campaign.builder import addresses_of
-from receptance.campaign.element_tables import PLAIN_NUMBER
-from receptance.campaign.problems import Problems
-from receptance.campaign.quantities import kind_of
-from receptance.campaign.series import expand_series
+from receptance.campaign.build import addresses_of
+from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.tolerances import tolerances_of
+from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered, on_lines
@@ -27,14 +24,13 @@ from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import Prior, Unknown, covered
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.fields import Choice, Count, Element, Member, Number
-from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.joints import GroundSpring, MicroslipJoint, PointMass, Resonator
 from receptance.model.terminals import ModalPart
 from receptance.units import Quantity
 
 if TYPE_CHECKING:
-    from receptance.campaign.campaign import Campaign
+    from receptance.campaign.run import Campaign
     from receptance.diagnosis import Verdict
     from receptance.identification.laws import Tolerance
     from receptance.model.assembly import Assembly
@@ -106,17 +102,14 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
     """
     if isinstance(element, Part):
         return {"segments": [_field_table(one, materials) for one in element.segments]}
-    if isinstance(element, SpreadJoint):
-        return {"kind": "spread", **_field_table(element, materials)}
-    if type(element) is PointJoint:
-        return _field_table(element, materials)
-    if isinstance(element, ColletJoint):
-        return {"kind": "collet", **_field_table(element, materials)}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
         return {"modes": [_field_table(mode, materials) for mode in element.modes], **_field_table(element, materials)}
-    raise ValueError(f"{element!r} cannot be written as a table of a campaign")
+    kind = JOINTS.kind_of(element)
+    if kind is None or isinstance(element, MicroslipJoint):  # its reference force is not a field of the element
+        raise ValueError(f"{element!r} cannot be written as a table of a campaign")
+    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials)}
 
 
 def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
@@ -130,8 +123,12 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     if isinstance(point, GroundSpring) and point.length:
         raise ValueError(f"{point!r} is distributed along a part and cannot be written as a table of a campaign")
     position = point.position if isinstance(point.position, str) else quantity(point.position, units.LENGTH)
-    kind = {PointMass: "mass", GroundSpring: "ground", Resonator: "resonator"}[type(point)]
-    return {"kind": kind, "part": point.part, "position": position, **_field_table(point, Materials(()))}
+    return {
+        "kind": ATTACHMENTS.kind_of(point),
+        "part": point.part,
+        "position": position,
+        **_field_table(point, Materials(())),
+    }
 
 
 def _field_table(element: Element, materials: Materials) -> dict[str, Any]:
@@ -262,7 +259,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     if verdict.explanation is None or verdict.extended is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
     # A cause may act at one level only, so that each level has its own tables.
-    data = expand_series(tomllib.loads(campaign.file.read_bytes().decode("utf-8-sig")), Problems({})).data
+    data = copy.deepcopy(campaign.contents)
     measured = {
         name: _applied(verdict, name, one.observation, one.effects) for name, one in campaign.measurements.items()
     }
@@ -523,7 +520,7 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model) -> Model:
 
 def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
     """Raise a ValueError if the written campaign is not the model that was diagnosed."""
-    from receptance.campaign.loading import from_data
+    from receptance.campaign.read import from_data
     from receptance.campaign.run import campaign_model
 
     explanation = verdict.explanation

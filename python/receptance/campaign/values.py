@@ -1,14 +1,23 @@
-"""Quantities, positions, standard deviations, conditions, levels and priors of a campaign file."""
+"""Values of the keys of a campaign file: quantities, deviations, levels, priors, addresses, names and files.
+
+Markers of fields read or check a value while its table is validated, so that the mistakes of a table are reported
+together.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainValidator, WithJsonSchema
+
 from receptance import units
-from receptance._text import did_you_mean, one_of, shown
+from receptance._text import did_you_mean, instead_of, one_of, shown
+from receptance.identification.factors import FACTORS
 from receptance.identification.unknowns import Prior
 from receptance.model.beams import Material, Segment
 from receptance.model.distributed import SpreadJoint
@@ -18,19 +27,34 @@ from receptance.model.terminals import ModalPart, Mode
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler
+    from pydantic import GetCoreSchemaHandler, ValidationInfo
 
-    from receptance.campaign.format import PriorTable
+    from receptance.campaign.schema import PriorTable
 
 __all__ = [
     "FIELDS",
+    "OWNERS",
+    "PLAIN_NUMBER",
+    "Address",
+    "AddressError",
     "Amount",
+    "AtAddress",
+    "BrokenReferenceError",
+    "ByAddress",
     "Condition",
+    "DataFile",
     "Deviation",
+    "DeviationShare",
+    "ForceWindow",
+    "NameInMachine",
     "OneOf",
+    "Position",
+    "References",
+    "Share",
     "Spread",
     "json_schema",
     "kind_of",
+    "name_of",
     "parse_condition",
     "parse_deviation",
     "parse_level",
@@ -49,8 +73,6 @@ class Amount:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Read the field with `parse`; the JSON schema does not check the unit."""
-        from pydantic import PlainValidator, WithJsonSchema
-
         del source
         reading = PlainValidator(lambda value: parse(value, self.quantity))
         return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(json_schema(self.quantity))])
@@ -78,8 +100,6 @@ class OneOf:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Check the type before pydantic."""
-        from pydantic import BeforeValidator
-
         return handler.generate_schema(Annotated[source, BeforeValidator(self._check)])
 
     def _check(self, value: Any) -> Any:
@@ -124,13 +144,33 @@ def parse_share(text: Any, expected: str) -> float:
     return number / 100.0
 
 
+def parse_deviation_share(text: Any) -> float:
+    """Return a relative standard deviation from a percentage."""
+    expected = 'a standard deviation of the FRF in percent, such as "2 %"'
+    share = parse_share(text, expected)
+    if share <= 0.0:
+        raise ValueError(f'is "{text}", expected more than zero: {expected}')
+    return share
+
+
+DeviationShare = Annotated[float, PlainValidator(parse_deviation_share), WithJsonSchema({"type": "string"})]
+"""A standard deviation of an FRF, relative to its magnitude."""
+Share = Annotated[
+    float,
+    PlainValidator(lambda text: parse_share(text, 'a percentage such as "5 %"')),
+    PlainSerializer(lambda share: f"{100.0 * share:g} %"),
+    WithJsonSchema({"type": "string"}),
+]
+"""A percentage."""
+
+
 def parse_deviation(value: Any, quantity: Quantity) -> Deviation:
     """Return the standard deviation of a quantity.
 
     Examples
     --------
     >>> from receptance import units
-    >>> from receptance.campaign.quantities import parse_deviation
+    >>> from receptance.campaign.values import parse_deviation
     >>> parse_deviation("2 %", units.LENGTH)
     Deviation(amount=0.02, relative=True, name='')
     >>> parse_deviation({"value": "0.5 mm", "name": "gauge"}, units.LENGTH)
@@ -173,8 +213,6 @@ class Spread:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Read the field with `parse_deviation`."""
-        from pydantic import PlainValidator, WithJsonSchema
-
         del source
         reading = PlainValidator(lambda value: parse_deviation(value, self.quantity))
         return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(_deviation_schema(self.quantity))])
@@ -220,7 +258,7 @@ def parse_condition(written: Any) -> Condition:
 
     Examples
     --------
-    >>> from receptance.campaign.quantities import parse_condition
+    >>> from receptance.campaign.values import parse_condition
     >>> parse_condition("5 kN")
     Condition(value=5000.0, unit='kg m/s^2', written='5 kN')
     """
@@ -237,7 +275,7 @@ def parse_level(written: Any) -> tuple[float, bool]:
 
     Examples
     --------
-    >>> from receptance.campaign.quantities import parse_level
+    >>> from receptance.campaign.values import parse_level
     >>> parse_level("50 N"), parse_level(2.0)
     ((50.0, True), (2.0, False))
     """
@@ -249,6 +287,25 @@ def parse_level(written: Any) -> tuple[float, bool]:
         raise ValueError(f'is {shown(written)}, expected a number from 0 on, or a force such as "50 N"')
     return float(written), False
 
+
+def parse_force_window(written: Any) -> float | Literal["auto", "none"]:
+    """Return the length of the force window in s, "auto" or "none"."""
+    if written == "auto":
+        return "auto"
+    if written == "none":
+        return "none"
+    try:
+        return parse(written, units.TIME)
+    except ValueError as error:
+        found = str(error).split(", expected", 1)[0]
+        text = found or f"is {shown(written)}"
+        raise ValueError(f'{text}, expected a time such as "2 ms", "auto" or "none"') from None
+
+
+ForceWindow = Annotated[
+    float | Literal["auto", "none"], PlainValidator(parse_force_window), WithJsonSchema({"type": "string"})
+]
+"""Length of a force window in s, "auto" or "none"."""
 
 # Priors --------------------------------------------------------------------------------------------------------------
 
@@ -314,27 +371,42 @@ _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:i
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 
+class AddressError(ValueError):
+    """A text is not the address of a parameter.
+
+    Attributes
+    ----------
+    address : str
+        The text.
+    """
+
+    def __init__(self, address: str, text: str) -> None:
+        super().__init__(text)
+        self.address = address
+
+
 def kind_of(address: str) -> Quantity:
     """Return the quantity of the parameter at an address.
 
     Raises
     ------
-    ValueError
+    AddressError
         The text is not an address, or names an unknown parameter.
 
     Examples
     --------
-    >>> from receptance.campaign.quantities import kind_of
+    >>> from receptance.campaign.values import kind_of
     >>> kind_of("tool.segment[0].length").unit
     'm'
     """
     match = _ADDRESS.fullmatch(address)
     if match is None:
-        raise ValueError('is not an address, expected one such as "joint.k_theta" or "tool.segment[0].length"')
+        text = 'is not an address, expected one such as "joint.k_theta" or "tool.segment[0].length"'
+        raise AddressError(address, text)
     field = match["field"]
     if field not in FIELDS:
         near = did_you_mean(field, FIELDS)
-        raise ValueError(f'names an unknown quantity "{field}"{near}; expected {one_of(FIELDS)}')
+        raise AddressError(address, f'names an unknown quantity "{field}"{near}; expected {one_of(FIELDS)}')
     return FIELDS[field]
 
 
@@ -356,3 +428,204 @@ def parse_position(text: str) -> float | Literal["end"]:
             if found
             else f"is {shown(text)}"
         ) from None
+
+
+# References ----------------------------------------------------------------------------------------------------------
+
+OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
+"""Sections whose names begin addresses."""
+_SINGULAR = {
+    "assemblies": "an assembly",
+    "attachments": "an attachment",
+    "materials": "a material",
+    "parts": "a part",
+    "modal_parts": "a modal part",
+}
+
+
+class BrokenReferenceError(ValueError):
+    """A reference to a name or a file that does not exist; the table is valid otherwise."""
+
+
+@dataclass(frozen=True)
+class References:
+    """Names and files to which tables may refer; the context of the validation.
+
+    Parameters
+    ----------
+    named : dict of str to list of str
+        All names of each section, including those of tables with mistakes.
+    broken : frozenset of str
+        Sections that are missing or are not tables; references to them are not checked.
+    folder : Path or None
+        Folder of the data files; None if they are not checked.
+    """
+
+    named: dict[str, list[str]]
+    broken: frozenset[str]
+    folder: Path | None
+
+    def check_name(self, name: str, sections: tuple[str, ...]) -> None:
+        """Raise a `BrokenReferenceError` if no section has the name."""
+        known = [other for section in sections for other in self.named[section]]
+        if name in known or not self.broken.isdisjoint(sections):
+            return
+        # Messages mention modal parts only if the file has some.
+        mentioned = [section for section in sections if section != "modal_parts" or self.named[section]]
+        what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in mentioned)
+        raise BrokenReferenceError(f'is "{name}", which is not {what} of this file{instead_of(name, known)}')
+
+    def check_machine(self, name: str) -> None:
+        """Raise a `BrokenReferenceError` if the machine of a catalogue cannot contain an element of this name."""
+        if name in self.named["modal_parts"]:
+            raise BrokenReferenceError(
+                f'is "{name}", a modal part, which `machine` cannot contain; expected parts and joints, or the spindle '
+                'in a file of its own, named by `spindle = "FILE"`'
+            )
+        self.check_name(name, ("parts", "joints"))
+
+    def check_address(self, address: str) -> None:
+        """Raise an `AddressError` if a text is not an address, or its owner is unknown."""
+        kind_of(address)
+        owner = address.split(".", 1)[0]
+        known = [name for section in OWNERS for name in self.named[section]]
+        if owner not in known and address not in FACTORS and self.broken.isdisjoint(OWNERS):
+            text = f'begins with "{owner}", which is not a part, joint, attachment or sensor of this file'
+            raise AddressError(address, text + instead_of(owner, known))
+
+    def check_file(self, name: str) -> None:
+        """Raise a `BrokenReferenceError` if a data file does not exist."""
+        if self.folder is None or (file := self.folder / name).is_file():
+            return
+        what = "is a folder" if file.is_dir() else "does not exist"
+        near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
+        text = f'is "{name}", which {what}, expected a data file in {self.folder.resolve()}'
+        raise BrokenReferenceError(text + did_you_mean(file.name, near))
+
+
+def _checked(check: Callable[[References, str], None]) -> AfterValidator:
+    """Return the marker of a text that is checked against the context of the validation, if there is one."""
+
+    def validated(text: str, info: ValidationInfo) -> str:
+        if isinstance(info.context, References):
+            check(info.context, text)
+        return text
+
+    return AfterValidator(validated)
+
+
+def name_of(*sections: str, optional: bool = False) -> AfterValidator:
+    """Return the marker of a text that is a name in one of some sections of the file, or, if `optional`, empty."""
+
+    def check(references: References, name: str) -> None:
+        if name or not optional:
+            references.check_name(name, sections)
+
+    return _checked(check)
+
+
+DataFile = Annotated[str, _checked(References.check_file)]
+"""Path of a data file, relative to the campaign file."""
+Address = Annotated[str, _checked(References.check_address)]
+"""Address of a parameter."""
+NameInMachine = Annotated[str, _checked(References.check_machine)]
+"""Name in the chain of the machine of a catalogue."""
+
+
+# Values at addresses -------------------------------------------------------------------------------------------------
+
+PLAIN_NUMBER = Quantity("a number", "", "0.02")
+"""Value of an unknown that moves parameters or is a multiple of one."""
+
+
+@dataclass(frozen=True)
+class _Unread:
+    """A value of the file that is not read yet, and its address."""
+
+    value: Any
+    address: str
+    plain: bool = False
+    """Whether it is a plain number."""
+    owned: bool = False
+    """Whether the address is one of an element of the file."""
+
+    def quantity(self, references: References | None) -> Quantity:
+        if self.owned and references is not None:
+            references.check_address(self.address)
+        return PLAIN_NUMBER if self.plain else kind_of(self.address)
+
+
+@dataclass(frozen=True)
+class ByAddress:
+    """Marks a dictionary by address: its values, or keys of its tables, have the quantity of the address.
+
+    Parameters
+    ----------
+    *keys : str
+        Keys of the tables; without keys, the values themselves.
+    """
+
+    keys: tuple[str, ...] = ()
+
+    def __init__(self, *keys: str) -> None:
+        object.__setattr__(self, "keys", keys)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        """Attach the address to every value before validation."""
+        return handler.generate_schema(Annotated[source, BeforeValidator(self._marked)])
+
+    def _marked(self, given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return given
+        return {address: self._at(address, value) for address, value in given.items()}
+
+    def _at(self, address: Any, value: Any) -> Any:
+        if not self.keys:
+            return _Unread(value, str(address))
+        if not isinstance(value, Mapping):
+            return value
+        plain = bool(value.get("moves")) or value.get("multiple") is not None
+        owned = not value.get("moves")
+        marked = {key: _Unread(value[key], str(address), plain, owned) for key in self.keys if key in value}
+        return {**value, **marked}
+
+
+@dataclass(frozen=True)
+class AtAddress:
+    """Marks a value in a dictionary of `ByAddress` as a quantity in SI units, or as a standard deviation."""
+
+    deviation: bool = False
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        """Read the value with the quantity of its address."""
+        del source
+        plain: list[dict[str, Any]] = [{"type": "string"}, {"type": "number"}]
+        schema = [*plain, {"type": "object", "additionalProperties": {"anyOf": plain}}] if self.deviation else plain
+        return handler.generate_schema(Annotated[Any, PlainValidator(self._read), WithJsonSchema({"anyOf": schema})])
+
+    def _read(self, given: Any, info: ValidationInfo) -> Any:
+        if not isinstance(given, _Unread):  # read before, in a table that is validated again
+            return given
+        quantity = given.quantity(info.context)
+        types = (str, int, float, dict) if self.deviation else (str, int, float)
+        if isinstance(given.value, bool) or not isinstance(given.value, types):
+            also = 'a standard deviation such as "0.1 mm" or "2 %"'
+            what = also if self.deviation else "text with a number and a unit, or a plain number"
+            raise ValueError(f"is {shown(given.value)}, expected {what}")
+        if self.deviation:
+            return parse_deviation(given.value, quantity)
+        return parse(given.value, quantity)
+
+
+def _read_position(value: Any) -> float | str:
+    if not isinstance(value, str):
+        raise ValueError(f'is {shown(value)}, expected a distance such as "62.3 mm", or "end"')
+    return parse_position(value)
+
+
+Position = Annotated[
+    float | Literal["end"],
+    PlainValidator(_read_position),
+    WithJsonSchema({"type": "string", "minLength": 1, "examples": ["62.3 mm", "end"]}),
+]
+"""A distance from the tip-side end of a part, or its far end."""

@@ -8,28 +8,31 @@ import math
 import re
 import tomllib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from receptance._files import read_whole
-from receptance.campaign.builder import Builder, Built, with_attached, with_sensor
-from receptance.campaign.campaign import Campaign
-from receptance.campaign.cuts import build_cut
-from receptance.campaign.format import CampaignTable
-from receptance.campaign.lines import KeyPath, lines_of
-from receptance.campaign.measurements import Measurement, build_candidate, build_measurement
-from receptance.campaign.modal_starts import modal_unknowns
-from receptance.campaign.problems import CampaignError, Problem, Problems, translate
-from receptance.campaign.references import check_references
-from receptance.campaign.series import expand_series
-from receptance.campaign.tolerances import Effects, assembly_effects, attachment_effects
+from receptance._text import did_you_mean, shown
+from receptance.campaign.build import Builder, Built, modal_unknowns
+from receptance.campaign.measurements import Measurement, MeasurementReader
+from receptance.campaign.problems import CampaignError, KeyPath, Problem, Problems, lines_of, translate
+from receptance.campaign.run import Campaign
+from receptance.campaign.schema import CampaignTable
+from receptance.campaign.stability import build_cut
+from receptance.campaign.tolerances import Effects, assembly_effects
+from receptance.campaign.values import OWNERS, References, parse_condition
 from receptance.errors import ReceptanceWarning
 from receptance.identification import MeasuredFRF
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
-__all__ = ["from_data", "load", "measured_structures"]
+if TYPE_CHECKING:
+    from receptance.campaign.problems import KeyPath, Problems
+    from receptance.campaign.run import Campaign
+
+__all__ = ["LEVEL", "expand_series", "from_data", "load", "measured_structures"]
 
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
@@ -120,20 +123,19 @@ def from_data(
         As in `load`.
     """
     problems = Problems(lines or {})
+    data = expand_series(data, problems)
     table, builder, built = _build(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
-    attached = {name: attachment_effects(name, table, built) for name in (*built.sensors, *built.attachments)}
+    reader = MeasurementReader(table, builder, file.parent, effects)
     conditions = {name: one.conditions for name, one in table.assemblies.items() if one.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         if progress is not None:
             progress(f"reading {name}")
-        measured = build_measurement(name, table, built, (effects, attached), file.parent, builder, conditions)
+        measured = reader.measurement(name)
         if measured is not None:
             measurements[name] = measured
-    possible = {
-        name: build_candidate(name, table, built, (effects, attached), builder, conditions) for name in table.candidates
-    }
+    possible = {name: reader.candidate(name) for name in table.candidates}
     places = _places(table, built, builder)
     cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, builder) for name in table.cuts}
     _check_stability(table, problems)
@@ -156,6 +158,7 @@ def from_data(
         candidates={name: one for name, one in possible.items() if one is not None},
         cuts={name: one for name, one in cuts.items() if one is not None},
         built=built,
+        contents=data,
         templates={
             str(path[1]): str(inside[1]) for path, inside in problems.templates.items() if path[0] == "measurements"
         },
@@ -175,15 +178,13 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     """
     data = tomllib.loads(text)
     problems = Problems(lines_of(text))
-    table, builder, built = _build(data, problems, None)
+    table, builder, _ = _build(expand_series(data, problems), problems, None)
     found = {}
     for name, measurement in table.measurements.items():
-        assembly = built.assemblies[measurement.assembly]
-        at = builder.place(("measurements", name, "response"), measurement.response, assembly)
-        if at is not None:
-            sensor = None if measurement.sensor is None else built.sensors[measurement.sensor]
-            points = [built.attachments[one] for one in measurement.attachments]
-            found[name] = (with_sensor(with_attached(assembly, *points), sensor, at), at)
+        path = ("measurements", name)
+        assembled = builder.measured(path, measurement, table, measurement.attachments, measurement.level)
+        if assembled is not None:
+            found[name] = assembled
     if problems.found:
         raise CampaignError("the campaign", problems.in_file())
     return found
@@ -191,12 +192,8 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
 
 def _build(data: dict[str, Any], problems: Problems, folder: Path | None) -> tuple[CampaignTable, Builder, Built]:
     """Return the tables and the objects built from them; data files are looked for if a folder is given."""
-    expanded = expand_series(data, problems)
-    problems.templates.update(expanded.templates)
-    data = expanded.data
-    table, named, broken = _validate(data, problems, expanded.broken)
-    builder = Builder(problems, named, broken)
-    check_references(data, folder, builder)
+    table = _validate(data, problems, folder)
+    builder = Builder(problems)
     return table, builder, builder.build(table)
 
 
@@ -254,15 +251,16 @@ def _check_values(data: dict[str, Any], problems: Problems) -> None:
             problems.add(path, "is a whole number beyond the 64 bits of TOML, expected a smaller one")
 
 
-def _validate(
-    data: dict[str, Any], problems: Problems, unknown: frozenset[str]
-) -> tuple[CampaignTable, dict[str, list[str]], frozenset[str]]:
-    """Return the tables without mistakes, the names of all tables, and the sections whose names are not known."""
+def _validate(data: dict[str, Any], problems: Problems, folder: Path | None) -> CampaignTable:
+    """Return the tables without mistakes; tables with wrong references only are among them."""
     from pydantic import ValidationError
 
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
-    broken |= {section for section in _REQUIRED if section not in data and "cuts" not in data} | unknown
+    broken |= {section for section in _REQUIRED if section not in data and "cuts" not in data}
+    broken |= problems.incomplete
+    _check_owners(named, problems)
+    references: References | None = References(named, frozenset(broken), folder)
     rest = copy.deepcopy(data)
     if "cuts" in data:
         rest |= {section: {} for section in _REQUIRED if section not in data}
@@ -271,13 +269,26 @@ def _validate(
             joint.setdefault("kind", "point")
     while True:
         try:
-            return CampaignTable.model_validate(rest), named, frozenset(broken)
+            return CampaignTable.model_validate(rest, context=references)
         except ValidationError as error:
             found = translate(error.errors(), rest, CampaignTable)
-        for path, text in found:
+        references = None  # all of them are checked
+        for path, (text, _) in found.items():
             problems.add(path, text)
-        for path, _ in found:
-            _prune(rest, path)
+        for path, (_, only_reference) in found.items():
+            if not only_reference:
+                _prune(rest, path)
+
+
+def _check_owners(named: dict[str, list[str]], problems: Problems) -> None:
+    """Check that names of parts, joints, attachments and sensors, which begin addresses, are unique."""
+    owner: dict[str, str] = {}
+    for section in OWNERS:
+        for name in named[section]:
+            if name in owner:
+                text = f"is also the name of one of the {owner[name]}, expected another name"
+                problems.add((section, name), text)
+            owner.setdefault(name, section)
 
 
 def _prune(data: dict[str, Any], path: KeyPath) -> None:
@@ -350,3 +361,135 @@ def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, p
             "has no standard deviation, but other measurements have one, so their weights are not defined; expected "
             + _WEIGHTS[table.measurements[name].kind],
         )
+
+
+# Series: a table for each level ---------------------------------------------------------------------------------------
+
+LEVEL = "{level}"
+"""Placeholder for a level as it is written in the file."""
+_VALUE = "{value}"
+"""Placeholder for the number of a level without its unit."""
+_TEMPLATED = ("assemblies", "measurements")
+_NUMBER = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)")
+
+
+def expand_series(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
+    """Return the contents of a file with a table for each level instead of a table with `{level}` in its name.
+
+    Each assembly has its level as a condition. Measurements at levels of `hold_out` are held out.
+    """
+    templates = [
+        (section, name)
+        for section in _TEMPLATED
+        for name in _section(data, section)
+        if isinstance(name, str) and LEVEL in name
+    ]
+    series = data.get("series")
+    if series is None:
+        for path in templates:
+            problems.add(path, f"has {LEVEL} in its name, but the file has no `series`, expected one with `levels`")
+        return _without(data, templates, problems)
+    levels = series.get("levels") if isinstance(series, dict) else None
+    over = series.get("over") if isinstance(series, dict) else None
+    if not isinstance(over, str) or not isinstance(levels, list) or not all(map(_is_level, levels)) or not levels:
+        return _without(data, templates, problems)  # the validation of the table reports the mistake
+    names = [_level_text(level) for level in levels]
+    if not templates and not _conditioned(data, over):
+        text = f"is not used: no assembly or measurement has {LEVEL} in its name, and no assembly has the condition"
+        problems.add(("series",), f"{text} {shown(over)}")
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            problems.add(("series", "levels", index), f"is {shown(levels[index])} for the second time")
+    _check_units(levels, problems)
+    out = series.get("hold_out", [])
+    held = [_level_text(level) for level in out if _is_level(level)] if isinstance(out, list) else []
+    for index, name in enumerate(held):
+        if name not in names:
+            text = f"is {shown(name)}, which is not one of the levels{did_you_mean(name, names)}"
+            problems.add(("series", "hold_out", index), text)
+    found = data | {section: dict(data[section]) for section, _ in templates}
+    for section, template in templates:
+        table = found[section].pop(template)
+        for name in dict.fromkeys(names):
+            own = _substitute_level(template, name)
+            if own in found[section]:
+                problems.add(
+                    (section, template), f"becomes {shown(own)} at a level, which is the name of another table"
+                )
+                continue
+            found[section][own] = _table_at_level(section, table, name, over, name in held)
+            problems.templates[section, own] = (section, template)
+    return found
+
+
+def _conditioned(data: Mapping[str, Any], over: str) -> bool:
+    """Return whether an assembly has the condition, without a template."""
+    return any(
+        over in _section(one, "conditions") for one in _section(data, "assemblies").values() if isinstance(one, dict)
+    )
+
+
+def _check_units(levels: list[Any], problems: Problems) -> None:
+    """Add a mistake for the first level of a different quantity than the level before."""
+    try:
+        units = [parse_condition(level).unit for level in levels]
+    except ValueError:
+        return  # the validation of the condition reports the mistake
+    for index, (before, unit) in enumerate(pairwise(units), 1):
+        if unit != before:
+            text = (
+                f"is {shown(levels[index])} after {shown(levels[index - 1])}, expected the same quantity at all levels"
+            )
+            problems.add(("series", "levels", index), text)
+            return
+
+
+def _table_at_level(section: str, table: Any, level: str, over: str, held: bool) -> Any:
+    own = _substituted(table, level)
+    if not isinstance(own, dict):
+        return own
+    if section == "assemblies":
+        conditions = own.get("conditions", {})
+        if isinstance(conditions, dict):
+            own["conditions"] = {over: level, **conditions}
+    elif held:
+        own.setdefault("role", "hold out")
+    return own
+
+
+def _substituted(thing: Any, level: str) -> Any:
+    """Return a copy with the level in place of the placeholders."""
+    if isinstance(thing, str):
+        return _substitute_level(thing, level)
+    if isinstance(thing, list):
+        return [_substituted(one, level) for one in thing]
+    if isinstance(thing, dict):
+        return {key: _substituted(value, level) for key, value in thing.items()}
+    return thing
+
+
+def _substitute_level(text: str, level: str) -> str:
+    number = _NUMBER.match(level)
+    return text.replace(LEVEL, level).replace(_VALUE, number[1] if number else level)
+
+
+def _is_level(level: Any) -> bool:
+    return isinstance(level, (str, int, float)) and not isinstance(level, bool)
+
+
+def _level_text(level: Any) -> str:
+    return level if isinstance(level, str) else f"{level:g}"
+
+
+def _section(data: Mapping[str, Any], section: str) -> Mapping[str, Any]:
+    table = data.get(section)
+    return table if isinstance(table, dict) else {}
+
+
+def _without(data: dict[str, Any], templates: list[tuple[str, str]], problems: Problems) -> dict[str, Any]:
+    """Return the contents without templates whose levels are not known."""
+    found = data | {section: dict(data[section]) for section, _ in templates}
+    for section, name in templates:
+        del found[section][name]
+        problems.incomplete.add(section)
+    return found
