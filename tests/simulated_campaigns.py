@@ -9,7 +9,6 @@ import numpy as np
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Tolerance
 from receptance.identification.mapping import Parameters
-from receptance.identification.task import place_of
 
 LINES = 1000
 PARAMETERS = ("joint.k_y", "joint.k_theta", "joint.k_ytheta")
@@ -101,12 +100,12 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
     ]
     truth = {f"joint.{name}": float(value) for name, value in values.items()}
     unknowns = [Unknown(address=a, lower=b[0], upper=b[1]) for a, b in BOUNDS.items()]
-    parameters = Parameters(unknowns, tolerances, [place_of(o, i) for i, o in enumerate(nominal)])
+    parameters = Parameters(unknowns, tolerances, [o.site(i) for i, o in enumerate(nominal)])
     errors = {name: float(rng.standard_normal()) for name in parameters.errors}
     vector = np.array([*(truth[a] for a in BOUNDS), *errors.values()])
     observations = []
     for i, one in enumerate(nominal):
-        true = parameters.at(place_of(one, i)).apply(one.assembly, vector)
+        true = parameters.at(one.site(i)).apply(one.assembly, vector)
         scatter = noise * (rng.standard_normal(LINES) + 1j * rng.standard_normal(LINES))
         observations.append(
             MeasuredFRF(

@@ -12,8 +12,8 @@ from receptance.campaign.element_tables import PLAIN_NUMBER
 from receptance.campaign.problems import path_text
 from receptance.campaign.quantities import kind_of, parse_share, prior_of
 from receptance.errors import ReceptanceError
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Power
+from receptance.identification.mapping import FACTORS
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment
@@ -342,7 +342,7 @@ class Builder:
         claimed: dict[tuple[str, str], str] = {}
         for title, unknown in built.unknowns.items():
             owned = addresses_of(unknown)
-            for address in unknown.reached:
+            for address in unknown.addresses:
                 if address.split(".", 1)[0] in measured or address in FACTORS:
                     continue
                 found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
@@ -471,7 +471,7 @@ def _joint_value(address: str, campaign: CampaignTable) -> float | None:
 
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:
     """Return the addresses of an unknown; a `Move` has none of its own."""
-    return () if isinstance(unknown, Move) else unknown.reached
+    return () if isinstance(unknown, Move) else unknown.addresses
 
 
 def with_sensor(assembly: Assembly, sensor: PointMass | None, at: Coordinate) -> Assembly:

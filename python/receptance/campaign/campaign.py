@@ -16,7 +16,7 @@ from receptance.campaign.problems import CampaignError
 from receptance.campaign.quantities import Condition, Deviation
 from receptance.campaign.tolerances import Effects, inherited_effects
 from receptance.identification import Candidate, Unknown
-from receptance.identification.mapping import Place
+from receptance.identification.mapping import Site
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Table
@@ -137,10 +137,10 @@ class Campaign:
         asked = self.table.prediction.upper
         return max(measured, default=None) if asked is None else asked
 
-    def place_of(self, name: str) -> Place:
+    def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
         conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
-        return Place(self.assemblies[name], name, "", conditions)
+        return Site(self.assemblies[name], name, "", conditions)
 
     def inherited_effects(self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]) -> Effects:
         """Return the errors of an assembly of elements of this campaign that is not in the file.

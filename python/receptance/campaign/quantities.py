@@ -292,7 +292,7 @@ _OBSERVATION = {
     "decay_rate_of_displacement": units.DECAY_RATE,
     "end": units.TIME,
 }
-"""Parameters of the measuring chain, see `receptance.identification.factors`."""
+"""Parameters of the measuring chain, see `receptance.identification.mapping`."""
 _ELEMENTS: tuple[type[Element], ...] = (
     PointJoint,
     MicroslipJoint,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from receptance._text import did_you_mean, instead_of
 from receptance.campaign.builder import OWNERS, Builder
 from receptance.campaign.quantities import kind_of
-from receptance.identification.factors import FACTORS
+from receptance.identification.mapping import FACTORS
 
 if TYPE_CHECKING:
     from receptance.campaign.lines import KeyPath

@@ -32,12 +32,11 @@ from receptance.identification import (
     next_measurement,
     transfer,
 )
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
-from receptance.identification.observations import altered
+from receptance.identification.mapping import FACTORS
+from receptance.identification.observations import Observation, altered
 from receptance.identification.pointwise_joint import TERMS
 from receptance.identification.prediction import Forecast
-from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import covered
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
@@ -178,11 +177,11 @@ def weighable_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) ->
 
 def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
     """Return the unknowns that some fitted measurement depends on, and notes on the others."""
-    places = [place_of(measured.observation, index) for index, measured in enumerate(seen.values())]
+    places = [measured.observation.site(index) for index, measured in enumerate(seen.values())]
     kept, notes = [], []
     for unknown in campaign.unknowns:
         own = [place for place in places if place.among(unknown.configurations)]
-        if any(place.covered(address) for place in own for address in unknown.reached):
+        if any(place.covered(address) for place in own for address in unknown.addresses):
             kept.append(unknown)
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
@@ -247,7 +246,7 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
             if not isinstance(one.observation.assembly.elements.get(owner), PointJoint):
                 continue
             ends = [name for name, end in one.observation.assembly.elements.items() if isinstance(end, ModalPart)]
-            if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.reached if ends):
+            if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
                 raise CampaignError.about(
                     campaign.file,
                     f"{ends[0]}, the modal part behind {owner}, has unknowns, but inverse coupling needs its "
@@ -471,7 +470,7 @@ def compared_with(
         here = altered(seen, assembly=assembly)
         if isinstance(seen, MeasuredFRF) and any(unknown.address in FACTORS for unknown in found.unknowns):
             # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(found, place_of(seen, 0), tolerances_of(measurements[name].effects))
+            forecast = Forecast(found, seen.site(0), tolerances_of(measurements[name].effects))
             chain = forecast.recorded(seen) / assembly.receptance(
                 seen.frequency_hz, response=seen.response, excitation=seen.excitation
             )

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from receptance.campaign.lines import KeyPath
     from receptance.campaign.problems import Problems
     from receptance.identification import Identification
-    from receptance.identification.task import Observation
+    from receptance.identification.observations import Observation
     from receptance.report.table import Cell
 
 __all__ = [
@@ -347,7 +347,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
     for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
         squares.setdefault(measured.assembly, []).extend(np.square(residual).tolist())
     found = {}
-    for law in fit.task.parameters.wanted:
+    for law in fit.task.parameters.given:
         if not isinstance(law, Law) or not law.free or law.along != table.over:
             continue
         rows = []

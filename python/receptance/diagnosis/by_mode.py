@@ -16,13 +16,12 @@ from receptance.diagnosis.thresholds import BIAS_CHANCE, BIAS_CONFIGURATIONS, CI
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.task import place_of
 from receptance.modal import ModeEstimate, circle_fit, find_peaks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.task import Observation
+    from receptance.identification.observations import Observation
 
 __all__ = [
     "Bias",
@@ -254,7 +253,7 @@ def slenderness_of(model: Model) -> dict[str, float]:
         if anatomy.joint and anatomy.tool:
             length = overhang_of(one.assembly, anatomy)
             diameter = one.assembly.get(f"{length.rpartition('.')[0]}.outer_diameter")
-            found[place_of(one, index).configuration] = one.assembly.get(length) / diameter
+            found[one.site(index).configuration] = one.assembly.get(length) / diameter
     return found
 
 

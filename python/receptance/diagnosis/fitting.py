@@ -27,17 +27,17 @@ from receptance.diagnosis.thresholds import (
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
-from receptance.identification.conclusion import conclude
+from receptance.identification.fit import conclude
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import fit_direct, fit_staged
-from receptance.identification.task import place_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance.identification.observations import Observation
     from receptance.identification.problem import Problem
-    from receptance.identification.task import Observation, Task
+from receptance.identification.task import Task
 
 __all__ = [
     "Explored",
@@ -109,7 +109,7 @@ class Fit:
         sums = dict.fromkeys(self.model.configurations, 0.0)
         parts = self.problem.parts(self.residual)
         for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=True)):
-            sums[place_of(one, index).configuration] += float(part @ part)
+            sums[one.site(index).configuration] += float(part @ part)
         return sums
 
     @cached_property
@@ -136,7 +136,7 @@ class Fit:
             if not one.assembly.countable:
                 return False
             low, high = (float(one.frequency_hz[i].real) for i in (0, -1))
-            assembly = self.task.parameters.at(place_of(one, index)).apply(one.assembly, values)
+            assembly = self.task.parameters.at(one.site(index)).apply(one.assembly, values)
             modes = assembly.natural_frequencies(high)
             modes = modes[modes > low]
             if modes.size > 1 or (modes.size and not 0.5 * modes[0] < low < high < 2.0 * modes[0]):

@@ -20,7 +20,7 @@ import numpy as np
 from receptance.diagnosis.causes import Step
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
-from receptance.identification.new_observations import NewObservations, information_root, standard_deviations
+from receptance.identification.new_observations import NewObservations, information_root
 from receptance.identification.problem import End, Problem
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Foresight:
     def assemblies(self) -> list[Assembly]:
         """The assemblies of `predicted`."""
         values = self._new.variables.to_values(self._own_fitted.x)
-        pairs = zip(self.model.observations, self._new.placed, strict=True)
+        pairs = zip(self.model.observations, self._new.mappings, strict=True)
         return [own.apply(one.assembly, values) for one, own in pairs]
 
     @cached_property
@@ -116,5 +116,5 @@ class Foresight:
         jacobian, root = np.split(rows, [len(rows) - rows.shape[1]])
         wide = np.linalg.solve(root.T, jacobian.T)
         _, volume = np.linalg.slogdet(np.eye(len(root)) + wide @ wide.T)
-        spread = np.concatenate([standard_deviations(one) for one in self.model.observations])
+        spread = np.concatenate([one.standard_deviations for one in self.model.observations])
         return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))

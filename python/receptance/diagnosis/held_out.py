@@ -22,9 +22,8 @@ from receptance.diagnosis.thresholds import FOLDS, SINGLES_HELD_OUT
 from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.residuals import InfeasibleError
-from receptance.identification.task import Observation, place_of
+from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.problem import InfeasibleError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -117,7 +116,7 @@ def cross_validate(
     complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
-        out = tuple(o for i, o in enumerate(model.observations) if place_of(o, i).configuration in group)
+        out = tuple(o for i, o in enumerate(model.observations) if o.site(i).configuration in group)
         report.holding_out = name
         try:
             selection = select(without(model, group), causes, seed=seed, threads=threads, most=most, progress=report)
@@ -166,7 +165,7 @@ def improvement(
     """
     groups: dict[str, list[Observation]] = {}
     for index, one in enumerate(observations):
-        groups.setdefault(place_of(one, index).configuration, []).append(one)
+        groups.setdefault(one.site(index).configuration, []).append(one)
     answer = conclude(selection).answer
     folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
     return _combine(folds, replace(selection.base.model, observations=tuple(observations)), metrics)
@@ -330,5 +329,5 @@ def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]],
 
 def without(model: Model, configurations: Sequence[str]) -> Model:
     """Return the model without some configurations, and without unknowns and errors that only these have."""
-    kept = (o for i, o in enumerate(model.observations) if place_of(o, i).configuration not in configurations)
+    kept = (o for i, o in enumerate(model.observations) if o.site(i).configuration not in configurations)
     return model.select(tuple(kept))

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISIEST_LINE, SHARED_LOSS
-from receptance.identification.observations import MeasuredFRF, on_lines
-from receptance.identification.task import Observation, place_of
+from receptance.identification.observations import MeasuredFRF, Observation
 
 __all__ = ["informative_lines", "select_lines", "thin"]
 
@@ -36,10 +35,10 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
         total += good.size
         lost += good.size - count
         if count < min(FEWEST_LINES, good.size):
-            name = one.label or place_of(one, index).configuration or f"observation {index}"
+            name = one.label or one.site(index).configuration or f"observation {index}"
             dropped.append(f"{name} ({count} of {good.size})")
             continue
-        kept.append(one if good.all() else on_lines(one, good))
+        kept.append(one if good.all() else one.select(good))
     if lost:
         notes.append(
             f"{lost} of {total} lines are not used: the standard deviation of their logarithm, or of the same line in "
@@ -68,7 +67,7 @@ def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
         own.append(None)
         if isinstance(one, MeasuredFRF) and one.standard_deviation is not None:
             own[index] = one.standard_deviation <= NOISIEST_LINE
-            key = (place_of(one, index).configuration, one.frequency_hz.tobytes())
+            key = (one.site(index).configuration, one.frequency_hz.tobytes())
             groups.setdefault(key, []).append(index)
     result = list(own)
     for indices in groups.values():
@@ -92,7 +91,7 @@ def informative_lines(model: Model, lines: int = EXPLORING_LINES) -> list[NDArra
         if isinstance(one, MeasuredFRF) and one.frequency_hz.size > lines and one.standard_deviation is not None:
             path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
             path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
-            place = place_of(one, index).configuration
+            place = one.site(index).configuration
             keys[index] = (place, one.response, one.excitation, one.frequency_hz.tobytes())
             paths[keys[index]] = paths.get(keys[index], 0.0) + path
     chosen: dict[Any, NDArray[np.intp] | None] = {None: None}
@@ -109,7 +108,7 @@ def thin(model: Model, lines: int = EXPLORING_LINES) -> Model:
     def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
         if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
             return one
-        return on_lines(one, chosen)
+        return one.select(chosen)
 
     pairs = zip(model.observations, informative_lines(model, lines), strict=True)
     return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))

@@ -23,9 +23,8 @@ from receptance.diagnosis.thresholds import (
     TRUNCATION_WINDOW,
     UNEVEN_LINES,
 )
-from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
-from receptance.identification.observations import MeasuredFRF, altered
-from receptance.identification.task import Observation, place_of
+from receptance.identification.mapping import DECAY_RATES, DELAY, END, LOG_GAIN
+from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
 from receptance.units import FORMS
@@ -43,7 +42,7 @@ def _require_receptances(model: Model) -> None:
 def _each(model: Model) -> tuple[str | None, ...]:
     """Return None for all configurations together, then each one that has FRFs: only these have a measuring chain."""
     own = dict.fromkeys(
-        place_of(one, i).configuration for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)
+        one.site(i).configuration for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)
     )
     return (None, *own) if len(own) > 1 else (None,)
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import MeasuredFRF, altered
-from receptance.identification.residuals import Unit
-from receptance.identification.task import Observation, Task, place_of
+from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.problem import Unit
+from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly
@@ -94,7 +94,7 @@ class Model:
         return {}
 
     def _task(self, threads: int | None) -> Task:
-        places = [place_of(one, i) for i, one in enumerate(self.observations)]
+        places = [one.site(i) for i, one in enumerate(self.observations)]
         parameters = Parameters(self.unknowns, self.tolerances, places)
         unit: Unit = "standard deviations"
         units = tuple(unit for _ in self.observations)
@@ -103,7 +103,7 @@ class Model:
     @cached_property
     def configurations(self) -> tuple[str, ...]:
         """Names of the configurations."""
-        return tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(self.observations)))
+        return tuple(dict.fromkeys(one.site(i).configuration for i, one in enumerate(self.observations)))
 
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
@@ -174,7 +174,7 @@ class Model:
 
     def select(self, observations: Sequence[Observation]) -> Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
-        places = [place_of(one, i) for i, one in enumerate(observations)]
+        places = [one.site(i) for i, one in enumerate(observations)]
 
         def observed(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
             own = [p for p in places if p.among(configurations, labels)]
@@ -183,7 +183,7 @@ class Model:
         return replace(
             self,
             observations=tuple(observations),
-            unknowns=tuple(u for u in self.unknowns if observed(u.reached, u.configurations)),
+            unknowns=tuple(u for u in self.unknowns if observed(u.addresses, u.configurations)),
             tolerances=tuple(t for t in self.tolerances if observed(tuple(t.moves), t.configurations, t.labels)),
         )
 

@@ -22,7 +22,6 @@ from receptance.diagnosis.thresholds import (
     SHORTENED,
     TIP_STEP,
 )
-from receptance.identification.task import place_of
 from receptance.identification.unknowns import Prior, covered
 from receptance.model.addresses import edges_of
 from receptance.model.assembly import Assembly
@@ -83,7 +82,7 @@ def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         if anatomy.joint:
             part = anatomy.tool[-1]
             count = len(one.assembly.elements[part].segments)  # type: ignore[union-attr]
-            name = place_of(one, index).configuration
+            name = one.site(index).configuration
             by_configuration.setdefault(name, []).append(f"{part}.segment[{count - 1}].length")
             # The tool cannot become shorter than up to the last place on it.
             *before, end = edges_of(one.assembly.elements[part])

@@ -22,14 +22,12 @@ from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, with_points
 from receptance.errors import ReceptanceError
-from receptance.identification.candidates import Candidate
 from receptance.identification.from_frf import Floor
 from receptance.identification.laws import Tolerance
-from receptance.identification.mapping import Place
-from receptance.identification.new_observations import NewObservations, information_root
+from receptance.identification.mapping import Site
+from receptance.identification.new_observations import Candidate, NewObservations, information_root
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.residuals import InfeasibleError
-from receptance.identification.task import place_of
+from receptance.identification.problem import InfeasibleError
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
@@ -139,7 +137,7 @@ class Rival:
         """Return the increase of chi-square where one more measurement is fitted as well."""
         few = self.few.model
         added = seen.extend(self.base, data)
-        fitted = tuple(dict.fromkeys(place_of(one, i).configuration for i, one in enumerate(few.observations)))
+        fitted = tuple(dict.fromkeys(one.site(i).configuration for i, one in enumerate(few.observations)))
         parameters = parameters_of(few.unknowns)
         unknowns = tuple(
             replace(unknown, configurations=unknown.configurations or fitted)
@@ -299,7 +297,7 @@ def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | N
     ]
     assembly = with_points(Assembly([whole.elements[name] for name in names]), *own)
     frequencies = assembly.natural_frequencies(_HIGHEST)[:_MODES]
-    place = Place(assembly)
+    place = Site(assembly)
     tolerances = []
     for error in _tolerances_of_new(model, index):
         moves = {address: size for address, size in error.moves.items() if place.covered(address)}
@@ -341,7 +339,7 @@ def _frf(model: Model, index: int, **changes: Any) -> Candidate:
 
 def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:
     """Return the errors of an observation as those of the new measurement."""
-    place = place_of(model.observations[index], index)
+    place = model.observations[index].site(index)
     own = [one for one in model.tolerances if place.among(one.configurations, one.labels)]
     return tuple(
         one if one.configurations is None and one.labels is None else replace(one, configurations=(_NEW,), labels=None)

@@ -18,8 +18,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEVEL
 from receptance.identification.laws import Law
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.task import Observation, place_of
+from receptance.identification.observations import MeasuredFRF, Observation
 
 __all__ = ["fit_anew", "fit_levels", "has_levels", "starts_of", "starts_together"]
 
@@ -198,7 +197,7 @@ def _group_levels(model: Model) -> list[list[_Level]]:
         return []
     own: dict[str, list[Observation]] = {}
     for index, one in enumerate(model.observations):
-        own.setdefault(place_of(one, index).configuration, []).append(one)
+        own.setdefault(one.site(index).configuration, []).append(one)
     kinds: dict[tuple[str, ...], list[_Level]] = {}
     known = {unknown.name for unknown in model.task().parameters.unknowns}
     for name, observations in own.items():

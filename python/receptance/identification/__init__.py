@@ -1,11 +1,11 @@
 """Joint parameters, or any others, from measured receptances and natural frequencies."""
 
-from receptance.identification.candidates import Candidate
 from receptance.identification.fit import identify
 from receptance.identification.from_frf import Floor
 from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings, invert_coupling
 from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.likelihood import ConstrainedFit, constrained_fit, log_evidence
+from receptance.identification.new_observations import Candidate
 from receptance.identification.next_measurement import (
     Expectation,
     NextMeasurement,

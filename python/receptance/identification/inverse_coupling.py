@@ -21,7 +21,6 @@ from receptance.identification.pointwise_joint import (
     join_names,
     solve_lines,
 )
-from receptance.identification.task import place_of
 from receptance.identification.unknowns import Unknown
 from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -402,7 +401,7 @@ def _moved_by_errors(
         values[name] = abs(values[name])
     most = 0.99 * float(np.sqrt(values["k_y"] * values["k_theta"]))
     values["k_ytheta"] = float(np.clip(values["k_ytheta"], -most, most))
-    places = [place_of(o, i) for i, o in enumerate(observed)]
+    places = [o.site(i) for i, o in enumerate(observed)]
     # The parameter map needs an unknown; only its errors are used.
     some = Unknown(address=f"{joint}.{terms[0]}", lower=1.0, upper=2.0)
     parameters = Parameters([some], errors, places)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.candidates import Candidate
-from receptance.identification.new_observations import NewObservations, information_root, standard_deviations
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.likelihood import require_likelihood
+from receptance.identification.new_observations import Candidate, NewObservations, information_root
 from receptance.identification.profiles import Profile
-from receptance.identification.residuals import InfeasibleError
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -315,11 +314,7 @@ def next_measurement(
     'tip FRF'
     """
     menu = _check_candidates(candidates)
-    if "percent" in found.units and any(isinstance(o, MeasuredFRF) for o in found.task.observed):
-        raise ValueError(
-            "the percentage objective is not a likelihood, so the effect of more data cannot be calculated: identify "
-            "with the objective 'log'"
-        )
+    require_likelihood(found)
     wanted = _check_targets(targets, found)
     known = _Known(found)
     reach = found.confidence_multiplier(level)
@@ -354,12 +349,8 @@ def next_measurement(
 
 
 def _check_candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
-    menu = (candidates,) if isinstance(candidates, Candidate) else tuple(candidates)
-    if not menu:
-        raise ValueError("candidates is empty, expected at least one Candidate")
-    for index, one in enumerate(menu):
-        if not isinstance(one, Candidate):
-            raise TypeError(f"candidates[{index}] is {one!r}, expected a Candidate")
+    menu = _checks.items("candidates", candidates, Candidate)
+    for one in menu:
         if one.modes is not None and one.standard_deviation_hz is None:
             raise ValueError(f"{one!r}: standard_deviation_hz is missing, expected that of its natural frequencies")
     labels = [one.label for one in menu]
@@ -400,10 +391,7 @@ class _Known:
         self.problem = found.task.problem()
         self.values = np.array(list(found.values.values()))
         self.x = self.variables.from_values(self.values)
-        self._scatter = 1.0
-        if not found.known_scatter:
-            squares = float(np.sum(np.concatenate(found.residuals) ** 2))
-            self._scatter = max(squares / max(found.degrees_of_freedom, 1), _SMALLEST)
+        self._scatter = max(found.residual_variance, _SMALLEST)
 
     def point(self, x: NDArray[np.float64]) -> _Point:
         """Return a point with the information there; raises `ReceptanceError` where the model has no value."""
@@ -429,7 +417,7 @@ class _Outlook:
     def values(self, x: NDArray[np.float64]) -> dict[str, float]:
         """Return the values of the targets by name; 0 for the logarithm of a receptance."""
         found: dict[str, float] = {}
-        data = iter(self._data(x))
+        data = iter(self._new.calculated(x))
         for target in self._targets:
             if isinstance(target, str):
                 found[target] = float(x[self._names.index(target)])
@@ -445,13 +433,12 @@ class _Outlook:
         root mean square over the lines.
         """
         x = point.x
-        observations = [one.observation(data) for one, data in zip(self._hypotheses, self._data(x), strict=True)]
+        observations = [
+            one.observation(data) for one, data in zip(self._hypotheses, self._new.calculated(x), strict=True)
+        ]
         problem = self._new.problem(x, point.root, observations)
         start = self._new.start(x)
-        try:
-            rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
-        except InfeasibleError as error:
-            raise ReceptanceError(str(error)) from None
+        rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
         *parts, known = np.split(rows, np.cumsum(problem.sizes))
         information = known.T @ known
         if self._candidate is not None:
@@ -467,19 +454,13 @@ class _Outlook:
                 gradients = np.eye(start.size)[None, None, self._names.index(target)]
             else:
                 part, one = next(predicted)
-                part = part * standard_deviations(one)[:, None]
+                part = part * one.standard_deviations[:, None]
                 gradients = part[None] if target.modes is None else part[:, None]
             for name, gradient in zip(_names_of(target), gradients, strict=True):
                 scaled = (gradient / scale).T
                 variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
                 found[name] = float(np.sqrt(np.mean(variances)))
         return found
-
-    def _data(self, x: NDArray[np.float64]) -> list[NDArray[Any]]:
-        try:
-            return self._new.calculated(x)
-        except InfeasibleError as error:
-            raise ReceptanceError(str(error)) from None
 
 
 def _names_of(target: Target) -> list[str]:

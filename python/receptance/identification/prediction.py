@@ -19,9 +19,8 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import confidence_multiplier, is_uninformative, square_root
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import error_of
-from receptance.identification.mapping import Parameters
+from receptance.identification.mapping import FACTORS, Parameters
 from receptance.identification.new_observations import calculated
 from receptance.identification.peaks import Peak, match_peaks
 from receptance.identification.unknowns import Variables
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.identification.laws import Tolerance
-    from receptance.identification.mapping import Place
+    from receptance.identification.mapping import Site
     from receptance.identification.observations import MeasuredFRF
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
@@ -272,7 +271,7 @@ class Forecast:
     ----------
     fit : Identification or None
         The fit; None where nothing was identified: only the errors of the assembly apply.
-    place : Place
+    site : Site
         The assembly as described, its configuration and conditions.
     tolerances : sequence of Tolerance, optional
         Its errors; by default those of the fit. Errors that the fit does not know have their prior.
@@ -292,7 +291,7 @@ class Forecast:
         A law has no value for this assembly, or the assembly has no model with the identified values.
     """
 
-    def __init__(self, fit: Identification | None, place: Place, tolerances: Sequence[Tolerance] | None = None) -> None:
+    def __init__(self, fit: Identification | None, site: Site, tolerances: Sequence[Tolerance] | None = None) -> None:
         fresh: list[str] = []
         parameters = Parameters((), (), ()) if fit is None else fit.task.parameters
         self._variables = Variables(parameters.unknowns)
@@ -300,14 +299,14 @@ class Forecast:
         self._covariance = np.zeros((0, 0)) if fit is None else fit.covariance
         self._errors = [(name, fit.addresses.index(name)) for name in parameters.errors] if fit is not None else []
         self._freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
-        self._parameters, self._place, self._tolerances = parameters, place, tolerances
-        self._placed = parameters.at(place, tolerances, fresh)
-        self._bare = place.assembly
+        self._parameters, self._site, self._tolerances = parameters, site, tolerances
+        self._mapping = parameters.at(site, tolerances, fresh)
+        self._bare = site.assembly
         vector = np.append(self._values, np.zeros(len(fresh)))
-        self.assembly = self._placed.apply(self._bare, vector)
-        self.addresses = self._placed.addresses
+        self.assembly = self._mapping.apply(self._bare, vector)
+        self.addresses = self._mapping.addresses
         self.fresh = tuple(fresh)
-        slope = self._placed.jacobian(vector)
+        slope = self._mapping.jacobian(vector)
         count = self._values.size
         self._own = slope[:, :count] * self._variables.slopes(self._values)
         self._new = slope[:, count:]
@@ -373,7 +372,7 @@ class Forecast:
 
     def observed(
         self,
-        seen: MeasuredFRF,
+        measured: MeasuredFRF,
         noise: NDArray[np.float64] | None = None,
         *,
         draws: int = 0,
@@ -387,28 +386,33 @@ class Forecast:
 
         Parameters
         ----------
-        seen : MeasuredFRF
+        measured : MeasuredFRF
             The measurement.
         noise : ndarray, optional
             `(n,)` standard deviation of its logarithm; by default the stated one.
         draws, seed, threads : optional
             As in `receptance`.
         """
-        places = (MovingCoordinate(seen.assembly, one).on(self.assembly) for one in (seen.response, seen.excitation))
-        found = self.receptance(seen.frequency_hz, *places, force=seen.force, draws=draws, seed=seed, threads=threads)
-        if any(unknown.address in FACTORS for unknown in self._parameters.wanted):
-            chain = self.recorded(seen) / found.receptance
+        places = (
+            MovingCoordinate(measured.assembly, one).on(self.assembly)
+            for one in (measured.response, measured.excitation)
+        )
+        found = self.receptance(
+            measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed, threads=threads
+        )
+        if any(unknown.address in FACTORS for unknown in self._parameters.given):
+            chain = self.recorded(measured) / found.receptance
             found = replace(found, receptance=chain * found.receptance, drawn=found.drawn + np.log(np.abs(chain)))
-        noise = seen.standard_deviation if noise is None else noise
+        noise = measured.standard_deviation if noise is None else noise
         return replace(
             found,
-            name=seen.label or seen.configuration,
-            assembly=seen.configuration,
-            response=seen.response,
-            excitation=seen.excitation,
-            measured=seen.receptance,
+            name=measured.label or measured.configuration,
+            assembly=measured.configuration,
+            response=measured.response,
+            excitation=measured.excitation,
+            measured=measured.receptance,
             measured_deviation=noise,
-            peaks=self._peaks(match_peaks(seen.frequency_hz, seen.receptance, found.receptance, noise)),
+            peaks=self._peaks(match_peaks(measured.frequency_hz, measured.receptance, found.receptance, noise)),
         )
 
     def _peaks(self, peaks: Sequence[Peak]) -> tuple[Peak, ...]:
@@ -428,12 +432,12 @@ class Forecast:
             found.append(peak)
         return tuple(found)
 
-    def recorded(self, seen: MeasuredFRF) -> NDArray[np.complex128]:
+    def recorded(self, measured: MeasuredFRF) -> NDArray[np.complex128]:
         """Return the receptance that the identified measuring chain records on the lines of a measurement."""
-        placed = self._parameters.at(replace(self._place, factors=FACTORS), self._tolerances, [])
+        mapping = self._parameters.at(replace(self._site, factors=FACTORS), self._tolerances, [])
         variables = Variables((*self._variables.unknowns, *map(error_of, self.fresh)))
         values = np.append(self._values, np.zeros(len(self.fresh)))
-        return np.asarray(calculated(seen, placed, variables, variables.from_values(values)), dtype=np.complex128)
+        return np.asarray(calculated(measured, mapping, variables, variables.from_values(values)), dtype=np.complex128)
 
     def drawn(self, count: int, seed: int) -> list[Assembly | None]:
         """Return assemblies with vectors drawn from the posterior; None where a vector has no model.
@@ -446,7 +450,7 @@ class Forecast:
         found: list[Assembly | None] = []
         for vector in vectors:
             try:
-                found.append(self._placed.apply(self._bare, vector))
+                found.append(self._mapping.apply(self._bare, vector))
             except ValueError:
                 found.append(None)  # a joint that is not passive, say
         return found

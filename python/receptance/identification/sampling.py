@@ -181,8 +181,7 @@ def sample_posterior(
     def density(x: NDArray[np.float64]) -> float:
         if np.any(x < low) or np.any(x > high):
             return -np.inf
-        normal = problem.normal(x)
-        return -np.inf if normal is None else -normal.cost / variance
+        return -problem.cost(x) / variance
 
     # emcee supports only NumPy's legacy generator.
     state = np.random.RandomState(seed)

@@ -12,10 +12,9 @@ from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier, is_uninformative
 from receptance.identification.fit import identify
 from receptance.identification.laws import Law, Tolerance
-from receptance.identification.mapping import Place
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.mapping import Site
+from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.identification.prediction import Forecast, PredictedFRF
-from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -396,7 +395,7 @@ def transfer(
     confidence_multiplier(level, None)
     _refuse_free(wanted)
     # Observations without a name are named by their number, which must be the same in every split.
-    observed = tuple(o.configured(place_of(o, i).configuration, o.conditions) for i, o in enumerate(observed))
+    observed = tuple(o.configured(o.site(i).configuration, o.conditions) for i, o in enumerate(observed))
     names = tuple(dict.fromkeys(o.configuration for o in observed))
     report = progress or (lambda _: None)
     found = []
@@ -449,7 +448,7 @@ def _split(
     seed: int,
     options: dict[str, Any],
 ) -> Split:
-    places = [place_of(o, i) for i, o in enumerate(kept)]
+    places = [o.site(i) for i, o in enumerate(kept)]
     here = [u for u in wanted if _in_some((u.address,), u.configurations, None, places)]
     near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, places)]
     lost = [u for u in wanted if u not in here]
@@ -461,14 +460,14 @@ def _split(
     reasons: list[str] = []
     notes: list[str] = []
     for one in held:
-        missing = [u.address for u in lost if _in_some((u.address,), u.configurations, None, [place_of(one, 0)])]
-        shared = any(_in_some((u.address,), u.configurations, None, [place_of(one, 0)]) for u in here)
+        missing = [u.address for u in lost if _in_some((u.address,), u.configurations, None, [one.site(0)])]
+        shared = any(_in_some((u.address,), u.configurations, None, [one.site(0)]) for u in here)
         if missing or not shared or fit is None:
             what = ", ".join(missing) or "none of the identified parameters"
             reasons.append(f"{one.configuration}: {what} {'is in' if missing else 'in'} no configuration that is left")
             continue
         try:
-            place = Place(one.assembly, one.configuration, one.label, one.conditions)
+            place = Site(one.assembly, one.configuration, one.label, one.conditions)
             forecast = Forecast(fit, place, errors)
             if isinstance(one, MeasuredFRF):
                 frf = _frf(one, fit, forecast, draws, seed, notes)
@@ -493,7 +492,7 @@ def _in_some(
     addresses: tuple[str, ...],
     configurations: tuple[str, ...] | None,
     labels: tuple[str, ...] | str | None,
-    places: Sequence[Place],
+    places: Sequence[Site],
 ) -> bool:
     """Return whether some place has some of the addresses."""
     among = [place for place in places if place.among(configurations, labels)]

@@ -152,7 +152,7 @@ class Unknown:
         return bool(self.also) or self.multiple != 1.0
 
     @property
-    def reached(self) -> tuple[str, ...]:
+    def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters that it changes."""
         return (self.address, *self.also)
 
