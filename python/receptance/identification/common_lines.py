@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.identification.observations import MeasuredFRF, altered
 
@@ -29,12 +30,8 @@ _SHOWN = 5
 
 def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tuple[MeasuredFRF, ...]:
     """Return the observations as a tuple; raise unless all are receptances with standard deviations."""
-    found = (observations,) if isinstance(observations, MeasuredFRF) else tuple(observations)
-    if not found:
-        raise ValueError("observations is empty, expected at least one MeasuredFRF")
-    for index, one in enumerate(found):
-        if not isinstance(one, MeasuredFRF):
-            raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF")
+    found = _checks.items("observations", observations, MeasuredFRF)
+    for one in found:
         if one.standard_deviation is None:
             raise ValueError(
                 f"{one!r} has no standard deviation, which the uncertainty of the result needs; give it one"

@@ -326,22 +326,22 @@ def invert_coupling(
     {'joint.k_y': '1e+08', 'joint.k_theta': '1e+05'}
     """
     observed = check_observations(observations)
-    wanted = _check_terms(terms, len(observed))
-    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    names = _check_terms(terms, len(observed))
+    errors = _checks.items("tolerances", tolerances, Tolerance, least=0)
     share = _checks.positive("invert_coupling", "limit", limit)
-    _check_joint(observed, joint, wanted)
+    _check_joint(observed, joint, names)
     observed, lines, rows, dropped = common_lines(observed)
-    equations = _equations(observed, joint, wanted, lines, rows, threads)
+    equations = _equations(observed, joint, names, lines, rows, threads)
     x, ambiguous = solve_lines(equations)
     with np.errstate(all="ignore"):
         # A stiffness beyond that of the joint that represents a rigid one cannot be resolved.
         good = (np.abs(x) < _RIGID.k_y).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
         x = np.where(good[:, None], x, 0.0)
         rank = np.where(good, equations.rank(x), 0)
-    if rank.max(initial=0) < len(wanted):
-        raise ValueError(_rank_message(wanted, int(rank.max(initial=0)), observed))
+    if rank.max(initial=0) < len(names):
+        raise ValueError(_rank_message(names, int(rank.max(initial=0)), observed))
     with np.errstate(all="ignore"):
-        good &= rank == len(wanted)
+        good &= rank == len(names)
         scale = equations.scale(x)
         relative = equations.sensitivity(x) / scale[..., None]
         good &= np.isfinite(relative).all(axis=(1, 2))
@@ -350,7 +350,7 @@ def invert_coupling(
     typical, usable, rms = _fit_constant_joint(equations, x, good, share)
     model = np.zeros(x.shape)
     if errors:
-        moved = _moved_by_errors(observed, joint, wanted, lines, errors, typical, threads)
+        moved = _moved_by_errors(observed, joint, names, lines, errors, typical, threads)
         with np.errstate(all="ignore"):
             change = np.einsum("nmp,npt->nmt", relative * scale[..., None], moved)
             model = np.sqrt(np.sum(np.abs(change) ** 2, axis=2))
@@ -363,7 +363,7 @@ def invert_coupling(
     found = InverseCoupling(
         frequency_hz=lines,
         joint=joint,
-        terms=wanted,
+        terms=names,
         stiffness=np.where(good[:, None, None], equations.stiffness(x), np.nan),
         standard_deviation=matrices(np.where(good[:, None], noise, np.inf)),
         model_deviation=matrices(np.where(good[:, None], model, np.inf)),
@@ -373,8 +373,8 @@ def invert_coupling(
         ambiguous=ambiguous & good,
         typical=typical,
         rms=rms,
-        labels=tuple(o.label or f"observation {i}" for i, o in enumerate(observed)),
-        notes=tuple(_notes(wanted, usable, ambiguous & good, dropped, share, observed, joint, rms, lines[~good])),
+        labels=tuple(o.title(i) for i, o in enumerate(observed)),
+        notes=tuple(_notes(names, usable, ambiguous & good, dropped, share, observed, joint, rms, lines[~good])),
     )
     for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
         getattr(found, name).setflags(write=False)
@@ -401,23 +401,23 @@ def _moved_by_errors(
         values[name] = abs(values[name])
     most = 0.99 * float(np.sqrt(values["k_y"] * values["k_theta"]))
     values["k_ytheta"] = float(np.clip(values["k_ytheta"], -most, most))
-    places = [o.site(i) for i, o in enumerate(observed)]
+    sites = [o.site(i) for i, o in enumerate(observed)]
     # The parameter map needs an unknown; only its errors are used.
     some = Unknown(address=f"{joint}.{terms[0]}", lower=1.0, upper=2.0)
-    parameters = Parameters([some], errors, places)
+    parameters = Parameters([some], errors, sites)
     vector = np.array([unknown.start for unknown in parameters.unknowns], dtype=np.float64)
     result = []
-    for one, place in zip(observed, places, strict=True):
-        placed = parameters.at(place)
-        keep = [i for i, address in enumerate(placed.addresses) if not address.startswith(f"{joint}.")]
-        h, dh = place.assembly.replace({f"{joint}.{name}": value for name, value in values.items()}).derivatives(
+    for one, site in zip(observed, sites, strict=True):
+        mapping = parameters.at(site)
+        keep = [i for i, address in enumerate(mapping.addresses) if not address.startswith(f"{joint}.")]
+        h, dh = site.assembly.replace({f"{joint}.{name}": value for name, value in values.items()}).derivatives(
             lines,
-            [placed.addresses[i] for i in keep],
+            [mapping.addresses[i] for i in keep],
             response=one.response,
             excitation=one.excitation,
             threads=threads,
         )
-        result.append(dh @ placed.jacobian(vector)[keep][:, parameters.count :] / h[:, None])
+        result.append(dh @ mapping.jacobian(vector)[keep][:, parameters.count :] / h[:, None])
     return np.stack(result, axis=1)
 
 
@@ -544,11 +544,6 @@ def _check_terms(terms: Sequence[str] | None, count: int) -> tuple[str, ...]:
             "another coordinate or with another overhang as well, or solve for fewer terms"
         )
     return tuple(name for name in TERMS if name in given)
-
-
-def check_tolerances(tolerances: Tolerance | Sequence[Tolerance]) -> tuple[Tolerance, ...]:
-    """Return tolerances as a tuple."""
-    return (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
 
 
 def _joint_of(assembly: Assembly, joint: str) -> PointJoint:

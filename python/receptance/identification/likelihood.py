@@ -110,9 +110,7 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
     given = found.vector.copy()
     free = np.ones(given.size, dtype=np.bool_)
     for name, value in values.items():
-        if name not in found.values:
-            raise ValueError(f"{name!r} was not identified, only {', '.join(found.addresses)}")
-        index = found.addresses.index(name)
+        index = found.index(name)
         unknown = variables.unknowns[index]
         number = _checks.number("constrained_fit", name, value)
         if not unknown.lower <= number <= unknown.upper:

@@ -81,7 +81,7 @@ class Scatter:
         covariance : ndarray
             `(p, p)`, infinite for variables that are not determined.
         errors : sequence of (str, int)
-            Names of the errors among the variables, and their places.
+            Names of the errors among the variables, and their indices.
         fresh : ndarray, optional
             `(n, q)` derivatives by further errors, which are standard normal and independent of all others.
         fresh_names : sequence of str, optional
@@ -171,17 +171,17 @@ class PredictedFRF:
         ValueError
             A level not between 0 and 1.
         """
-        reach = confidence_multiplier(level, self.degrees_of_freedom)
+        multiplier = confidence_multiplier(level, self.degrees_of_freedom)
         noise = _checks.unmasked("band", "noise", noise, np.float64)
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
             low, high = np.quantile(self.drawn, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
             low, high = np.minimum(low, middle), np.maximum(high, middle)
             # The noise of a measurement is added as if each side were that of a normal distribution.
-            low = middle - np.hypot(middle - low, reach * noise)
-            high = middle + np.hypot(high - middle, reach * noise)
+            low = middle - np.hypot(middle - low, multiplier * noise)
+            high = middle + np.hypot(high - middle, multiplier * noise)
         else:
-            half = reach * np.hypot(self.scatter.total, noise)
+            half = multiplier * np.hypot(self.scatter.total, noise)
             low, high = middle - half, middle + half
         with np.errstate(over="ignore"):
             return np.exp(low), np.exp(high)
@@ -217,14 +217,14 @@ class PredictedFRF:
 
     def data(self, level: float = 0.95) -> dict[str, Any]:
         """Return the numbers by name, with the band and intervals of a level."""
-        reach = confidence_multiplier(level, self.degrees_of_freedom)
+        multiplier = confidence_multiplier(level, self.degrees_of_freedom)
         nothing = self.uninformative(level)
         low, high = (np.where(nothing, np.nan, side) for side in self.band(level))
         found: dict[str, Any] = {
             "name": self.name,
             "assembly": self.assembly,
-            "response": _place(self.response),
-            "excitation": _place(self.excitation),
+            "response": _coordinate(self.response),
+            "excitation": _coordinate(self.excitation),
             "frequency_hz": self.frequency_hz.real,
             "receptance": self.receptance,
             "magnitude_interval": [low, high],
@@ -245,10 +245,10 @@ class PredictedFRF:
                         "predicted_hz": peak.predicted_hz,
                         "standard_error_hz": peak.deviation_hz,
                         "error_percent": peak.error_percent,
-                        "within": peak.within(reach),
+                        "within": peak.within(multiplier),
                         "interval_uninformative": peak.predicted_hz is not None
                         and peak.deviation_hz is not None
-                        and bool(is_uninformative(peak.predicted_hz, reach * peak.deviation_hz)),
+                        and bool(is_uninformative(peak.predicted_hz, multiplier * peak.deviation_hz)),
                     }
                     for peak in self.peaks
                 ],
@@ -260,7 +260,7 @@ class PredictedFRF:
         return f"PredictedFRF({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
-def _place(at: Coordinate) -> dict[str, Any]:
+def _coordinate(at: Coordinate) -> dict[str, Any]:
     return {"part": at.part, "position_m": at.position, "direction": at.direction}
 
 
@@ -297,7 +297,7 @@ class Forecast:
         self._variables = Variables(parameters.unknowns)
         self._values = np.array([] if fit is None else list(fit.values.values()))
         self._covariance = np.zeros((0, 0)) if fit is None else fit.covariance
-        self._errors = [(name, fit.addresses.index(name)) for name in parameters.errors] if fit is not None else []
+        self._errors = [(name, fit.index(name)) for name in parameters.errors] if fit is not None else []
         self._freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
         self._parameters, self._site, self._tolerances = parameters, site, tolerances
         self._mapping = parameters.at(site, tolerances, fresh)

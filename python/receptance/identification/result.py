@@ -253,7 +253,7 @@ class Identification(Result):
         ValueError
             An address that was not identified, or a level not between 0 and 1.
         """
-        index = self._index(address)
+        index = self.index(address)
         scatter = self.scatter()
         half = self.confidence_multiplier(level) * float((scatter.data if exact else scatter.total)[index])
         value = self.values[address]
@@ -291,8 +291,8 @@ class Identification(Result):
         >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
         '79% of the variance goes with the length'
         """
-        places = [(name, self._index(name)) for name in self.errors]
-        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, places)
+        indices = [(name, self.index(name)) for name in self.errors]
+        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, indices)
 
     def profiles(
         self,
@@ -479,7 +479,7 @@ class Identification(Result):
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
-        unknown = self.unknowns[self._index(address)]
+        unknown = self.unknowns[self.index(address)]
         low, high = self.interval(address)
         return low > unknown.lower or high < unknown.upper
 
@@ -569,7 +569,7 @@ class Identification(Result):
         for name, value in self.values.items():
             if name in self.errors or self._at_a_level(name):
                 continue
-            unknown = self.unknowns[self._index(name)]
+            unknown = self.unknowns[self.index(name)]
             low, high = self.interval(name)
             # An end beyond the bounds is open: values there were not fitted.
             ends = (low if low > unknown.lower else None, high if high < unknown.upper else None)
@@ -649,7 +649,8 @@ class Identification(Result):
             raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
         return found
 
-    def _index(self, address: str) -> int:
+    def index(self, address: str) -> int:
+        """Return the position of an unknown in `addresses`; raise if it was not identified."""
         if address not in self.values:
             raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
         return self.addresses.index(address)

@@ -35,20 +35,7 @@ _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N",
 
 
 def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
-    """Draw measurements and fitted model, their ratio, and the intervals of the parameters.
-
-    Parameters
-    ----------
-    found : Identification
-        From `identify` or `Campaign.identify`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw measurements and fitted model, their ratio, and the intervals of the parameters."""
     everything = list(zip(found.labels, found.task.observed, found.assemblies, strict=True))
     frfs = [(label, one, assembly) for label, one, assembly in everything if isinstance(one, MeasuredFRF)]
     shown = frfs[:_MOST_FRFS]
@@ -80,20 +67,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
 
 
 def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
-    """Draw predictions with their intervals, and measurements.
-
-    Parameters
-    ----------
-    found : Prediction
-        From `Campaign.predict`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw predictions with their intervals, and measurements."""
     frfs = found.frfs[:_MOST_FRFS]
     compared = [one for one in found.frequencies if one.measured_hz is not None]
     title = f"{found.title}{_left_out(found.frfs, frfs)}"
