@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtr
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
-from receptance.identification import Tolerance
+from receptance.identification import Profile, Tolerance
 from receptance.identification.mapping import Parameters
 
 LINES = 1000
@@ -117,3 +118,20 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
             )
         )
     return SimulatedCampaign(observations, tolerances, truth, errors, noise)
+
+
+def confidence(profile: Profile, value: float) -> float:
+    """Return the confidence that a parameter lies below a value in SI units, from the signed root of the rise.
+
+    The root is interpolated between the points of the profile and extrapolated linearly beyond them.
+    """
+    root = np.sqrt(profile.rise) * np.sign(np.arange(profile.rise.size) - int(np.argmin(profile.rise)))
+    scale = np.log10 if np.all(profile.values > 0.0) else np.asarray
+    if not profile.values[0] <= value <= profile.values[-1]:
+        # The root is nearly linear.
+        ends = slice(0, 2) if value < profile.values[0] else slice(-2, None)
+        if profile.values.size < 2 or (value <= 0.0 and scale is np.log10):
+            return 0.0 if value < profile.values[0] else 1.0
+        x, z = scale(profile.values[ends]), root[ends]
+        return float(ndtr(z[0] + (scale(value) - x[0]) * (z[1] - z[0]) / (x[1] - x[0])))
+    return float(ndtr(np.interp(scale(value), scale(profile.values), root)))

@@ -374,11 +374,10 @@ def invert_coupling(
         typical=typical,
         rms=rms,
         labels=tuple(o.title(i) for i, o in enumerate(observed)),
-        notes=tuple(_notes(names, usable, ambiguous & good, dropped, share, observed, joint, rms, lines[~good])),
     )
     for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
         getattr(found, name).setflags(write=False)
-    return found
+    return replace(found, notes=tuple(_notes(found, observed, dropped)))
 
 
 def _moved_by_errors(
@@ -587,43 +586,34 @@ def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF
     )
 
 
-def _notes(
-    terms: tuple[str, ...],
-    usable: NDArray[np.bool_],
-    ambiguous: NDArray[np.bool_],
-    dropped: int,
-    share: float,
-    observed: tuple[MeasuredFRF, ...],
-    joint: str,
-    rms: float,
-    masked: NDArray[Any],
-) -> list[str]:
-    """Return the notes for the user; `masked` are the lines without a solution."""
+def _notes(found: InverseCoupling, observed: tuple[MeasuredFRF, ...], dropped: int) -> list[str]:
+    """Return the notes for the user; `dropped` lines are not common to all observations."""
     notes = [note for one in observed for note in one.notes]
     if dropped:
         notes.append(f"{dropped} lines are left out because some measurements lack them")
+    count = len(found.frequency_hz)
+    masked = found.frequency_hz[np.isinf(found.condition)]
     if masked.size:
-        notes.append(masked_lines(masked, len(usable)))
-    known = [name for name in TERMS if name not in terms]
+        notes.append(masked_lines(masked, count))
+    known = [name for name in TERMS if name not in found.terms]
     if known:
-        held = ", ".join(f"{name} = {getattr(_joint_of(observed[0].assembly, joint), name):g}" for name in known)
+        held = ", ".join(f"{name} = {getattr(_joint_of(observed[0].assembly, found.joint), name):g}" for name in known)
         notes.append(f"taken as known: {held}, with their damping; errors of them cause errors of the other terms")
-    for column, term in enumerate(terms):
-        count = int(usable[:, column].sum())
-        if not count:
-            notes.append(f"no line is usable for {term}: its standard deviation is nowhere below {100.0 * share:g} %")
-        elif count < len(usable):
-            notes.append(
-                f"{count} of {len(usable)} lines are usable for {term} (standard deviation below {100.0 * share:g} %)"
-            )
-    if rms > _MISFIT_RMS:
+    limit = f"{100.0 * found.limit:g} %"
+    for term in found.terms:
+        usable = int(found.term(term)[2].sum())
+        if not usable:
+            notes.append(f"no line is usable for {term}: its standard deviation is nowhere below {limit}")
+        elif usable < count:
+            notes.append(f"{usable} of {count} lines are usable for {term} (standard deviation below {limit})")
+    if found.rms > _MISFIT_RMS:
         notes.append(
-            f"no k + i w c fits all lines: the rms is {rms:.3g} standard deviations; the parts or the known terms "
+            f"no k + i w c fits all lines: the rms is {found.rms:.3g} standard deviations; the parts or the known terms "
             "differ from the model, and the start may be poor"
         )
-    if ambiguous.any():
+    if found.ambiguous.any():
         notes.append(
-            f"on {int(ambiguous.sum())} of {len(ambiguous)} lines two stiffnesses fit; the one closer to those of the "
+            f"on {int(found.ambiguous.sum())} of {count} lines two stiffnesses fit; the one closer to those of the "
             "other lines was selected"
         )
     return notes

@@ -513,8 +513,8 @@ def _points(known: _Known, profiles: Mapping[str, Profile]) -> tuple[list[_Point
     one = len(profiles) == 1
     notes = [
         f"the interval{'' if one else 's'} of {', '.join(profiles)} {'is' if one else 'are'} so wide that the "
-        f"information at one point would mislead: it is averaged over {len(found)} points along the profile{'' if one else 's'}, "
-        "within the bounds of the fit"
+        f"information at one point would mislead: it is averaged over {len(found)} points along the "
+        f"profile{'' if one else 's'}, within the bounds of the fit"
     ]
     if lost:
         notes.append(f"the model has no value at {lost} more points")

@@ -153,24 +153,6 @@ class Profile(Result):
         """Whether the interval is closed on both sides."""
         return not (self.lower_open or self.upper_open)
 
-    def confidence(self, value: float) -> float:
-        """Return the confidence that the parameter lies below a value in SI units, from the signed root of the rise.
-
-        The root is interpolated between the points of the profile and extrapolated linearly beyond them.
-        """
-        from scipy.special import ndtr
-
-        root = np.sqrt(self.rise) * np.sign(np.arange(self.rise.size) - int(np.argmin(self.rise)))
-        scale = np.log10 if np.all(self.values > 0.0) else np.asarray
-        if not self.values[0] <= value <= self.values[-1]:
-            # The root is nearly linear.
-            ends = slice(0, 2) if value < self.values[0] else slice(-2, None)
-            if self.values.size < 2 or (value <= 0.0 and scale is np.log10):
-                return 0.0 if value < self.values[0] else 1.0
-            x, z = scale(self.values[ends]), root[ends]
-            return float(ndtr(z[0] + (scale(value) - x[0]) * (z[1] - z[0]) / (x[1] - x[0])))
-        return float(ndtr(np.interp(scale(value), scale(self.values), root)))
-
     def tables(self) -> list[Table]:
         """Return the interval and its meaning."""
         columns = ("parameter", Column("value"), Column(f"{100.0 * self.level:g} % interval"), "meaning")
