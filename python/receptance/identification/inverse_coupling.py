@@ -608,8 +608,8 @@ def _notes(found: InverseCoupling, observed: tuple[MeasuredFRF, ...], dropped: i
             notes.append(f"{usable} of {count} lines are usable for {term} (standard deviation below {limit})")
     if found.rms > _MISFIT_RMS:
         notes.append(
-            f"no k + i w c fits all lines: the rms is {found.rms:.3g} standard deviations; the parts or the known terms "
-            "differ from the model, and the start may be poor"
+            f"no k + i w c fits all lines: the rms is {found.rms:.3g} standard deviations; the parts or the known "
+            "terms differ from the model, and the start may be poor"
         )
     if found.ambiguous.any():
         notes.append(

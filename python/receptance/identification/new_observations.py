@@ -121,7 +121,9 @@ class Candidate:
                 _checks.frequencies(self.frequency_hz)
             blank = self._blank
         except (TypeError, ValueError) as error:
-            raise type(error)(f"{owner}: {error}") from None
+            kind = "MeasuredFRF" if self.modes is None else "MeasuredFrequencies"
+            text = str(error).removeprefix(f"{kind} {self.label!r}: ")
+            raise type(error)(f"{owner}: {text}") from None
         fields = {"conditions": blank.conditions}
         if isinstance(blank, MeasuredFRF):
             fields |= {"frequency_hz": blank.frequency_hz, "standard_deviation": blank.standard_deviation}
