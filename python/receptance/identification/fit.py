@@ -17,7 +17,7 @@ from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, Observation, as_observations
 from receptance.identification.peaks import check_bands
 from receptance.identification.result import Identification, Start
-from receptance.identification.search import fit_direct, fit_staged
+from receptance.identification.search import STAGE_TOLERANCE, fit_direct, fit_staged
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, Variables
 from receptance.report import Provenance
@@ -32,8 +32,6 @@ __all__ = ["conclude", "identify"]
 Objective = Literal["log", "percentage"]
 Strategy = Literal["direct", "staged"]
 Noise = Literal["scaled", "stated"]
-_START_TOLERANCE = 1e-4
-"""Tolerance of the fit of logarithms that gives the starts of percentages."""
 _SMOOTHING_PERCENT = 0.1
 """The cost is the absolute value of percentages well above this, and the square of those below."""
 _MAX_RESCALINGS = 10
@@ -194,7 +192,7 @@ def identify(
         if strategy == "staged":
             runs = fit_staged(task, problem, x, seed, max_evaluations, tolerance)
         else:
-            ends = None if smoothing is None else task.approach().fit(x, max_evaluations, tolerance=_START_TOLERANCE)
+            ends = None if smoothing is None else task.approach().fit(x, max_evaluations, tolerance=STAGE_TOLERANCE)
             runs = fit_direct(problem, x, max_evaluations, tolerance, ends)
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(

@@ -9,6 +9,7 @@ evaluated.
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -36,9 +37,10 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
 
-__all__ = ["Forecast", "PredictedFRF", "Scatter"]
+__all__ = ["DECIBEL", "Forecast", "PredictedFRF", "Scatter"]
 
-_DECIBEL = 20.0 / np.log(10.0)
+DECIBEL = 20.0 / math.log(10.0)
+"""Decibels of a factor of e."""
 _FACTOR = 10.0
 """Factor to either side from which the band of a magnitude is too wide to be useful."""
 
@@ -201,7 +203,7 @@ class PredictedFRF:
     @property
     def rms_decibel(self) -> float | None:
         """Root mean square over the lines of measured over predicted magnitude in dB; None if not measured."""
-        return None if self.measured is None else float(_DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
+        return None if self.measured is None else float(DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
 
     def share_within(self, level: float = 0.95) -> float | None:
         """Return the share of the lines whose measured magnitude is in the band, noise included.

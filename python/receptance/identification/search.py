@@ -28,12 +28,10 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End, Problem
 from receptance.identification.task import Task
 
-__all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
+__all__ = ["STAGE_TOLERANCE", "Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
 
 _DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
-_DIRECT_TOLERANCE = 1e-4
-"""Tolerance of that stage."""
 _DIRECT_COST = 2.0
 """Largest cost of an end of that stage that is refined, relative to the least cost."""
 _KEPT = 4
@@ -48,8 +46,8 @@ _STAGE_LINES = 80
 """Lines of each receptance in these stages."""
 _STAGE_EVALUATIONS = 40
 """Largest number of evaluations in a stage."""
-_STAGE_TOLERANCE = 1e-4
-"""Tolerance of a stage."""
+STAGE_TOLERANCE = 1e-4
+"""Tolerance of all fits before the last one."""
 _PEAK_DEVIATION = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
 _LOSS_FACTOR = 0.02
@@ -100,7 +98,7 @@ def fit_direct(
     first: list[End] = []
     owners = {i: i for i in range(len(starts))}
     if few is not None:
-        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _DIRECT_TOLERANCE))
+        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, STAGE_TOLERANCE))
         more, at = _continued(first, at)
         spent = spent + more
         problem.evaluations += few.evaluations
@@ -259,7 +257,7 @@ def _fit_stage(
     free: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the ends of fits and their costs; starts without a value keep their place, with infinite cost."""
-    ends = stage.fit(starts, most, tolerance=_STAGE_TOLERANCE, free=free)
+    ends = stage.fit(starts, most, tolerance=STAGE_TOLERANCE, free=free)
     costs = np.array([end.cost for end in ends])
     found = np.array([end.x for end in ends]).reshape(starts.shape)
     return np.where(np.isfinite(costs)[:, None], found, starts), costs

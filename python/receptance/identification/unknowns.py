@@ -174,11 +174,6 @@ class Variables:
     unknowns: tuple[Unknown, ...]
 
     @cached_property
-    def addresses(self) -> tuple[str, ...]:
-        """Addresses in the order of the vector."""
-        return tuple(unknown.address for unknown in self.unknowns)
-
-    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names in the order of the vector."""
         return tuple(unknown.name for unknown in self.unknowns)

@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification import MeasuredFRF
+from receptance.identification.prediction import DECIBEL
 from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
@@ -20,9 +21,8 @@ if TYPE_CHECKING:
     from receptance.campaign import PredictedFrequencies, Prediction
     from receptance.identification import Identification, PredictedFRF
 
-__all__ = ["draw_identification", "draw_prediction"]
+__all__ = ["BAND_COLOUR", "draw_identification", "draw_prediction"]
 
-_DECIBEL = 20.0 / math.log(10.0)
 _ROW = 4.4
 """Height of a row of panels in inches."""
 _MOST_FRFS = 12
@@ -30,7 +30,7 @@ _STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Distances of ticks on an axis of factors."""
 _MAX_BAND = 3.0
 """Largest half width of a band that is drawn, as natural logarithm."""
-_BAND = "#BBD9EC"
+BAND_COLOUR = "#BBD9EC"
 _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N", ("theta", "theta"): "rad/(N m)"}
 
 
@@ -41,20 +41,18 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
     shown = frfs[:_MOST_FRFS]
     lists = [(label, one, assembly) for label, one, assembly in everything if not isinstance(one, MeasuredFRF)]
     figure, cells = _grid(ax, len(shown) + bool(lists) + 1, f"{found.title}{_left_out(frfs, shown)}")
-    for (label, seen, assembly), cell in zip(shown, cells, strict=False):
-        model = assembly.receptance(
-            seen.frequency_hz, response=seen.response, excitation=seen.excitation, force=seen.force
-        )
+    for (label, frf, assembly), cell in zip(shown, cells, strict=False):
+        model = assembly.receptance(frf.frequency_hz, response=frf.response, excitation=frf.excitation, force=frf.force)
         top, below = _pair(cell)
-        _magnitude(top, label, _FORMS[seen.response.direction, seen.excitation.direction])
-        lines = seen.frequency_hz.real
-        top.plot(lines, np.abs(seen.receptance), ".", color=PALE, markersize=2.5, label="measured")
+        _magnitude(top, label, _FORMS[frf.response.direction, frf.excitation.direction])
+        lines = frf.frequency_hz.real
+        top.plot(lines, np.abs(frf.receptance), ".", color=PALE, markersize=2.5, label="measured")
         top.plot(lines, np.abs(model), color=COLOURS[0], linewidth=1.3, label="fitted")
         low, high = top.get_ylim()
         top.set_ylim(low, 30.0 * high)
-        _legend(top, seen.standard_deviation)
-        ratio = np.log(np.abs(seen.receptance / model))
-        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, seen.standard_deviation)
+        _legend(top, frf.standard_deviation)
+        ratio = np.log(np.abs(frf.receptance / model))
+        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, frf.standard_deviation)
     if lists:
         axes = cells[len(shown)].subplots()
         rows = []
@@ -124,15 +122,15 @@ def _ratio(
     if band is not None:
         # The band is infinite if a relevant parameter is not determined.
         band = np.minimum(band, _MAX_BAND)
-        axes.fill_between(lines, -_DECIBEL * band, _DECIBEL * band, color=_BAND, linewidth=0)
-        most = max(most, 1.5 * _DECIBEL * float(np.percentile(band, 98)))
+        axes.fill_between(lines, -DECIBEL * band, DECIBEL * band, color=BAND_COLOUR, linewidth=0)
+        most = max(most, 1.5 * DECIBEL * float(np.percentile(band, 98)))
     if log_ratio is not None:
-        axes.plot(lines, _DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
-        most = max(most, 1.3 * _DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))
+        axes.plot(lines, DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
+        most = max(most, 1.3 * DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))
     if noise is not None:
         for sign in (-2.0, 2.0):
-            axes.plot(lines, sign * _DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
-        most = max(most, 3.0 * _DECIBEL * float(np.median(noise)))
+            axes.plot(lines, sign * DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
+        most = max(most, 3.0 * DECIBEL * float(np.median(noise)))
     axes.axhline(0.0, color=INK, linewidth=0.6)
     axes.set_ylim(-most, most)
 
@@ -154,7 +152,7 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> Non
     limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
     low, high = frf.band(found.level)
     low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
-    top.fill_between(lines, low, high, color=_BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
+    top.fill_between(lines, low, high, color=BAND_COLOUR, linewidth=0, label=f"{100.0 * found.level:g} % band")
     if frf.measured is not None:
         top.plot(lines, np.abs(frf.measured), ".", color=PALE, markersize=2.5, label="measured")
     top.plot(lines, size, color=COLOURS[0], linewidth=1.3, label="predicted")
@@ -183,25 +181,25 @@ def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) ->
 def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, ...]]) -> None:
     """Draw errors of calculated natural frequencies in percent, grouped by measurement."""
     set_up(axes, title, "", "against measured (%)")
-    place = 0.0
+    left = 0.0
     ticks: list[tuple[float, str]] = []
     for name, modes, measured, calculated, half, spread in rows:
-        x = place + np.arange(len(modes))
+        x = left + np.arange(len(modes))
         error = 100.0 * (calculated / measured - 1.0)
         if spread is not None:
-            label = None if place else "reading, two standard deviations"
+            label = None if left else "reading, two standard deviations"
             half_reading = 200.0 * spread / measured
             axes.errorbar(x, np.zeros(len(x)), half_reading, fmt="none", ecolor=PALE, capsize=5, label=label)
         bars = None if half is None else 100.0 * half / measured
-        label = None if place else series
+        label = None if left else series
         axes.errorbar(x, error, bars, fmt="o", color=COLOURS[0], capsize=3, markersize=5, label=label)
         if len(rows) * len(modes) <= 24:
             for at, value, mode in zip(x, error, modes, strict=True):
                 axes.annotate(f"{mode}", (at, value), xytext=(6, 3), textcoords="offset points", fontsize=8, color=INK)
         ticks.append((float(x.mean()), name))
-        place = float(x[-1]) + 1.8
+        left = float(x[-1]) + 1.8
         if len(rows) > 1 and name is not rows[-1][0]:
-            axes.axvline(place - 0.9, color="#E6E6E6", linewidth=0.8)
+            axes.axvline(left - 0.9, color="#E6E6E6", linewidth=0.8)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     tilted = sum(len(name) for _, name in ticks) > 50
     axes.set_xticks(
@@ -215,14 +213,14 @@ def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, 
     low, high = axes.get_ylim()
     most = max(abs(low), abs(high), 0.05)
     axes.set_ylim(-most, 1.25 * most)
-    axes.set_xlim(-1.2, place - 0.6)
+    axes.set_xlim(-1.2, left - 0.6)
     axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
 
 
 def _parameters(axes: Axes, found: Identification) -> None:
     """Draw the 95 % interval of every parameter relative to its value."""
     set_up(axes, "95 % intervals of the parameters", "relative to the value", "")
-    styles = [(_BAND, 12.0, "with tolerances")] if found.errors else []
+    styles = [(BAND_COLOUR, 12.0, "with tolerances")] if found.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)

@@ -8,6 +8,7 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification.covariance import UNINFORMATIVE
+from receptance.identification.figures.fit import BAND_COLOUR
 from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ __all__ = ["draw_transfer"]
 
 _MOST = 8
 """Most receptances that are drawn."""
-_BAND = "#BBD9EC"
 _ROW = 0.24
 """Height of a line of the table of modes in inches."""
 _OPEN = 1e3
@@ -96,7 +96,12 @@ def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
     size = np.abs(frf.receptance)
     low, high = frf.band(level)
     axes.fill_between(
-        lines, np.maximum(low, size / _OPEN), np.minimum(high, size * _OPEN), color=_BAND, linewidth=0.0, label="band"
+        lines,
+        np.maximum(low, size / _OPEN),
+        np.minimum(high, size * _OPEN),
+        color=BAND_COLOUR,
+        linewidth=0.0,
+        label="band",
     )
     axes.plot(lines, np.abs(np.asarray(frf.measured)), ".", color=PALE, markersize=2.5, label="measured")
     axes.plot(lines, size, color=COLOURS[0], linewidth=1.2, label="predicted")
