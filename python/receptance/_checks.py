@@ -41,32 +41,27 @@ def whole_number(owner: str, quantity: str, value: Any, *, least: int = 1) -> in
     return int(value)
 
 
-class MaskedError(ValueError):
-    """An array with masked values where numbers are expected."""
-
-
 def unmasked(owner: str, quantity: str, value: Any, dtype: Any = None) -> NDArray[Any]:
-    """Return `np.asarray(value, dtype)`, or raise where values are masked."""
+    """Return `np.asarray(value, dtype)`, or raise where values are masked or rows have different lengths."""
     parts = value if isinstance(value, (list, tuple)) else (value,)
     count = sum(int(np.count_nonzero(one.mask)) for one in parts if isinstance(one, np.ma.MaskedArray))
+    first = f"{owner}: {quantity}" if owner else quantity
     if count:
-        first = f"{owner}: {quantity}" if owner else quantity
-        raise MaskedError(
+        raise ValueError(
             f"{first} has {count} masked value{'s' if count > 1 else ''}, expected an array without a mask: leave the "
             "masked lines out of all arrays, as in frequency_hz[~mask], or fill in numbers and mark the usable lines "
             "of an FRF with usable=~mask"
         )
-    return np.asarray(value, dtype=dtype)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{first} has rows of different lengths, expected equal lengths") from None
+    return array if dtype is None else array.astype(dtype, copy=False)
 
 
 def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: str) -> NDArray[Any]:
     """Return an array whose dtype is of one of the `kinds` (NumPy's dtype codes such as "iuf"), or raise."""
-    try:
-        array = unmasked(owner, quantity, value)
-    except MaskedError:
-        raise
-    except ValueError:
-        raise ValueError(f"{owner}: {quantity} has rows of different lengths, expected {expected}") from None
+    array = unmasked(owner, quantity, value)
     if array.dtype.kind not in kinds:
         raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
     return array

@@ -19,8 +19,10 @@ from receptance._text import did_you_mean, shown
 __all__ = [
     "CHANNEL_UNITS",
     "FORMS",
+    "FORM_NAMES",
     "NUMBER",
     "QUANTITIES",
+    "ROTATIONS",
     "Dimension",
     "FRFKind",
     "Form",
@@ -93,7 +95,14 @@ Form = Literal["receptance", "mobility", "accelerance"]
 """Displacement, velocity or acceleration per load."""
 FORMS: tuple[Form, ...] = get_args(Form)
 """Forms in the order of time derivatives: the index is the power of i w relative to a receptance."""
-_SYNONYMS = {"compliance": "receptance", "inertance": "accelerance"}
+FORM_NAMES: dict[str, Form] = {
+    "compliance": "receptance",
+    "inertance": "accelerance",
+    "receptance": "receptance",
+    "mobility": "mobility",
+    "accelerance": "accelerance",
+}
+"""Names of the forms in files and options, with the name used here."""
 
 Dimension = tuple[tuple[str, float], ...]
 """Powers of mass, length, time, angle, voltage and temperature other than zero, sorted by name."""
@@ -249,11 +258,10 @@ def form_name(quantity: str) -> Form:
     """
     if not isinstance(quantity, str):
         raise TypeError(f"quantity is {quantity!r}, expected one of {', '.join(FORMS)}")
-    name = quantity.strip().lower()
-    for form in FORMS:
-        if _SYNONYMS.get(name, name) == form:
-            return form
-    raise ValueError(f"quantity is {quantity!r}, expected one of {', '.join(FORMS)}")
+    form = FORM_NAMES.get(quantity.strip().lower())
+    if form is None:
+        raise ValueError(f"quantity is {quantity!r}, expected one of {', '.join(FORMS)}")
+    return form
 
 
 def frf_unit(kind: FRFKind) -> str:
@@ -299,6 +307,13 @@ CHANNEL_UNITS = {
     "angular acceleration": "rad/s^2",
 }
 """Quantities of time records and their SI units."""
+ROTATIONS = {
+    "force": "moment",
+    "displacement": "rotation",
+    "velocity": "angular velocity",
+    "acceleration": "angular acceleration",
+}
+"""Quantity at a rotational coordinate by that at a translational one."""
 
 
 def channel_kind(unit: Unit) -> tuple[str, str] | None:

@@ -127,12 +127,12 @@ def test_other_threads_run_during_a_call() -> None:
 
     ticker = threading.Thread(target=tick)
     ticker.start()
-    flat = assembly._flatten(())
+    flat = assembly.flat()
     rows, _ = assembly._weights(flat, assembly.parameters[:20])
     w = 2 * np.pi * lines + 0j
     ends = np.array([[0.0, 0.0], [float(flat.count - 1), 0.0]])
     before = time.perf_counter()
-    flat.model(0).receptance(_core.Lines(w), ends, ends, rows, 1)
+    flat.model.receptance(_core.Lines(w), ends, ends, rows, 1)
     after = time.perf_counter()
     done.set()
     ticker.join()

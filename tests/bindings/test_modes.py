@@ -16,7 +16,7 @@ def model() -> _core.Model:
     bars = [Part([Segment(length=x, outer_diameter=0.02, material=STEEL)], name=n) for n, x in lengths.items()]
     joint = PointJoint(k_y=1e8, k_theta=1e4, c_y=100.0, c_theta=0.1, name="joint")
     clamp = GroundSpring(part="holder", position="end", k_y=1e8, k_theta=1e5, name="clamp")
-    return Assembly([bars[0], joint, bars[1]], [clamp])._flatten(()).model()
+    return Assembly([bars[0], joint, bars[1]], [clamp]).flat().model
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_masses_and_lengths() -> None:
     part = Part([tube, filled, BAR])
     assert part.mass == pytest.approx(tube.mass + filled.mass + BAR.mass)
     assert part.length == pytest.approx(0.3)
-    assert part.table().shape == (3, 14)
+    assert part.segment_rows().shape == (3, 14)
 
 
 def test_a_core_of_the_same_material_is_a_solid() -> None:

@@ -90,7 +90,7 @@ def test_results_equal_those_of_the_study(read: campaign.Campaign) -> None:
     assert sum(one.modes != () and one.measured_hz is not None for one in prediction.frequencies) == len(
         published.transfers
     )
-    inside = np.concatenate([one.within(prediction.reach) for one in prediction.frequencies])
+    inside = np.array([mode.within(prediction.level) for one in prediction.frequencies for mode in one.modes])
     assert inside.size == len(rows)
     assert inside.mean() > 0.8
 

@@ -100,7 +100,7 @@ def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> tuple[campa
 
 
 def _at_start(model: Model) -> Fit:
-    task = model.task()
+    task = model.task
     problem = task.problem()
     values = {}
     for unknown in task.variables.unknowns:
@@ -109,7 +109,7 @@ def _at_start(model: Model) -> Fit:
     x = task.variables.from_values(np.array(list(values.values())))
     residual = problem.residual(x)
     assert np.isfinite(residual).all(), problem.reason
-    return Fit(model, task, problem, x, float(residual @ residual), True)
+    return Fit(model, problem, x, float(residual @ residual), True)
 
 
 def variants() -> list[Any]:

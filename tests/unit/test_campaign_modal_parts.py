@@ -220,7 +220,7 @@ def test_peaks_without_interval_do_not_count_as_outside(tmp_path: Path) -> None:
         text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "longer"\nfile = "{name}.npz"\nresponse = {place}\n'
     found = write_campaign(tmp_path, text, step=10).transfer()
     assert any(mode.predicted_hz is not None for mode in found.modes)
-    assert all(mode.inside is None for mode in found.modes if mode.predicted_hz is not None)
+    assert all(mode.within() is None for mode in found.modes if mode.predicted_hz is not None)
 
 
 def test_inverse_coupling_refuses_an_unknown_spindle(tmp_path: Path) -> None:

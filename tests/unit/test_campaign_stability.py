@@ -229,7 +229,7 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     drawn, forecasts = {}, {}
     for name in ("long", "longest"):
         forecast = forecast_of(read, identified, read.site(name), read.effects[name], name, [])
-        linear = forecast.modes((1,))[1].total
+        linear = forecast.modes((1,)).scatter.total
         forecasts[name] = forecast
         drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
         assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)

@@ -215,7 +215,7 @@ def test_intervals_of_natural_frequencies_cover(campaign: Campaign) -> None:
         prediction = wrong.predict(found)
         for i, one in enumerate(prediction.frequencies):
             true = shifted(campaign, one.assembly, errs).natural_frequencies(20e3)[:2]
-            low, high = one.interval_hz(prediction.reach)
+            low, high = np.array([mode.interval_hz(prediction.level) for mode in one.modes]).T
             hits[i] += (low[:2] <= true) & (true <= high[:2])
         for i, (address, value) in enumerate(JOINT.items()):
             low_end, high_end = found.interval(address)

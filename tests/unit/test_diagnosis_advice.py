@@ -10,21 +10,22 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
-from receptance.diagnosis.advice import MENU, advise
-from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import evaluate_at, refit
-from receptance.diagnosis.foresight import with_causes
-from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.simulated import (
+from receptance.diagnosis.advice import (
+    MENU,
     DirectMeasurement,
-    Rival,
+    Hypothesis,
     SimulatedMeasurement,
+    advise,
     assembly_again,
     at_the_nose,
     holder_alone,
     other_overhang,
     tool_alone,
 )
+from receptance.diagnosis.causes import transfer
+from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.fitting import evaluate, refit
+from receptance.diagnosis.judgement import Judgement
 from receptance.identification import Tolerance
 from receptance.identification.observations import altered
 
@@ -73,7 +74,7 @@ def selection() -> Selection:
         starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
         fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)
         gain = base.chi_square - fit.chi_square
-        selection.singles.append(Explanation((Step(CATALOGUE[name], variant),), fit, gain, gain - 7.0))
+        selection.add(Explanation((Step(CATALOGUE[name], variant),), fit, gain, gain - 7.0))
     return selection
 
 
@@ -81,8 +82,8 @@ def of(selection: Selection, name: str) -> Explanation:
     return next(one for one in selection.singles if name in one.ids)
 
 
-def rival(selection: Selection, name: str) -> Rival:
-    return Rival(of(selection, name), selection.base.model)
+def hypothesis(selection: Selection, name: str) -> Hypothesis:
+    return Hypothesis(of(selection, name), selection.base.model)
 
 
 @pytest.mark.parametrize("describe", [at_the_nose, other_overhang])
@@ -91,8 +92,8 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
     truth, other = of(selection, "sensor_mass"), of(selection, "fluted_part")
     model = selection.base.model
     requested = describe(model, ()).candidate  # type: ignore[operator]
-    rivals = (rival(selection, "sensor_mass"), rival(selection, "fluted_part"))
-    expected = SimulatedMeasurement(describe).apart(*rivals)  # type: ignore[arg-type]
+    hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "fluted_part"))
+    expected = SimulatedMeasurement(describe).discriminate(*hypotheses)  # type: ignore[arg-type]
     # The sensor is at the response, with the fitted mass.
     at = requested.response
     mass = truth.fit.values["sensor_mass.mass"]
@@ -112,7 +113,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
         new = altered(requested.observation(clean * np.exp(noise)), standard_deviation=np.full(LINES.size, 0.0105))
         growth = []
         for one in (truth, other):
-            whole = with_causes(replace(model, observations=(*model.observations, new)), one.steps)
+            whole = transfer(replace(model, observations=(*model.observations, new)), one.steps)
             again = refit(replace(one.fit.model, observations=whole.observations), one.fit.values)
             growth.append(again.chi_square - one.fit.chi_square)
         found.append(growth[1] - growth[0])
@@ -122,22 +123,22 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
 
 
 def test_explanation_is_not_refuted_by_its_data(selection: Selection) -> None:
-    for one in (Rival(single, selection.base.model) for single in selection.singles):
+    for one in (Hypothesis(single, selection.base.model) for single in selection.singles):
         for describe in (at_the_nose, other_overhang, tool_alone, holder_alone):
-            assert SimulatedMeasurement(describe).apart(one, one) < 0.01
+            assert SimulatedMeasurement(describe).discriminate(one, one) < 0.01
 
 
 def test_weights_and_marked_places(selection: Selection) -> None:
-    sensor, offset, flutes = (rival(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
+    sensor, offset, flutes = (hypothesis(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
     mass, _ = sensor.sizes["sensor_mass.mass"]
     weighed = DirectMeasurement({"sensor_mass.mass": 2e-5})
-    assert weighed.apart(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
+    assert weighed.discriminate(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
     # In the other direction the fitted mass is uncertain itself.
-    assert 50.0 < weighed.apart(offset, sensor) < weighed.apart(sensor, offset)
-    assert weighed.apart(offset, flutes) == 0.0
+    assert 50.0 < weighed.discriminate(offset, sensor) < weighed.discriminate(sensor, offset)
+    assert weighed.discriminate(offset, flutes) == 0.0
     marked = SimulatedMeasurement(assembly_again, frozenset({"hammer_offset"}))
-    assert marked.apart(sensor, offset) > 30.0
-    assert marked.apart(sensor, flutes) == 0.0
+    assert marked.discriminate(sensor, offset) > 30.0
+    assert marked.discriminate(sensor, flutes) == 0.0
 
 
 def test_advised_measurement_resolves_the_verdict(selection: Selection) -> None:
@@ -173,7 +174,7 @@ def test_indistinguishable_losses_are_listed(selection: Selection) -> None:
     for name in ("joint_hysteretic_loss", "exponential_window", "suspension"):
         variant = CATALOGUE[name].variants(model)[-1 if name == "suspension" else 0]
         start = {"suspension.stiffness": 2e4, "suspension.damping": 20.0, "exponential_window.decay_rate": 2.0}
-        fit = replace(evaluate_at(selection.base, variant.model))
+        fit = evaluate(variant.model, selection.base.values)
         values = {**fit.values, **{key: value for key, value in start.items() if key in fit.values}}
         fit = replace(fit, x=fit.task.variables.from_values(np.array(list(values.values()))))
         close.append(Explanation((Step(CATALOGUE[name], variant.name),), fit, 40.0, 30.0))
@@ -192,13 +193,13 @@ def test_verdict_contains_the_advice() -> None:
     if verdict.verdict == "ambiguous":
         assert verdict.next_measurement is not None
         assert verdict.next_measurement.cost == 1.0
-        assert "finds every one" in verdict.summary(1000)
+        assert "identifies each of the remaining explanations" in verdict.summary(1000)
 
 
 def test_every_choice_can_be_simulated(selection: Selection) -> None:
     for choice in MENU:
-        rivals = [Rival(one, selection.base.model) for one in selection.singles]
-        for truth, other in itertools.pairwise(rivals):
-            found = choice.measurement.apart(truth, other)
+        hypotheses = [Hypothesis(one, selection.base.model) for one in selection.singles]
+        for truth, other in itertools.pairwise(hypotheses):
+            found = choice.measurement.discriminate(truth, other)
             assert np.isfinite(found)
             assert found >= 0.0

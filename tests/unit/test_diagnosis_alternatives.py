@@ -120,11 +120,11 @@ def selection() -> Selection:
 def test_an_alternative_withholds_a_name(selection: Selection, more: float, alone: str, together: str) -> None:
     best = selection.singles[0]
     other_change = replace(selection.alternatives[0], evidence=best.evidence + more)
-    judgement = conclude(replace(selection, singles=[best], several=[], alternatives=[other_change]))
+    judgement = conclude(replace(selection, explanations=[best], alternatives=[other_change]))
     assert judgement.answer == alone
     other = next(one for one in selection.singles if one is not best)
     pair = replace(best, steps=(*best.steps, *other.steps))
-    judgement = conclude(replace(selection, singles=[], several=[pair], alternatives=[other_change]))
+    judgement = conclude(replace(selection, explanations=[pair], alternatives=[other_change]))
     assert judgement.answer == together
 
 
@@ -134,7 +134,7 @@ def test_alternative_is_reported_with_a_vetoed_cause(selection: Selection) -> No
     vetoed.__dict__["parameters"] = {name: replace(one, plausible=(0.0, 1e-4)) for name, one in best.parameters.items()}
     for more, better_alternative in ((1.1 * MARGIN, True), (-1.1 * MARGIN, False)):
         better = replace(selection.alternatives[0], evidence=best.evidence + more)
-        found = conclude(replace(selection, singles=[vetoed], several=[], alternatives=[better]))
+        found = conclude(replace(selection, explanations=[vetoed], alternatives=[better]))
         assert found.answer == "unexplained"
         assert any("vetoed" in note for note in found.notes)
         assert (found.alternative is better) == better_alternative
@@ -144,12 +144,12 @@ def test_alternative_is_reported_with_a_vetoed_cause(selection: Selection) -> No
 def test_every_alternative_has_an_effect_only_off_its_null(alternative: Cause) -> None:
     data = [make_observations(chain(x), x) for x in OVERHANGS]
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
-    problem = model.task().problem()
+    problem = model.task.problem()
     before = problem.residual(problem.variables.start).copy()
     variants = alternative.variants(model)
     assert variants
     for variant in variants:
-        task = variant.model.task()
+        task = variant.model.task
         there = task.problem()
         start = there.variables.start
         after = there.residual(start).copy()[: before.size]

@@ -10,7 +10,7 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model
 from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.screening import chance, directions
+from receptance.diagnosis.screening import detection_threshold, directions
 from receptance.identification import Tolerance
 from receptance.identification.observations import altered
 
@@ -53,21 +53,21 @@ def test_the_linearised_maximum_is_that_of_full_refits() -> None:
     rng = np.random.default_rng(31)
     full, linear = [], []
     for _ in range(DRAWS):
-        fit = refit(base(rng), {}, threads=1)
+        fit = refit(base(rng), {})
         variants = [(CATALOGUE[name], one) for name in CAUSES for one in CATALOGUE[name].variants(fit.model)]
         found = directions(fit, variants)
         linear.append(max(one.score - PENALTY * one.count for one in found))
         best = -np.inf
         for one in found:
-            end = refit(one.variant.model, {**fit.values, **one.estimate}, threads=1)
+            end = refit(one.variant.model, {**fit.values, **one.estimate})
             best = max(best, fit.chi_square - end.chi_square - PENALTY * one.count)
         full.append(best)
     # Draw by draw the two are the same number, and so are their distributions and the threshold's own draws.
     assert np.abs(np.array(full) - linear).max() < 0.5
-    noiseless = refit(base(None), {}, threads=1)
+    noiseless = refit(base(None), {})
     variants = [(CATALOGUE[name], one) for name in CAUSES for one in CATALOGUE[name].variants(noiseless.model)]
     found = directions(noiseless, variants)
-    middle, high, low = (chance(found, PENALTY, level=level) for level in (0.5, 0.95, 0.05))
+    middle, high, low = (detection_threshold(found, PENALTY, level=level) for level in (0.5, 0.95, 0.05))
     spread = math.sqrt(0.25 / DRAWS)
     assert np.quantile(full, 0.5 - 2.5 * spread) < middle < np.quantile(full, 0.5 + 2.5 * spread)
     assert np.mean((np.array(full) < high) & (np.array(full) > low)) > 0.9 - 3.0 * math.sqrt(0.09 / DRAWS)

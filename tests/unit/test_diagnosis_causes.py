@@ -44,7 +44,7 @@ MODEL = Model((make_observations(0.05), make_observations(0.08)), JOINT)
 
 def moved_residual(model: Model, cause: str) -> np.ndarray:
     """Residuals of the lines with all variables off their starts, except those of a cause."""
-    problem = model.task().problem()
+    problem = model.task.problem()
     names = problem.variables.names
     x = problem.variables.start + 0.01 * np.array([not name.startswith(f"{cause}.") for name in names])
     return problem.residual(x)[: 2 * LINES.size * len(model.observations)].copy()
@@ -132,16 +132,14 @@ def test_a_selection_keeps_the_best_of_each_set_of_causes_in_order() -> None:
     assert selection.best is None
     worse, better = explanation(3.0, "sensor_mass"), explanation(5.0, "sensor_mass")
     gain, pair = explanation(4.0, "calibration_gain"), explanation(9.0, "sensor_mass", "calibration_gain")
-    selection.add([worse, pair])
-    selection.add([gain, better])
+    selection.add(worse, pair)
+    selection.add(gain, better)
     assert selection.singles == [better, gain]
-    assert selection.several == [pair]
     assert selection.explanations == [pair, better, gain]
     # The order of the causes makes no other explanation.
-    selection.add([explanation(8.0, "calibration_gain", "sensor_mass")])
-    assert selection.several == [pair]
-    selection.remove(pair)
-    assert selection.best is better
+    selection.add(explanation(8.0, "calibration_gain", "sensor_mass"))
+    assert selection.explanations == [pair, better, gain]
+    assert selection.best is pair
     again: Any = SimpleNamespace(chi_square=998.0)
     selection.replace_base(again)
     assert selection.base is again

@@ -12,8 +12,7 @@ import pytest
 from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.foresight import Foresight
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, _Fold, gain_of, metrics_of
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, PosteriorPrediction, _Fold, gain_of, metrics_of
 from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -105,15 +104,15 @@ def test_the_log_score_is_the_density_of_a_linear_model() -> None:
         standard_deviation_hz=[0.3, 0.4],
         label="0.08",
     )
-    foresight = Foresight(fit, Model((other,), tuple(JOINT[:2]), (*tolerances, *clamping(0.08))))
-    problem = foresight._problem
+    prediction = PosteriorPrediction(fit, Model((other,), tuple(JOINT[:2]), (*tolerances, *clamping(0.08))))
+    problem = prediction._problem
     start = np.append(fit.x, np.zeros(problem.variables.start.size - fit.x.size))
     rows, root = np.split(problem.jacobian(start), [2])
     jacobian = rows * np.array([[0.3], [0.4]])
     off = problem.residual(start)[:2] * np.array([0.3, 0.4])
     covariance = np.diag([0.09, 0.16]) + jacobian @ np.linalg.inv(root.T @ root) @ jacobian.T
     expected = -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])
-    assert foresight.log_score == pytest.approx(expected, abs=0.02)
+    assert prediction.log_score == pytest.approx(expected, abs=0.02)
     assert start.size == fit.x.size + 1, "the clamping is a new error, the blank is not"
 
 

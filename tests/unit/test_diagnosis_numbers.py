@@ -75,7 +75,7 @@ def test_small_common_offset_is_not_noise() -> None:
     assert waving.misfit < waving.limit
     assert waving.strain.passed
     assert not waving.passed
-    assert "neighbouring lines together" in waving.why_not
+    assert "neighbouring lines together" in waving.shortcoming
 
 
 @pytest.mark.parametrize("count", [1, 10, 40])
@@ -106,18 +106,18 @@ def test_explanations_within_the_margin_are_reported_and_others_are_not() -> Non
     (other,) = [one for one in selection.singles if one.ids == {"exponential_window"}]
     for behind, answer in ((0.5 * MARGIN, "ambiguous"), (1.5 * MARGIN, "named")):
         # As good a fit under another name, so much less likely.
-        rival = replace(best, steps=other.steps, evidence=best.evidence - behind)
-        judgement = conclude(replace(selection, singles=[best, rival], several=[]))
+        other_explanation = replace(best, steps=other.steps, evidence=best.evidence - behind)
+        judgement = conclude(replace(selection, explanations=[best, other_explanation]))
         assert judgement.answer == answer
-        assert ("exponential_window" in judgement.between) == (answer == "ambiguous")
+        assert ("exponential_window" in judgement.ambiguous_between) == (answer == "ambiguous")
 
 
 def test_predictions_include_other_adequate_models(monkeypatch: pytest.MonkeyPatch) -> None:
     """The law of total variance: the mean of the variances, and that of the squared distances."""
     predicted = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
     ensemble = Ensemble(SimpleNamespace())  # type: ignore[arg-type]
-    rival: Any = "else"
-    ensemble.__dict__["members"] = [(None, 0.75), (rival, 0.25)]
+    other_explanation: Any = "else"
+    ensemble.__dict__["members"] = [(None, 0.75), (other_explanation, 0.25)]
     monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: predicted[one or "base"])
     monkeypatch.setattr(ensemble, "_identified", lambda one: None)
     found: Any = None

@@ -109,7 +109,7 @@ def test_excess_scatter_between_clampings_is_inadequate() -> None:
     assert not adequacy.strain.passed
     assert not adequacy.passed
     assert adequacy.strain.worst[0][0].startswith("joint.k_theta @")
-    assert "joint.k_theta @" in adequacy.why_not
+    assert "joint.k_theta @" in adequacy.shortcoming
     quiet = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     passed = judge(fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES))))
     assert passed.passed
@@ -127,7 +127,7 @@ def test_cause_with_strained_tolerances_is_a_suspicion() -> None:
     # Had it taken tolerances of 3.5 standard deviations to get there, which the gate lets pass.
     strain = replace(verdict.adequacy_after.strain, worst=(("carbide", 3.5),), chance=5e-3)
     one.__dict__["adequacy"] = replace(verdict.adequacy_after, strain=strain)
-    judgement = conclude(replace(verdict.selection, singles=[one], several=[]))
+    judgement = conclude(replace(verdict.selection, explanations=[one]))
     assert judgement.answer == "suspected"
     assert any("carbide at +3.5" in note for note in judgement.notes)
 
@@ -157,7 +157,7 @@ def test_causes_are_exchanged_for_their_other_variants() -> None:
     fit = refit(variants["0.05"], root.fit.values)
     gain = selection.base.chi_square - fit.chi_square
     steps = (*root.steps, Step(causes[1], "0.05"))
-    selection.add([Explanation(steps, fit, gain, root.evidence + 1.0)])
+    selection.add(Explanation(steps, fit, gain, root.evidence + 1.0))
     assert selection.explanations[0].adequacy.of_lines
     Search(selection, causes).exchange_causes()
     found = {cause.id: name for cause, name in selection.explanations[0].steps}
@@ -302,4 +302,4 @@ def test_spread_joint_is_found_with_a_moving_material() -> None:
         moves = next(u.moves for u in one.model.unknowns if isinstance(u, Move))
         assert "joint.shank.youngs_modulus" in moves
         assert ("holder.segment[*].core.youngs_modulus" in moves) == ("whole" not in one.name)
-        assert one.model.task().parameters.unknowns
+        assert one.model.task.parameters.unknowns

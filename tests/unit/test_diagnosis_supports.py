@@ -10,7 +10,7 @@ import pytest
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.diagnosis.fitting import fit_base
-from receptance.diagnosis.starts import fit_anew, fit_levels, has_levels
+from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
 from receptance.identification import Law
 from receptance.taper import Holder
 
@@ -112,8 +112,8 @@ def test_cause_found_at_one_level_is_fitted_to_all() -> None:
     """The rigid body does not explain one force, and is not fitted to the other; the elastic one explains both."""
     model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
     rigid = fit_levels(model)
-    assert fit_anew(rigid) is None
-    elastic = fit_anew(replace(rigid, model=CATALOGUE["flexible_body"].variants(model)[0].model))
+    assert fit_again(rigid) is None
+    elastic = fit_again(replace(rigid, model=CATALOGUE["flexible_body"].variants(model)[0].model))
     assert elastic is not None
     assert elastic.misfit < 1.3
     assert elastic.values["flexible_body.decades"] == pytest.approx(np.log10(STEEL.youngs_modulus / 2e11), abs=0.02)
@@ -136,14 +136,14 @@ def test_levels_need_free_values_at_two_of_them() -> None:
 @pytest.mark.parametrize("modelled", ["spread", "ends"])
 def test_cause_has_no_effect_at_its_null(name: str, motion: str, names: tuple[str, ...], modelled: str) -> None:
     model = Model(tuple(make_observations(motion, modelled=modelled)), tuple(springs(*names)))
-    problem = model.task().problem()
+    problem = model.task.problem()
     x = problem.variables.start
     before = problem.residual(x).copy()
     variants = CATALOGUE[name].variants(model)
     assert variants
     for variant in variants:
         assert {one.assembly.motion for one in variant.model.observations} == {problem_motion(motion)}
-        there = variant.model.task().problem()
+        there = variant.model.task.problem()
         after = there.residual(there.variables.start)
         # Distributed springs agree to a thousandth.
         limit = 0.01 if "at points" in variant.name else 1e-6

@@ -375,8 +375,8 @@ def test_a_killed_reader_is_replaced(tmp_path: Path) -> None:
     assert read_frf(path).shape == (3, 1, 1)
     reader = mat_hdf5._reader
     assert reader is not None
-    os.kill(reader.process.pid, signal.SIGKILL)
-    reader.process.wait()
+    os.kill(reader.pid, signal.SIGKILL)
+    reader.wait()
     assert read_frf(path).shape == (3, 1, 1)
     assert mat_hdf5._reader is not reader
 

@@ -189,7 +189,7 @@ def test_time_series() -> None:
     assert (len(HIT), HIT.duration_s) == (2, 0.02)
     assert HIT.channel("a").tolist() == HIT.channel(1).tolist() == [9.80665, 3 * 9.80665]
     assert repr(HIT) == "TimeSeries(f [N], a [m/s^2]: 2 samples at 100 Hz)"
-    with pytest.raises(ValueError, match="there is no channel 'x'; the channels are f, a"):
+    with pytest.raises(ValueError, match="there is no channel 'x'; the channels are 'f', 'a'"):
         HIT.channel("x")
     with pytest.raises(ValueError, match="read-only"):
         HIT.values[0, 0] = 1.0

@@ -1,14 +1,15 @@
 """Hammer records: shapes, units, coordinates and validation."""
 
 import pickle
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from receptance import Coordinate
+from receptance.io import TimeSeries
 from receptance.measurement import HammerRecords
 from receptance.model.coordinates import Unplaced
+from receptance.units import CHANNEL_UNITS
 
 N = 64
 FORCE = np.linspace(0.0, 1.0, N)
@@ -125,12 +126,12 @@ def test_records_are_copies_and_pickle():
 
 
 def series(quantities=("force", "acceleration", "acceleration")):
-    """Return what `receptance.io.read` gives, as far as it matters here."""
-    return SimpleNamespace(
+    """Return a time series with channels of these quantities."""
+    return TimeSeries(
         values=np.stack([FORCE, RESPONSE, 2.0 * RESPONSE], axis=1),
         channels=("hammer", "tip", "nose"),
         sample_rate_hz=1000.0,
-        quantities=quantities,
+        units=[CHANNEL_UNITS.get(quantity, "V") for quantity in quantities],
         label="hit 1",
         source="hit1.uff",
         notes=("a note",),

@@ -174,7 +174,7 @@ def test_natural_frequencies_without_an_explanation(tmp_path: Path) -> None:
     output, page = verdict.summary(1000), diagnosis_html(verdict)
     assert "if all standard deviations were" in output
     assert "with it" in output
-    for words in ("By evidence", "comes nearest", "held-out modes", "in numbers", "as given", " at 1"):
+    for words in ("has the highest evidence", "held-out modes", "in numbers", "as given", " at 1"):
         assert words in page, words
-    for words in ("damping (%)", "level (dB)", "phase (°)", "noise alone stays"):
+    for words in ("damping (%)", "level (dB)", "phase (°)", "residuals of noise alone"):
         assert words not in page, words

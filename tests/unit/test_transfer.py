@@ -96,7 +96,7 @@ def test_every_configuration_is_held_out_once() -> None:
 def test_a_wrong_held_out_measurement_is_outside_its_interval() -> None:
     wrong = [*MODES[:2], frequencies(LENGTHS[2], k_theta=6e4)]
     found = transfer(wrong, STIFFNESSES, splits=[["80 mm"]], starts=1)
-    assert found.modes[0].inside is False
+    assert found.modes[0].within() is False
     assert found.modes[0].error_percent > 1.0
     assert found.bias_percent == pytest.approx(np.mean([mode.error_percent for mode in found.modes]))
 
@@ -176,9 +176,9 @@ def test_missing_scatter_is_estimated() -> None:
         for o in measured
     ]
     found = transfer(measured, STIFFNESSES, starts=1)
-    readings = [mode.reading_hz / mode.measured_hz for mode in found.modes]
+    readings = [mode.measured_deviation_hz / mode.measured_hz for mode in found.modes]
     assert 3e-4 < np.median(readings) < 3e-3
-    assert found.modes[0].reach > 2.3, "Student's t with six degrees of freedom"
+    assert found.modes[0].degrees_of_freedom == 6, "of Student's t distribution"
     assert found.inside[0] >= 8
 
 

@@ -130,7 +130,9 @@ def measure(seed: int, draws: int) -> Coverage:
         for name, yes in zip(MODES, inside, strict=True):
             found.covered[name] += bool(yes)
         compared = drawn.predict(identified, threads=1)
-        found.peaks += [bool(peak.within(compared.reach)) for peak in compared.frfs[0].peaks if peak.matched]
+        found.peaks += [
+            bool(peak.within(compared.level)) for peak in compared.frfs[0].peaks if peak.error_percent is not None
+        ]
     return found
 
 

@@ -1,10 +1,11 @@
 """Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
 from receptance.campaign.campaign import Campaign
+from receptance.campaign.comparison import Comparison
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.loading import load
 from receptance.campaign.measurements import Measurement
-from receptance.campaign.prediction import PredictedFrequencies, Prediction, forecast_of
+from receptance.campaign.prediction import Prediction, forecast_of
 from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.quantities import Condition, Deviation
 from receptance.campaign.schema import field_tables, json_schema
@@ -15,11 +16,11 @@ __all__ = [
     "Campaign",
     "CampaignCut",
     "CampaignError",
+    "Comparison",
     "Condition",
     "Deviation",
     "Effects",
     "Measurement",
-    "PredictedFrequencies",
     "Prediction",
     "Problem",
     "Tip",

@@ -22,14 +22,18 @@ from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Table
 
 if TYPE_CHECKING:
+    import os
+
     from numpy.typing import NDArray
 
+    from receptance.campaign.comparison import Comparison
     from receptance.campaign.cuts import CampaignCut
     from receptance.campaign.format import CampaignTable
     from receptance.campaign.prediction import Prediction
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.identification import Identification, InverseCouplings, NextMeasurement, Transfer
     from receptance.stability import Stability
+    from receptance.sweep import Candidates
 
 __all__ = ["Campaign"]
 
@@ -256,6 +260,41 @@ class Campaign:
         from receptance.campaign.run import invert_campaign
 
         return invert_campaign(self, joint=joint, limit=limit, threads=threads, progress=progress)
+
+    def compare(
+        self,
+        candidates: Candidates,
+        *,
+        given: Mapping[str, float] | None = None,
+        store: str | os.PathLike[str] | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> Comparison:
+        """Compare many values of parameters with the measurements that are not held out.
+
+        Unknowns that neither vary nor have a given value are identified first, together with those that vary, and keep
+        their identified values.
+
+        Parameters
+        ----------
+        candidates : Grid, Listed or Sampled
+            Values of parameters, by address; see `receptance.sweep`.
+        given : mapping of str to float, optional
+            Values of other parameters in SI units, by address.
+        store : path, optional
+            As in `receptance.sweep.sweep`.
+        progress : callable, optional
+            As in `identify`.
+
+        Raises
+        ------
+        CampaignError
+            No measured assembly has a parameter; or as in `identify`.
+        SweepError
+            As in `receptance.sweep.sweep`.
+        """
+        from receptance.campaign.comparison import compare_candidates
+
+        return compare_candidates(self, candidates, given=given, store=store, progress=progress)
 
     def next_measurement(
         self,

@@ -12,9 +12,9 @@ import numpy as np
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
-from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier, is_uninformative
+from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.mapping import Site
-from receptance.identification.prediction import Forecast, PredictedFRF
+from receptance.identification.prediction import Forecast, PredictedFrequencies, PredictedFRF
 from receptance.identification.unknowns import covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -25,93 +25,11 @@ if TYPE_CHECKING:
 
     from receptance.campaign.campaign import Campaign
     from receptance.campaign.tolerances import Effects
-    from receptance.identification import Identification, MeasuredFrequencies
-    from receptance.identification.peaks import Peak
-    from receptance.identification.prediction import PredictedFRF, Scatter
+    from receptance.identification import Identification, PredictedMode, Scatter
     from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
 
-__all__ = ["PredictedFrequencies", "Prediction", "forecast_of", "predict_campaign", "prediction_lines"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PredictedFrequencies:
-    """Predicted natural frequencies of an assembly, with measured ones if there are any.
-
-    Attributes
-    ----------
-    name : str
-        Name of the held-out measurement, or of the assembly without measurements.
-    assembly : str
-        Name of the assembly.
-    modes : tuple of int
-        Elastic modes from 1.
-    predicted_hz : ndarray
-        `(m,)`.
-    scatter : Scatter
-        Uncertainty of the predictions in Hz.
-    measured_hz, measured_deviation_hz : ndarray or None
-        Measured values and their standard deviations.
-    """
-
-    name: str
-    assembly: str
-    modes: tuple[int, ...]
-    predicted_hz: NDArray[np.float64]
-    scatter: Scatter
-    measured_hz: NDArray[np.float64] | None = None
-    measured_deviation_hz: NDArray[np.float64] | None = None
-
-    @property
-    def errors_percent(self) -> NDArray[np.float64]:
-        """Errors of the predictions in percent, `(m,)`; empty without measurements."""
-        return np.empty(0) if self.measured_hz is None else 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
-
-    def interval_hz(self, reach: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return lower and upper ends of intervals of `reach` standard deviations to either side."""
-        half = reach * self.scatter.total
-        return np.maximum(self.predicted_hz - half, 0.0), self.predicted_hz + half
-
-    def uninformative(self, reach: float) -> NDArray[np.bool_]:
-        """Return which intervals are too wide to be useful, `(m,)`."""
-        return is_uninformative(self.predicted_hz, reach * self.scatter.total)
-
-    def within(self, reach: float) -> NDArray[np.bool_]:
-        """Return whether measured values agree with the intervals and their own errors; empty without measurements.
-
-        Not meaningful where `uninformative` is true.
-        """
-        if self.measured_hz is None:
-            return np.empty(0, dtype=np.bool_)
-        reading = 0.0 if self.measured_deviation_hz is None else self.measured_deviation_hz
-        far: NDArray[np.bool_] = np.abs(self.predicted_hz - self.measured_hz) <= reach * np.hypot(
-            self.scatter.total, reading
-        )
-        return far
-
-    def data(self, reach: float) -> dict[str, Any]:
-        """Return the numbers by name, with intervals of `reach` standard deviations to either side."""
-        low, high = self.interval_hz(reach)
-        nothing = self.uninformative(reach)
-        found: dict[str, Any] = {
-            "name": self.name,
-            "assembly": self.assembly,
-            "modes": self.modes,
-            "predicted_hz": self.predicted_hz,
-            "interval_hz": [low, high],
-            "interval_uninformative": nothing,
-            "standard_error_hz": self.scatter.total,
-            "standard_error_of_fit_hz": self.scatter.data,
-            "change_for_one_deviation_hz": self.scatter.errors,
-        }
-        if self.measured_hz is not None:
-            found |= {
-                "measured_hz": self.measured_hz,
-                "measured_deviation_hz": self.measured_deviation_hz,
-                "error_percent": self.errors_percent,
-                "within": [None if wide else bool(yes) for wide, yes in zip(nothing, self.within(reach), strict=True)],
-            }
-        return found
+__all__ = ["Prediction", "forecast_of", "predict_campaign", "prediction_lines"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,10 +72,15 @@ class Prediction(Result):
         return self.identified.confidence_multiplier(self.level)
 
     @property
+    def modes(self) -> list[PredictedMode]:
+        """Natural frequencies, and peaks of held-out FRFs."""
+        peaks = [peak for frf in self.frfs for peak in frf.peaks]
+        return [mode for one in self.frequencies for mode in one.modes] + peaks
+
+    @property
     def errors_percent(self) -> list[float]:
         """Errors of the predictions of held-out natural frequencies and peaks in percent."""
-        listed = [float(e) for p in self.frequencies if p.measured_hz is not None for e in p.errors_percent]
-        return listed + [peak.error_percent for frf in self.frfs for peak in frf.peaks if peak.matched]
+        return [error for mode in self.modes if (error := mode.error_percent) is not None]
 
     @property
     def rms_percent(self) -> float | None:
@@ -183,13 +106,7 @@ class Prediction(Result):
         fit = [] if self.identified is None else self.identified.sentences()
         if self.rms_percent is None:
             return fit
-        inside = [
-            bool(yes)
-            for one in self.frequencies
-            if one.measured_hz is not None
-            for yes in one.within(self.reach)[~one.uninformative(self.reach)]
-        ]
-        inside += [yes for frf in self.frfs for peak in frf.peaks if (yes := peak.within(self.reach)) is not None]
+        inside = [yes for mode in self.modes if (yes := mode.within(self.level)) is not None]
         rest = len(self.errors_percent) - len(inside)
         wide = f"; {rest} intervals are too wide to be useful" if rest else ""
         return [
@@ -207,7 +124,7 @@ class Prediction(Result):
         return {
             "level": self.level,
             "rms_percent": self.rms_percent,
-            "natural_frequencies": [one.data(self.reach) for one in self.frequencies],
+            "natural_frequencies": [one.data(self.level) for one in self.frequencies],
             "frfs": [one.data(self.level) for one in self.frfs],
             "not_predicted": self.not_predicted,
             "identified": None if self.identified is None else self.identified.to_dict(),
@@ -224,8 +141,11 @@ class Prediction(Result):
         rms = "" if self.rms_percent is None else f", rms {self.rms_percent:.3g} %"
         return f"Prediction({self.provenance.title!r}, {counts}{rms})"
 
-    def _interval(self) -> Column:
+    def _interval_column(self) -> Column:
         return Column(f"{100.0 * self.level:g} % interval", "Hz", ".1f")
+
+    def _interval(self, mode: PredictedMode) -> Cell:
+        return UNINFORMATIVE if mode.uninformative(self.level) else mode.interval_hz(self.level)
 
     def _frequency_table(self, title: str, several: list[PredictedFrequencies]) -> Table:
         columns = (
@@ -233,27 +153,23 @@ class Prediction(Result):
             Column("mode", form="d"),
             Column("measured", "Hz", ".1f"),
             Column("predicted", "Hz", ".1f"),
-            self._interval(),
+            self._interval_column(),
             Column("error", "%", "+.2f"),
             Column("within"),
             "mostly from",
         )
         rows: list[list[Cell]] = []
         for one in several:
-            low, high = one.interval_hz(self.reach)
-            inside, nothing = one.within(self.reach), one.uninformative(self.reach)
             for i, mode in enumerate(one.modes):
-                measured = None if one.measured_hz is None else float(one.measured_hz[i])
-                known = measured is not None and not nothing[i]
                 rows.append(
                     [
                         one.name if i == 0 else None,
-                        mode,
-                        measured,
-                        float(one.predicted_hz[i]),
-                        UNINFORMATIVE if nothing[i] else (float(low[i]), float(high[i])),
-                        None if measured is None else float(one.errors_percent[i]),
-                        bool(inside[i]) if known else None,
+                        mode.mode,
+                        mode.measured_hz,
+                        mode.predicted_hz,
+                        self._interval(mode),
+                        mode.error_percent,
+                        mode.within(self.level),
                         _largest(one.scatter, i),
                     ]
                 )
@@ -264,7 +180,7 @@ class Prediction(Result):
             "measurement",
             Column("measured", "Hz", ".1f"),
             Column("predicted", "Hz", ".1f"),
-            self._interval(),
+            self._interval_column(),
             Column("error", "%", "+.2f"),
             Column("within"),
         )
@@ -273,22 +189,15 @@ class Prediction(Result):
                 frf.name if i == 0 else None,
                 "none" if peak.measured_hz is None else peak.measured_hz,
                 "none" if peak.predicted_hz is None else peak.predicted_hz,
-                self._peak_interval(peak),
-                peak.error_percent if peak.matched else None,
-                peak.within(self.reach),
+                self._interval(peak),
+                peak.error_percent,
+                peak.within(self.level),
             ]
             for frf in self.frfs
             if frf.measured is not None
             for i, peak in enumerate(frf.peaks)
         ]
         return Table("Peaks of FRFs held out", columns, rows)
-
-    def _peak_interval(self, peak: Peak) -> Cell:
-        if peak.predicted_hz is None or peak.deviation_hz is None:
-            return None
-        half = self.reach * peak.deviation_hz
-        wide = is_uninformative(peak.predicted_hz, half)
-        return UNINFORMATIVE if wide else (peak.predicted_hz - half, peak.predicted_hz + half)
 
     def _frf_table(self) -> Table:
         columns = (
@@ -366,7 +275,7 @@ def predict_campaign(
         if isinstance(seen, MeasuredFRF):
             frfs.append(replace(forecast.observed(seen), name=name, assembly=measured.assembly))
         else:
-            frequencies.append(_held_out_frequencies(name, measured.assembly, seen, forecast))
+            frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))
     for name in unmeasured:
         say(f"predicting {name}")
         try:
@@ -442,21 +351,6 @@ def forecast_of(
     return found
 
 
-def _held_out_frequencies(
-    name: str, assembly: str, seen: MeasuredFrequencies, forecast: Forecast
-) -> PredictedFrequencies:
-    found, scatter = forecast.modes(seen.modes)
-    return PredictedFrequencies(
-        name=name,
-        assembly=assembly,
-        modes=seen.modes,
-        predicted_hz=found,
-        scatter=scatter,
-        measured_hz=seen.frequency_hz,
-        measured_deviation_hz=seen.standard_deviation_hz,
-    )
-
-
 def _unmeasured(
     name: str, campaign: Campaign, forecast: Forecast, notes: list[str]
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
@@ -466,13 +360,9 @@ def _unmeasured(
     if not assembly.countable:
         notes.append(f"{name}: the spindle is a modal part, so natural frequencies are not predicted, only the FRF")
     else:
-        modes, scatter = forecast.natural_frequencies(float(lines[-1]))
-        if modes.size:
-            numbers = tuple(range(1, modes.size + 1))
-            frequencies = PredictedFrequencies(
-                name=name, assembly=name, modes=numbers, predicted_hz=modes, scatter=scatter
-            )
-        else:
+        frequencies = replace(forecast.natural_frequencies(float(lines[-1])), name=name, assembly=name)
+        if not frequencies.modes:
+            frequencies = None
             notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
     response, excitation = campaign.places[name]
     asked = campaign.table.prediction.force

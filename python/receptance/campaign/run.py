@@ -7,12 +7,10 @@ campaign as provenance. Mistakes are reported with the file and the key.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from receptance._text import did_you_mean, instead_of, one_of
+from receptance._text import did_you_mean, one_of
 from receptance.campaign.problems import CampaignError, Problem
 from receptance.campaign.quantities import parse_share
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
@@ -33,11 +31,8 @@ from receptance.identification import (
     transfer,
 )
 from receptance.identification.laws import Law
-from receptance.identification.mapping import FACTORS
-from receptance.identification.observations import Observation, altered
+from receptance.identification.observations import Observation
 from receptance.identification.pointwise_joint import TERMS
-from receptance.identification.prediction import Forecast
-from receptance.identification.unknowns import covered
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
 
@@ -46,16 +41,13 @@ if TYPE_CHECKING:
     from receptance.campaign.measurements import Measurement
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
-    from receptance.identification import Identification, MeasuredFrequencies
+    from receptance.identification import Identification
     from receptance.identification.laws import Tolerance
     from receptance.identification.next_measurement import Target
 
 __all__ = [
-    "Compared",
     "campaign_model",
-    "compared_with",
     "diagnose_campaign",
-    "expected_misfit",
     "fit_options",
     "identify_campaign",
     "invert_campaign",
@@ -309,7 +301,8 @@ def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple
 
     unknowns, left_out = observed_unknowns(campaign, seen)
     observations = tuple(one.observation for one in seen.values())
-    return Model(observations, tuple(unknowns), tuple(tolerances_of_measurements(seen))), left_out
+    tolerances = tuple(tolerances_of_measurements(seen))
+    return Model(observations, tuple(unknowns), tolerances, seed=campaign.table.settings.seed), left_out
 
 
 def diagnose_campaign(
@@ -322,7 +315,6 @@ def diagnose_campaign(
 ) -> Verdict:
     """Diagnose a campaign; see `Campaign.diagnose`."""
     from receptance.diagnosis import diagnose
-    from receptance.diagnosis.fitting import observed_numbers
     from receptance.diagnosis.held_out import improvement
     from receptance.diagnosis.thresholds import LEAST_FREEDOM
 
@@ -332,7 +324,7 @@ def diagnose_campaign(
         raise CampaignError.about(campaign.file, "there are no measurements, expected `measurements`")
     notes = list(campaign.notes)
     seen, held_out = dict(campaign.to_identify), dict(campaign.held_out)
-    numbers = sum(observed_numbers(one.observation) for one in seen.values())
+    numbers = sum(one.observation.independent_values for one in seen.values())
     if held_out and numbers - len(campaign.unknowns) < LEAST_FREEDOM:
         notes.append(
             f"{numbers:.3g} measured values for {len(campaign.unknowns)} unknowns are too few to test the model, so "
@@ -385,7 +377,7 @@ def _held_out_error(campaign: Campaign) -> list[str]:
         tolerances=tuple(tolerances_of_measurements(campaign.held_out)),
     )
     try:
-        errors, modes = metrics_of(fit_base(model, seed=campaign.table.settings.seed), out, scored=False)
+        errors, modes = metrics_of(fit_base(model), out, scored=False)
     except (ValueError, ReceptanceError):
         return []
     if FREQUENCIES not in errors:
@@ -393,110 +385,6 @@ def _held_out_error(campaign: Campaign) -> list[str]:
     bias = bias_of(modes, slenderness_of(out))
     text = "identified without the held-out measurements, the model predicts their natural frequencies with an rms "
     return [f"{text}error of {errors[FREQUENCIES]:.2f} %" + ("" if bias is None else f"; {bias}")]
-
-
-_LIMIT, _RARE = 1.25, 1e-3
-"""As in a diagnosis: multiple of its expectation up to which a misfit is explained by noise, and tail probability."""
-
-
-@dataclass(frozen=True)
-class Compared:
-    """Observations with which candidates of some parameters are compared.
-
-    Attributes
-    ----------
-    observations : tuple of MeasuredFRF or MeasuredFrequencies
-        Observations of the campaign, with the other parameters of their assemblies at the values `held`.
-    fit : Identification or None
-        The fit of all unknowns without a given value; None if all of them are varied.
-    held : dict of str to float
-        Given and identified values of the other parameters in SI units.
-    """
-
-    observations: tuple[MeasuredFRF | MeasuredFrequencies, ...]
-    fit: Identification | None
-    held: dict[str, float]
-
-
-def compared_with(
-    campaign: Campaign,
-    varied: Sequence[str],
-    given: Mapping[str, float],
-    progress: Callable[[str], None] | None = None,
-) -> Compared:
-    """Return the measurements for identification, with given and identified values of parameters that do not vary.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    varied : sequence of str
-        Addresses of the parameters that vary between candidates.
-    given : mapping of str to float
-        Values at other addresses in SI units.
-    progress : callable, optional
-        As in `Campaign.identify`.
-
-    Raises
-    ------
-    CampaignError
-        No measured assembly has a varied or given address; or as in `Campaign.identify`.
-    """
-    measurements = dict(campaign.to_identify)
-    every = [one.observation.assembly for one in measurements.values()]
-    for address in (*varied, *given):
-        if not any(covered(address, assembly) for assembly in every):
-            known = sorted({name for assembly in every for name in assembly.parameters})
-            text = f'no measured assembly has the parameter "{address}"{instead_of(address, known)}'
-            raise CampaignError.about(campaign.file, text)
-    for address, value in given.items():
-        for name, one in measurements.items():
-            assembly = one.observation.assembly
-            assembly = assembly.replace(dict.fromkeys(covered(address, assembly), value))
-            measurements[name] = replace(one, observation=altered(one.observation, assembly=assembly))
-    observations = tuple(one.observation for one in measurements.values())
-    unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
-    if all(unknown.address in varied for unknown in unknowns):
-        return Compared(observations, None, dict(given))
-    settings = campaign.table.settings.model_copy(update={"profiles": False})
-    found = replace(
-        campaign,
-        table=campaign.table.model_copy(update={"settings": settings}),
-        measurements=measurements,
-        unknowns=unknowns,
-    ).identify(progress=progress)
-    placed = []
-    for name, seen, assembly in zip(measurements, observations, found.assemblies, strict=True):
-        here = altered(seen, assembly=assembly)
-        if isinstance(seen, MeasuredFRF) and any(unknown.address in FACTORS for unknown in found.unknowns):
-            # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(found, seen.site(0), tolerances_of(measurements[name].effects))
-            chain = forecast.recorded(seen) / assembly.receptance(
-                seen.frequency_hz, response=seen.response, excitation=seen.excitation
-            )
-            here = altered(here, receptance=seen.receptance / chain)
-        placed.append(here)
-    others = {
-        name: value
-        for name, value in found.values.items()
-        if name.split(" ")[0] not in varied and name not in found.errors
-    }
-    return Compared(tuple(placed), found, {**given, **others})
-
-
-def expected_misfit(observations: Sequence[MeasuredFRF | MeasuredFrequencies]) -> tuple[float, float] | None:
-    """Return the expected misfit of the true model, and the largest misfit that noise explains.
-
-    None if an observation has no standard deviation.
-    """
-    from scipy.special import chdtri
-
-    count = 0.0
-    for one in observations:
-        if not one.weighted:
-            return None
-        count += 2.0 * one.independent_lines if isinstance(one, MeasuredFRF) else one.frequency_hz.size
-    return count, float(np.maximum(_LIMIT * count, chdtri(count, _RARE)))
 
 
 def rank_candidates(

@@ -529,7 +529,7 @@ def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
     assert explanation is not None
     again = from_data(folder / "extended.toml", copy.deepcopy(data))
     fit = explanation.fit
-    task = _on_diagnosed_lines(campaign_model(again, again.to_identify)[0], fit.model).task()
+    task = _on_diagnosed_lines(campaign_model(again, again.to_identify)[0], fit.model).task
     problem = task.problem()
     names = set(task.variables.names)
     if names != set(fit.values):

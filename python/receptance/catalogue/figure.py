@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, PALE, finished, new_figure, set_up, surface
+from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, new_figure, set_up, surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,18 +62,10 @@ def draw_tool(one: ToolPrediction) -> Figure:
         )
         half = 50.0 * (interval[number, 1, 1] - interval[number, 1, 0])
         text = f"{frequency:.0f} Hz\n{100 * damping:.2f} \u00b1 {half:.2g} %\n{1e-6 * stiffness:.3g} N/\u00b5m"
-        right = frequency > 0.85 * one.frequency_hz[-1]
-        axes.annotate(
-            text,
-            (frequency, height),
-            xytext=(-8 if right else 8, 4),
-            textcoords="offset points",
-            ha="right" if right else "left",
-            fontsize=8,
-            color=INK,
-        )
+        at_end = frequency > 0.85 * one.frequency_hz[-1]
+        label_point(axes, text, (frequency, height), left=bool(at_end), offset=(8.0, 4.0))
     set_up(axes, f"{one.row.name} in {one.row.holder}", "frequency (Hz)", "receptance of the tip (\u00b5m/N)")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    add_legend(figure, ncols=3)
     return figure
 
 
@@ -114,13 +106,13 @@ def draw_catalogue(tools: Sequence[ToolSummary], title: str = "", ax: Axes | Non
         else:
             axes.plot(x, y, marker, color=colour, ms=2.5, alpha=0.5, label=holder)
         for one, place in zip(own, zip(x, y, strict=True), strict=True) if len(shown) <= _NAMED else ():
-            axes.annotate(one.name, place, xytext=(5, 5), textcoords="offset points", fontsize=8, color=INK)
+            label_point(axes, one.name, place, offset=(5.0, 5.0))
     axes.set_yscale("log")
     hidden = len(tools) - len(shown)
     if hidden:
         axes.text(0.01, 0.01, f"{hidden} without a mode", transform=axes.transAxes, fontsize=8, color=PALE)
-    set_up(axes, title, "natural frequency of the most flexible mode (Hz)", "its dynamic stiffness (N/\u00b5m)")
-    axes.grid(visible=True, color="#E6E6E6", linewidth=0.8)
+    x_label = "natural frequency of the most flexible mode (Hz)"
+    set_up(axes, title, x_label, "dynamic stiffness (N/\u00b5m)", grid="both")
     if len(holders) <= 25:
-        figure.legend(loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+        add_legend(figure, ncols=6)
     return finished(figure)

@@ -1,4 +1,18 @@
-"""Diagnosis of a model: whether it is adequate, and which causes explain the data if it is not."""
+"""Diagnosis of a model: whether it is adequate, and which causes explain the data if it is not.
+
+Data flow of `engine.diagnose`::
+
+    observations, unknowns, tolerances -> model.Model -> line_selection: usable lines
+    Model -> starts, fitting: Fit of the base -> adequacy: Adequacy
+    catalogue (joint, part, boundary and measurement causes): Cause + Model -> Variant (a changed Model)
+    Fit + Variants -> screening: Direction (effect to first order, detection threshold, look-alikes)
+    Directions -> selection: starts on few lines, Fits on all lines, several causes, alternatives
+                  -> explanation: Selection (every Explanation = causes + Fit + evidence)
+    Selection -> judgement: Judgement (one of six answers) -> advice: NextMeasurement
+    Selection + Judgement -> verdict: Verdict -> averaging: predictions; wording, figure, report: texts and figures
+    Model without a configuration -> selection again -> held_out: Improvement; by_mode: residuals and bias by mode
+    `thresholds` has all constants.
+"""
 
 from receptance.diagnosis.catalogue import CATALOGUE
 from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant

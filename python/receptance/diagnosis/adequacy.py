@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
+    LISTED,
     MISFIT_BANDS,
     MISFIT_CHANCE,
     MISFIT_LIMIT,
-    SEEN_VARIANCE,
-    STRAINS_SHOWN,
+    OBSERVABLE_VARIANCE,
 )
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
@@ -49,7 +49,7 @@ class MisfitBand:
 
 @dataclass(frozen=True)
 class Strain:
-    """How far the fit moved errors of tolerances and clampings, relative to their expected scatter.
+    """Fitted errors of tolerances and clampings relative to their expected scatter.
 
     They can absorb an error of the model, so that no line shows it. An error z with a standard normal prior and the
     posterior variance v has the standard deviation sqrt(1 - v) in an adequate model.
@@ -119,28 +119,26 @@ class Adequacy:
         return self.misfit <= self.limit and self.smooth <= self.smooth_limit
 
     @property
-    def why_not(self) -> str:
+    def shortcoming(self) -> str:
         """The reason why it does not pass, as text; empty where it does."""
         if self.misfit > self.limit:
-            return f"leaves a misfit of {self.misfit:.2f} (limit {self.limit:.2f}), most of it in {self.worst[0]}"
+            return f"leaves a misfit of {self.misfit:.2f} (limit {self.limit:.2f}), largest in {self.worst[0]}"
         if self.smooth > self.smooth_limit:
             return (
                 f"leaves a misfit of {self.smooth:.2f} of neighbouring lines together (limit {self.smooth_limit:.2f}), "
-                f"most of it in {self.worst[0]}"
+                f"largest in {self.worst[0]}"
             )
         if not self.strain.passed:
-            far = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
-            return f"requires implausible errors of the tolerances, in standard deviations: {far}"
+            strained = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
+            return f"requires implausible errors of the tolerances, in standard deviations: {strained}"
         return ""
 
 
 def judge(fit: Fit) -> Adequacy:
     """Return the adequacy of a fit."""
-    freedom = fit.freedom
     smooth = expected = 0.0
     worst = []
-    parts = fit.problem.parts(fit.residual)
-    for one, residual in zip(fit.model.observations, parts, strict=True):
+    for one, residual in zip(fit.model.observations, fit.parts, strict=True):
         if isinstance(one, MeasuredFRF):
             pair = residual.reshape(2, -1)
             of_blocks = _blocks(one, pair)
@@ -153,7 +151,7 @@ def judge(fit: Fit) -> Adequacy:
             worst.append(MisfitBand(one.label or one.configuration, frequency, frequency, float(residual[at] ** 2)))
     return Adequacy(
         misfit=fit.misfit,
-        limit=max(MISFIT_LIMIT, _quantile(freedom)),
+        limit=max(MISFIT_LIMIT, _quantile(fit.expected_chi_square)),
         smooth=smooth / expected if expected else 1.0,
         smooth_limit=max(MISFIT_LIMIT, _quantile(expected)) if expected else MISFIT_LIMIT,
         worst=tuple(sorted(worst, key=lambda band: -band.misfit)),
@@ -177,24 +175,25 @@ def _strain(fit: Fit) -> Strain:
     scaled = slopes / np.where(scale > 0.0, scale, 1.0)
     rows = scaled[-len(names) :]
     expected = np.eye(len(names)) - rows @ np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) @ rows.T
-    own = np.diag(expected)
-    seen = own > SEEN_VARIANCE
-    if not seen.any():
+    variance = np.diag(expected)
+    is_observable = variance > OBSERVABLE_VARIANCE
+    tested = int(np.count_nonzero(is_observable))
+    if not tested:
         return Strain()
-    sizes = np.where(seen, errors / np.sqrt(np.where(seen, own, 1.0)), 0.0)
+    sizes = np.where(is_observable, errors / np.sqrt(np.where(is_observable, variance, 1.0)), 0.0)
     values, vectors = np.linalg.eigh(expected)
-    kept = values > SEEN_VARIANCE
+    kept = values > OBSERVABLE_VARIANCE
     parts = vectors[:, kept].T @ errors
-    count = int(np.count_nonzero(kept))
+    count = max(int(np.count_nonzero(kept)), 1)
     together = float(np.sum(parts**2 / values[kept]))
-    order = np.argsort(-np.abs(sizes))[:STRAINS_SHOWN]
-    farthest = float(np.abs(sizes).max())
+    order = np.argsort(-np.abs(sizes))[:LISTED]
+    largest = float(np.abs(sizes).max())
     return Strain(
-        worst=tuple((names[i], float(sizes[i])) for i in order if seen[i]),
-        limit=float(-ndtri(0.5 * MISFIT_CHANCE / np.count_nonzero(seen))),
-        together=together / max(count, 1),
-        together_limit=_quantile(float(max(count, 1))),
-        chance=min(2.0 * np.count_nonzero(seen) * float(ndtr(-farthest)), float(chdtrc(max(count, 1), together)), 1.0),
+        worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),
+        limit=float(-ndtri(0.5 * MISFIT_CHANCE / tested)),
+        together=together / count,
+        together_limit=_quantile(float(count)),
+        chance=min(2.0 * tested * float(ndtr(-largest)), float(chdtrc(count, together)), 1.0),
     )
 
 

@@ -1,31 +1,349 @@
-"""Advice: the next measurement, from a menu with costs, that separates the remaining explanations best."""
+"""Advice: the next measurement, from a menu with costs, that separates the remaining explanations best.
+
+If one explanation is true, another one is fitted to the simulated data together with the existing ones, on few lines.
+The increase of its chi-square is the evidence that the measurement would remove (model discrimination, Hunter and
+Reiner 1965, Designs for discriminating between two rival models). The simulated data are noise-free, and noise is in
+their weights: the increase is an expectation.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
+
+from receptance.diagnosis.causes import Step, transfer
 from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.simulated import (
-    DirectMeasurement,
-    Measurement,
-    Rival,
-    SimulatedMeasurement,
-    assembly_again,
-    at_the_nose,
-    base_explanation,
-    holder_alone,
-    other_force,
-    other_overhang,
-    tool_alone,
-)
-from receptance.diagnosis.thresholds import MARGIN
+from receptance.diagnosis.line_selection import thin
+from receptance.diagnosis.model import Model, with_points
+from receptance.diagnosis.thresholds import MARGIN, SIMULATION_LINES
 from receptance.diagnosis.verdict import NextMeasurement
+from receptance.errors import ReceptanceError
+from receptance.identification.from_frf import Floor
+from receptance.identification.laws import Tolerance
+from receptance.identification.mapping import Site
+from receptance.identification.new_observations import Candidate, NewObservations, information_root
+from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import InfeasibleError
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 
-__all__ = ["MENU", "Choice", "advise"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = [
+    "MENU",
+    "Choice",
+    "DirectMeasurement",
+    "Hypothesis",
+    "Hypothetical",
+    "Measurement",
+    "SimulatedMeasurement",
+    "advise",
+    "assembly_again",
+    "at_the_nose",
+    "holder_alone",
+    "other_force",
+    "other_overhang",
+    "tool_alone",
+]
+
+_QUANTITY = 1e3
+"""Increase of chi-square by a wrong quantity where a known mass is measured."""
+_RESOLUTION = 1e-3
+"""Standard deviation of natural frequencies of a part alone, as a share."""
+_MODES = 3
+"""Number of natural frequencies of a part alone."""
+_HIGHEST = 2e4
+"""Highest natural frequency of a part alone in Hz."""
+_LONGER = 1.3
+"""A longer overhang, as a multiple of the longest one that was measured."""
+_HARDER = 3.0
+"""A higher force, as a multiple of the highest one that was measured."""
+_NEW = "measured next"
+"""Label and configuration of the simulated measurement."""
+
+
+class Hypothetical(NamedTuple):
+    """A hypothetical measurement in the view of an explanation.
+
+    Attributes
+    ----------
+    candidate : Candidate
+        The measurement.
+    steps : tuple of Step
+        Causes that act on it and are not part of its assembly.
+    """
+
+    candidate: Candidate
+    steps: tuple[Step, ...]
+
+    def extend(self, base: Model, data: NDArray[Any] | None = None) -> Model:
+        """Return it with its causes as the only observation of a model, on few lines where it has data."""
+        observation = self.candidate.observation(data)
+        model = replace(base, observations=(observation,), tolerances=self.candidate.tolerances)
+        return transfer(model if data is None else thin(model, SIMULATION_LINES), self.steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One of the remaining explanations, of which one is true, and the model without causes."""
+
+    explanation: Explanation
+    base: Model
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The fit on few lines of each receptance."""
+        return refit(thin(self.explanation.fit.model, SIMULATION_LINES), self.explanation.fit.values)
+
+    @cached_property
+    def sizes(self) -> dict[str, tuple[float, float]]:
+        """Sizes of its causes and their standard errors."""
+        fit = self.explanation.fit
+        variables = fit.task.variables
+        inverse = np.linalg.inv(information_root(fit.jacobian, variables))
+        slopes = variables.slopes(np.array(list(fit.values.values())))
+        errors = dict(zip(fit.values, np.linalg.norm(inverse, axis=1) * slopes, strict=True))
+        return {name: (fit.values[name], float(errors[name])) for name in self.explanation.parameters}
+
+    def simulate(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
+        """Return the noise-free data of a measurement; causes with the ids `absent` do not act on it."""
+        fit, parameters = self.fit, self.explanation.parameters
+        nulls = {name: one.null for name, one in parameters.items() if one.cause in absent}
+        values = np.array([nulls.get(name, value) for name, value in fit.values.items()])
+        x = fit.task.variables.from_values(values) if nulls else fit.x
+        model = measurement.extend(self.base)
+        (one,) = model.observations
+        (data,) = NewObservations(fit.task.parameters, [one], [model.tolerances]).calculated(x)
+        # A cause that changes the quantity of the data has changed the placeholder data.
+        return data / one.receptance if isinstance(one, MeasuredFRF) else data
+
+    def chi_square_increase(self, measurement: Hypothetical, data: NDArray[Any], absent: frozenset[str]) -> float:
+        """Return the increase of chi-square where one more measurement is fitted as well."""
+        model = self.fit.model
+        added = measurement.extend(self.base, data)
+        parameters = self.explanation.parameters
+        unknowns = tuple(
+            replace(unknown, configurations=unknown.configurations or model.configurations)
+            if unknown.name in parameters and parameters[unknown.name].cause in absent
+            else unknown
+            for unknown in model.unknowns
+        )
+        # The fit already has the errors that all observations share.
+        particular = tuple(one for one in added.tolerances if one.configurations is not None)
+        joint = replace(
+            model,
+            observations=(*model.observations, *added.observations),
+            unknowns=unknowns,
+            tolerances=(*model.tolerances, *particular),
+        )
+        return max(refit(joint, self.fit.values).chi_square - self.fit.chi_square, 0.0)
+
+
+class Measurement(Protocol):
+    """A measurement that can be simulated."""
+
+    def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
+        """Return the increase of chi-square of another hypothesis if one is true; zero where it does not apply."""
+
+
+@dataclass(frozen=True)
+class DirectMeasurement:
+    """A direct measurement of the sizes of causes: a weight, a length, a gain.
+
+    Attributes
+    ----------
+    accuracy : dict of str to float
+        Standard deviation of the measurement in SI units, by parameter ("sensor_mass.mass").
+    presence : frozenset of str
+        Ids of causes without a size that it shows as well.
+    """
+
+    accuracy: Mapping[str, float]
+    presence: frozenset[str] = frozenset()
+
+    def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
+        """See `Measurement`."""
+        increase = _QUANTITY * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
+        parameters = {**truth.explanation.parameters, **other.explanation.parameters}
+        for name in {**truth.sizes, **other.sizes}:
+            accuracy = self.accuracy.get(parameters[name].key)
+            if accuracy is None:
+                continue
+            null = parameters[name].null
+            true, _ = truth.sizes.get(name, (null, 0.0))
+            expected, error = other.sizes.get(name, (null, 0.0))
+            increase += (true - expected) ** 2 / (accuracy**2 + error**2)
+        return increase
+
+
+@dataclass(frozen=True)
+class SimulatedMeasurement:
+    """One more FRF, or natural frequencies of a part alone.
+
+    Attributes
+    ----------
+    describe : callable
+        Gets the base model and the causes that act on the measurement, and returns the measurement; None where the
+        model does not have it.
+    without : frozenset of str
+        Ids of the causes that the measurement excludes, and for which it is made.
+    elsewhere : frozenset of str
+        Ids of causes that act only at the places that were hit before.
+    """
+
+    describe: Callable[[Model, tuple[Step, ...]], Hypothetical | None]
+    without: frozenset[str] = frozenset()
+    elsewhere: frozenset[str] = frozenset()
+
+    def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
+        """See `Measurement`."""
+        if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
+            return 0.0
+        absent = self.without | self.elsewhere
+        try:
+            true, assumed = (self._describe(one, absent) for one in (truth, other))
+            if true is None or assumed is None or true.candidate.modes != assumed.candidate.modes:
+                return 0.0
+            return other.chi_square_increase(assumed, truth.simulate(true, absent), absent)
+        except (InfeasibleError, ReceptanceError, ValueError):
+            return 0.0
+
+    def _describe(self, one: Hypothesis, absent: frozenset[str]) -> Hypothetical | None:
+        return self.describe(one.base, tuple(step for step in one.explanation.steps if step.cause.id not in absent))
+
+
+def assembly_again(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return the first FRF once more."""
+    index = _first_frf(model)
+    return None if index is None else Hypothetical(_frf(model, index), steps)
+
+
+def at_the_nose(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return a direct FRF at the nose of the holder."""
+    index = _first_frf(model)
+    if index is None or not model.anatomies[index].holder:
+        return None
+    nose = Coordinate(model.anatomies[index].holder[0], 0.0)
+    return Hypothetical(_frf(model, index, response=nose, excitation=nose), steps)
+
+
+def other_overhang(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return an FRF at a longer overhang than all that were measured, with a clamping of its own."""
+    index = _first_frf(model)
+    if index is None or not model.anatomies[index].joint:
+        return None
+    one = model.observations[index]
+    address = overhang_of(one.assembly, model.anatomies[index])
+    longest = max(one.assembly.get(address) for one in model.observations if address in one.assembly.parameters)
+    longer = _LONGER * longest
+    tolerances = tuple(
+        replace(error, name=f"{error.name}, {_NEW}") if error.configurations and address in error.moves else error
+        for error in _tolerances_of_new(model, index)
+    )
+    conditions = {name: longer if name in ("overhang", address) else x for name, x in one.conditions.items()}
+    assembly = one.assembly.replace({address: longer})
+    return Hypothetical(_frf(model, index, assembly=assembly, conditions=conditions, tolerances=tolerances), steps)
+
+
+def other_force(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return an FRF at a higher force than all that were measured."""
+    index = _first_frf(model)
+    levels = [one.conditions["force"] for one in model.observations if "force" in one.conditions]
+    if index is None or not levels:
+        return None
+    conditions = {**model.observations[index].conditions, "force": _HARDER * max(levels)}
+    return Hypothetical(_frf(model, index, conditions=conditions), steps)
+
+
+def tool_alone(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the tool with the longest overhang alone, free-free."""
+    return _alone(model, "tool", steps)
+
+
+def holder_alone(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the holder alone, free-free."""
+    return _alone(model, "holder", steps)
+
+
+def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the parts on one side of the joint, with the causes in their assembly."""
+    index = max(range(len(model.observations)), key=lambda i: _overhang(model, i))
+    one, names = model.observations[index], getattr(model.anatomies[index], side)
+    if not names:
+        return None
+    whole = transfer(replace(model, observations=(one,)), steps).observations[0].assembly
+    own = [
+        replace(point, name=name)
+        for name, point in whole.attachments.items()
+        # Masses that causes attach to the tool are there only while it is measured or clamped.
+        if side == "holder" and point.part in names and name not in one.assembly.attachments
+    ]
+    assembly = with_points(Assembly([whole.elements[name] for name in names]), *own)
+    frequencies = assembly.natural_frequencies(_HIGHEST)[:_MODES]
+    place = Site(assembly)
+    tolerances = []
+    for error in _tolerances_of_new(model, index):
+        moves = {address: size for address, size in error.moves.items() if place.covered(address)}
+        tolerances += [replace(error, moves=moves)] if moves else []
+    candidate = Candidate(
+        label=_NEW,
+        assembly=assembly,
+        modes=tuple(range(1, frequencies.size + 1)),
+        standard_deviation_hz=_RESOLUTION * frequencies,
+        tolerances=tuple(tolerances),
+        conditions=one.conditions,
+    )
+    return Hypothetical(candidate, ())
+
+
+def _first_frf(model: Model) -> int | None:
+    return next((i for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)), None)
+
+
+def _frf(model: Model, index: int, **changes: Any) -> Candidate:
+    """Return an FRF like one that was measured, with changes."""
+    one = model.observations[index]
+    assert isinstance(one, MeasuredFRF)
+    fields: dict[str, Any] = {
+        "assembly": one.assembly,
+        "response": one.response,
+        "excitation": one.excitation,
+        "conditions": one.conditions,
+        "tolerances": _tolerances_of_new(model, index),
+    }
+    return Candidate(
+        label=_NEW,
+        frequency_hz=one.frequency_hz,
+        standard_deviation=float(np.median(np.asarray(one.standard_deviation))),
+        floor=Floor(),
+        **(fields | changes),
+    )
+
+
+def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:
+    """Return the errors of an observation as those of the new measurement."""
+    place = model.observations[index].site(index)
+    own = [one for one in model.tolerances if place.among(one.configurations, one.labels)]
+    return tuple(
+        one if one.configurations is None and one.labels is None else replace(one, configurations=(_NEW,), labels=None)
+        for one in own
+    )
+
+
+def _overhang(model: Model, index: int) -> float:
+    anatomy, one = model.anatomies[index], model.observations[index]
+    return one.assembly.get(overhang_of(one.assembly, anatomy)) if anatomy.joint else 0.0
+
 
 _BLANK = frozenset({"fluted_part"})
 _HIT_PLACE = frozenset({"hammer_offset"})
@@ -76,7 +394,7 @@ MENU = (
         DirectMeasurement({"exponential_window.decay_rate": 0.1}),
     ),
     Choice(
-        "measure frequency and decay of its swing on the suspension",
+        "measure frequency and decay of the swing on the suspension",
         1.0,
         DirectMeasurement({"suspension.stiffness": 2e3, "suspension.damping": 2.0}),
     ),
@@ -130,7 +448,7 @@ class _Valued:
         Instruction to the user.
     cost : float
         Effort.
-    apart : dict of (int, int) to float
+    increases : dict of (int, int) to float
         Increase of chi-square of the second explanation if the first one is true.
     separates : tuple of str
         Ids of the causes that it confirms or refutes in any case.
@@ -140,14 +458,14 @@ class _Valued:
 
     action: str
     cost: float
-    apart: Mapping[tuple[int, int], float]
+    increases: Mapping[tuple[int, int], float]
     separates: tuple[str, ...]
     resolves: float
 
     @property
     def worth(self) -> float:
         """Resolved share for its cost; if none is resolved, the smallest increase of chi-square."""
-        return (self.resolves + 1e-3 * math.tanh(min(self.apart.values()) / MARGIN)) / math.sqrt(self.cost)
+        return (self.resolves + 1e-3 * math.tanh(min(self.increases.values()) / MARGIN)) / math.sqrt(self.cost)
 
 
 def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None:
@@ -177,45 +495,42 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
             action="measure blank and holder alone, free-free",
             reason="no known cause explains the data: this shows which part differs from its model",
         )
-    left = list(judgement.reported)
-    if len(left) == 1:
-        left.append(base_explanation(selection))
-    ids = judgement.between or tuple(cause.id for cause, _ in judgement.reported[0].steps)
-    best = _best(left, [Rival(one, selection.base.model) for one in left], ids)
+    remaining = list(judgement.reported)
+    if len(remaining) == 1:
+        remaining.append(Explanation((), selection.base, 0.0, 0.0))
+    ids = judgement.ambiguous_between or tuple(cause.id for cause, _ in judgement.reported[0].steps)
+    best = _best(remaining, selection.base.model, ids)
     if best is None or best.worth <= 0.0:
         return None
     return NextMeasurement(
         action=best.action,
-        reason=_reason(best, len(left)),
+        reason=_reason(best, len(remaining)),
         separates=best.separates,
         resolves=best.resolves,
         cost=best.cost,
     )
 
 
-def _best(left: Sequence[Explanation], rivals: Sequence[Rival], ids: Sequence[str]) -> _Valued | None:
+def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> _Valued | None:
     """Return the measurement of the highest value, or two of them where one alone leaves a question open."""
+    hypotheses = [Hypothesis(one, base) for one in remaining]
+    pairs = list(itertools.permutations(range(len(remaining)), 2))
     best: _Valued | None = None
     singles: list[_Valued] = []
     for choice in sorted(MENU, key=lambda one: one.cost):
         # A choice that resolves everything is not exceeded by more expensive ones.
         if best is not None and best.worth >= 1.0 / math.sqrt(choice.cost):
             break
-        apart = {
-            (a, b): choice.measurement.apart(truth, other)
-            for a, truth in enumerate(rivals)
-            for b, other in enumerate(rivals)
-            if a != b
-        }
-        singles.append(_value(choice.action, choice.cost, apart, left, ids))
+        increases = {(a, b): choice.measurement.discriminate(hypotheses[a], hypotheses[b]) for a, b in pairs}
+        singles.append(_value(choice.action, choice.cost, increases, remaining, ids))
         best = max(singles, key=lambda one: one.worth)
     if best is None or best.resolves == 1.0:
         return best
-    useful = [one for one in singles if max(one.apart.values()) > MARGIN]
+    useful = [one for one in singles if max(one.increases.values()) > MARGIN]
     for one, other in itertools.combinations(useful, 2):
         # The increases of chi-square of two measurements add up at least.
-        apart = {pair: one.apart[pair] + other.apart[pair] for pair in one.apart}
-        both = _value(f"{one.action}, and {other.action}", one.cost + other.cost, apart, left, ids)
+        increases = {pair: one.increases[pair] + other.increases[pair] for pair in pairs}
+        both = _value(f"{one.action}, and {other.action}", one.cost + other.cost, increases, remaining, ids)
         best = max(best, both, key=lambda found: found.worth)
     return best
 
@@ -223,32 +538,35 @@ def _best(left: Sequence[Explanation], rivals: Sequence[Rival], ids: Sequence[st
 def _value(
     action: str,
     cost: float,
-    apart: Mapping[tuple[int, int], float],
-    left: Sequence[Explanation],
+    increases: Mapping[tuple[int, int], float],
+    remaining: Sequence[Explanation],
     ids: Sequence[str],
 ) -> _Valued:
-    separated = {pair: _separates(apart[pair], left[pair[0]], left[pair[1]]) for pair in apart}
-    numbers = range(len(left))
+    separated = {(a, b): _separates(x, remaining[a], remaining[b]) for (a, b), x in increases.items()}
+    numbers = range(len(remaining))
     resolved = [all(separated[a, b] for b in numbers if b != a) for a in numbers]
     separates = []
     for name in ids:
-        having = [a for a in numbers if name in left[a].ids]
-        lacking = [a for a in numbers if name not in left[a].ids]
+        having = [a for a in numbers if name in remaining[a].ids]
+        lacking = [a for a in numbers if name not in remaining[a].ids]
         if lacking and all(separated[a, b] and separated[b, a] for a in having for b in lacking):
             separates.append(name)
-    return _Valued(action, cost, apart, tuple(separates), sum(resolved) / len(left))
+    return _Valued(action, cost, increases, tuple(separates), sum(resolved) / len(remaining))
 
 
-def _separates(apart: float, truth: Explanation, other: Explanation) -> bool:
+def _separates(increase: float, truth: Explanation, other: Explanation) -> bool:
     # The standard deviation of the increase is twice its square root.
-    return apart - 2.0 * math.sqrt(apart) > MARGIN + max(other.evidence - truth.evidence, 0.0)
+    return increase - 2.0 * math.sqrt(increase) > MARGIN + max(other.evidence - truth.evidence, 0.0)
 
 
 def _reason(best: _Valued, count: int) -> str:
     if best.resolves == 0.0:
-        return "simulated for each cause that is left, nothing on the menu settles it; this comes nearest"
+        return (
+            "in the simulation no measurement of the menu separates the remaining explanations; this one changes their "
+            "evidence most"
+        )
     if best.resolves == 1.0:
-        return "simulated for each cause that is left, it finds every one of them"
-    share = round(best.resolves * count)
-    named = f" ({', '.join(best.separates)})" if best.separates else ""
-    return f"simulated for each cause that is left, it finds {share} of {count}{named}"
+        return "in the simulation it identifies each of the remaining explanations"
+    number = round(best.resolves * count)
+    causes = f" ({', '.join(best.separates)})" if best.separates else ""
+    return f"in the simulation it identifies {number} of the {count} remaining explanations{causes}"

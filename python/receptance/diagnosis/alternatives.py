@@ -9,30 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 from receptance.diagnosis.boundary_causes import RESONATOR_PARAMETERS, resonances
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.fitting import Explored, explore
 from receptance.diagnosis.model import Model, with_points
-from receptance.diagnosis.screening import Direction, directions, rank
-from receptance.diagnosis.starts import starts_of
-from receptance.diagnosis.thresholds import (
-    ALTERNATIVE_PLACES,
-    ALTERNATIVES_FINISHED,
-    SOFT_LENGTH,
-    TAPER_CYLINDERS,
-)
-from receptance.errors import ReceptanceError
+from receptance.diagnosis.thresholds import ALTERNATIVE_PLACES, SOFT_LENGTH, TAPER_CYLINDERS
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import PointMass
 
-if TYPE_CHECKING:
-    from receptance.diagnosis.explanation import Explanation, Selection
-    from receptance.diagnosis.progress import Progress
-
-__all__ = ["ALTERNATIVES", "fit_alternatives"]
+__all__ = ["ALTERNATIVES"]
 
 
 def _tip(model: Model) -> str:
@@ -87,8 +73,7 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tip = _tip(model)
-    owners = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
-    if any(len(part.segments) != 1 for part in owners):  # type: ignore[union-attr]
+    if any(len(part.segments) != 1 for part in model.parts(tip)):
         raise UndecidableError("the tool has steps")
     for i in range(TAPER_CYLINDERS - 1):
         model, _ = model.split(tip, partial(_position, share=(i + 1) / TAPER_CYLINDERS))
@@ -141,57 +126,3 @@ ALTERNATIVES = (
     ),
 )
 """Changes that are fitted beside the causes and never reported as causes."""
-
-
-def fit_alternatives(selection: Selection, threads: int | None, report: Progress) -> None:
-    """Fit the alternatives to the base where a cause may be reported; the best ones become `selection.alternatives`."""
-    report.plan("alternatives", 0)
-    passing = [one for one in selection.explanations if one.adequacy.passed]
-    if not passing or passing[0].evidence <= max(selection.threshold, 0.0):
-        return
-    base, best = selection.base, passing[0]
-    if _changes_data(best, base.model):
-        return
-    variants = [(one, variant) for one in ALTERNATIVES for variant in _list_variants(one, base.model)]
-    found = directions(base, variants)
-    selection.evaluations += len(found)
-    explored: list[tuple[Direction, Explored]] = []
-    chosen = rank([one for one in found if one.slopes.shape[1]], selection.penalty)
-    report.plan("alternatives", len(chosen))
-    for direction in chosen:
-        report("alternatives", f"no cause: {direction.cause.meaning} {direction.variant.name}")
-        starts = starts_of(direction, base)
-        # The joint of the best explanation is closer to the solution than that of an inadequate base.
-        starts += [{**one, **best.fit.values} for one in starts[-2:]]
-        few = explore(direction.variant.model, starts, threads=threads)
-        selection.evaluations += few.evaluations
-        if few.ends:
-            explored.append((direction, few))
-    explored.sort(key=lambda pair: pair[1].chi_square + selection.penalty * pair[0].count)
-    # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
-    leaders: dict[str, tuple[Direction, Explored]] = {}
-    for direction, few in explored:
-        leaders.setdefault(direction.cause.id, (direction, few))
-    for direction, few in list(leaders.values())[:ALTERNATIVES_FINISHED]:
-        try:
-            fit = few.finish()
-        except ReceptanceError:
-            continue
-        selection.evaluations += fit.evaluations - few.evaluations
-        selection.alternatives.append(selection.explain((direction.step,), fit))
-    selection.alternatives.sort(key=lambda one: -one.evidence)
-
-
-def _changes_data(best: Explanation, model: Model) -> bool:
-    """Return whether an explanation changes the quantity of the data, which no change of a structure does."""
-    return any(
-        one.changes_data for cause, name in best.steps for one in _list_variants(cause, model) if one.name == name
-    )
-
-
-def _list_variants(cause: Cause, model: Model) -> list[Variant]:
-    """Return the variants of a change; none where the model cannot have it."""
-    try:
-        return cause.variants(model)
-    except (UndecidableError, ValueError):
-        return []

@@ -5,7 +5,7 @@ another overhang, or a mode above the band; an interval from the fit of one mode
 model therefore counts with its probability, exp(evidence / 2) times what it had beforehand: one half for the base, the
 other half shared by the causes, and for two of them the product (Hoeting, Madigan, Raftery and Volinsky 1999, Bayesian
 model averaging). The prediction is that of the reported model; the variance is the mean over all models of their own
-variance and of the square of how far they are from it.
+variance and of the square of their distance from it.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 from receptance.diagnosis.causes import IndescribableError
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 
@@ -33,12 +34,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
 
 __all__ = ["Ensemble", "Target", "extension"]
-
-_RARE = 0.01
-"""Models below this probability are neglected."""
-_BEYOND = 1.1
-"""Modes of the other models are looked for up to this many times the limit."""
-_SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +76,8 @@ def _stand_in(base: Model, target: Target) -> MeasuredFRF | MeasuredFrequencies:
 class Ensemble:
     """The fitted models of a selection with their probabilities."""
 
-    def __init__(self, selection: Selection, seed: int = 0) -> None:
+    def __init__(self, selection: Selection) -> None:
         self._selection = selection
-        self._seed = seed
-        self._found: dict[int, Identification] = {}
 
     @cached_property
     def members(self) -> list[tuple[Explanation | None, float]]:
@@ -94,7 +87,7 @@ class Ensemble:
         logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
         weights = np.exp(np.array(logs) - max(logs))
         weights /= weights.sum()
-        kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > _RARE]
+        kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > LEAST_PROBABILITY]
         total = sum(w for _, w in kept)
         return [(one, w / total) for one, w in kept]
 
@@ -104,20 +97,20 @@ class Ensemble:
         """Return natural frequencies by the reported model, and standard deviations by all of them."""
         middle, own = self._predicted(reported, found, target, upper_hz)
         variance = np.zeros(middle.size)
-        left = 1.0
+        own_weight = 1.0
         for one, weight in self.members:
             if one is reported or not middle.size:
                 continue
             try:
-                other, spread = self._predicted(one, self._identified(one), target, _BEYOND * upper_hz)
+                other, spread = self._predicted(one, self._identified(one), target, BEYOND_LIMIT * upper_hz)
             except (ReceptanceError, ValueError):
                 continue  # this assembly cannot be predicted with it
             if not other.size:
                 continue
             nearest = np.abs(other[None, :] - middle[:, None]).argmin(axis=1)
             variance += weight * (spread[nearest] ** 2 + (other[nearest] - middle) ** 2)
-            left -= weight
-        return middle, np.sqrt(variance + max(left, 0.0) * own**2)
+            own_weight -= weight
+        return middle, np.sqrt(variance + max(own_weight, 0.0) * own**2)
 
     def _predicted(
         self, one: Explanation | None, found: Identification, target: Target, upper_hz: float
@@ -132,12 +125,7 @@ class Ensemble:
         )
 
     def _identified(self, one: Explanation | None) -> Identification:
-        key = id(one)
-        if key not in self._found:
-            fit = self._selection.base if one is None else one.fit
-            promised = one is not None and self._selection.base.chi_square - fit.chi_square < one.gain - _SAME
-            if promised:
-                # The search did not fit it.
-                fit = refit(fit.model, fit.values, threads=fit.task.threads)
-            self._found[key] = fit.identification(self._seed)
-        return self._found[key]
+        if one is None:
+            return self._selection.base.identification
+        fit = refit(one.fit.model, one.fit.values) if one.expected else one.fit
+        return fit.identification

@@ -16,7 +16,6 @@ from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING
 from receptance.identification.laws import Move
 from receptance.identification.unknowns import Unknown
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring, Resonator
 from receptance.model.terminals import ModalPart
 
@@ -127,9 +126,9 @@ class _Pieces:
 
 
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    wanted = _identified_springs(model)
-    spread = [_divide(one) for one in wanted if one.length > 0.0]
-    points = [one for one in wanted if one.length == 0.0]
+    identified = _identified_springs(model)
+    spread = [_divide(one) for one in identified if one.length > 0.0]
+    points = [one for one in identified if one.length == 0.0]
     if len(points) not in (0, 2) or (not spread and len(points) != 2):
         raise UndecidableError("the stretch along which the springs to ground could act is unknown")
     uneven: dict[str, tuple[Unknown, ...]] = {}
@@ -159,7 +158,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _identified_springs(model: Model) -> list[GroundSpring]:
-    """Return the springs to ground that are identified, which must be on one part and alike in all assemblies."""
+    """Return the springs to ground that are identified, on one part and at the same places in all assemblies."""
     found: dict[str, GroundSpring] = {}
     for one in model.observations:
         for name, point in one.assembly.attachments.items():
@@ -179,8 +178,7 @@ def _identified_springs(model: Model) -> list[GroundSpring]:
 def _position(spring: GroundSpring, model: Model) -> float:
     if spring.position != "end":
         return float(spring.position)
-    parts = (one.assembly.elements.get(spring.part) for one in model.observations)
-    return next(part.length for part in parts if isinstance(part, Part))
+    return model.parts(spring.part)[0].length
 
 
 def _divide(spring: GroundSpring) -> _Pieces:

@@ -93,8 +93,7 @@ class ModeResidual:
 
 def curves(fit: Fit) -> list[Curve]:
     """Return every observation, measured and fitted."""
-    parts = fit.problem.parts(fit.residual)
-    return [curve_of(one, part) for one, part in zip(fit.model.observations, parts, strict=True)]
+    return [curve_of(one, part) for one, part in zip(fit.model.observations, fit.parts, strict=True)]
 
 
 def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
@@ -249,11 +248,11 @@ class Bias:
 def slenderness_of(model: Model) -> dict[str, float]:
     """Return the ratio of overhang and diameter of each configuration with a tool in a joint."""
     found: dict[str, float] = {}
-    for index, (one, anatomy) in enumerate(zip(model.observations, model.anatomies, strict=True)):
+    for name, one, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
         if anatomy.joint and anatomy.tool:
             length = overhang_of(one.assembly, anatomy)
             diameter = one.assembly.get(f"{length.rpartition('.')[0]}.outer_diameter")
-            found[one.site(index).configuration] = one.assembly.get(length) / diameter
+            found[name] = one.assembly.get(length) / diameter
     return found
 
 

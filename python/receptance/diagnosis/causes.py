@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -21,7 +21,9 @@ __all__ = [
     "Step",
     "UndecidableError",
     "Variant",
+    "extend",
     "parameters_of",
+    "transfer",
 ]
 
 Group = Literal["structure", "measurement"]
@@ -95,6 +97,12 @@ class Parameter:
     def one_sided(self) -> bool:
         """Whether its null is a bound."""
         return not self.secondary and self.null in (self.lower, self.upper)
+
+    def at(self, times: float) -> float:
+        """Return the value at a multiple of the typical size; a secondary parameter keeps its typical value."""
+        if self.secondary:
+            return self.typical
+        return min(max(self.null + times * (self.typical - self.null), self.lower), self.upper)
 
     def is_plausible(self, value: float) -> bool:
         """Return whether a value lies in the plausible range."""
@@ -326,3 +334,17 @@ class Step(NamedTuple):
             # All variants change the structure equally; their names give the measured quantity in the diagnosed model.
             chosen = variants[:1]
         return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model
+
+
+def extend(model: Model, steps: Sequence[Step]) -> Model:
+    """Return the model with causes and their parameters; see `Step.extend`."""
+    for step in steps:
+        model = step.extend(model)
+    return model
+
+
+def transfer(model: Model, steps: Sequence[Step]) -> Model:
+    """Return observations that were not fitted as causes change them; see `Step.transfer`."""
+    for step in steps:
+        model = step.transfer(model)
+    return model

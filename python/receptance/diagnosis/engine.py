@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from receptance import _checks
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, cross_validate, folds_of
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import EXPLORING_LINES, LOOK_ALIKE, MARGIN, VETOED_SHOWN
+from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.identification.from_frf import UNUSED_COHERENCE
 from receptance.identification.laws import Tolerance
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation
-from receptance.identification.result import Identification
+from receptance.identification.observations import MeasuredFrequencies, Observation
 from receptance.identification.unknowns import Unknown
 
 __all__ = ["diagnose"]
@@ -118,29 +116,29 @@ def diagnose(
     >>> verdict.verdict, [one.id for one in verdict.causes]
     ('named', ['sensor_mass'])
     """
-    wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
-    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
-    observed = _observed(observations)
+    unknowns = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
+    tolerances = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    observed = _check_observations(observations)
     if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
         raise ValueError(f"most is {most!r}, expected a whole number of at least 1")
-    own = _metrics(metrics)
+    metrics = _check_metrics(metrics)
+    catalogue = resolve_causes(causes)
     _checks.thread_count(threads)
-    model, line_notes = select_lines(Model(observed, wanted, errors))
+    model, line_notes = select_lines(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
     model = model.with_witnesses()
-    report = Progress(progress, 1 + (folds_of(model) if held_out else 0))
-    selection = select(model, resolve_causes(causes), seed=seed, threads=threads, most=most, progress=report)
-    verdict = _verdict(selection, seed, most, line_notes, report)
+    report = Progress(progress, 1 + (count_folds(model) if held_out else 0))
+    selection = select(model, catalogue, most=most, progress=report)
+    verdict = _verdict(selection, most, line_notes, report)
     if not held_out or not verdict.final:
         return verdict
     report.next_selection()
-    options: dict[str, Any] = {"metrics": own, "progress": report}
-    found = cross_validate(model, resolve_causes(causes), seed=seed, threads=threads, most=most, **options)
-    if not found.complete:
+    improvement = cross_validate(model, catalogue, most=most, metrics=metrics, progress=report)
+    if not improvement.complete:
         verdict = verdict.interrupt(report.position, tried=True)
-    return verdict.with_improvement(found)
+    return verdict.with_improvement(improvement)
 
 
-def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
+def _check_metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
     given = dict(metrics or {})
     for name, metric in given.items():
         if not isinstance(name, str) or not callable(metric):
@@ -150,28 +148,24 @@ def _metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
     return given
 
 
-def _observed(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
-    found = (observations,) if isinstance(observations, Observation) else tuple(observations)
-    if not found:
+def _check_observations(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
+    given = (observations,) if isinstance(observations, Observation) else tuple(observations)
+    if not given:
         raise ValueError("observations is empty, expected at least one MeasuredFRF or MeasuredFrequencies")
-    for index, one in enumerate(found):
+    for index, one in enumerate(given):
         if not isinstance(one, Observation):
             raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
-        spread = one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz
-        if spread is None:
-            causes = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
+        if not one.weighted:
+            reasons = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
+            remedy = "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
             raise ValueError(
                 f"{one!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
-                + (
-                    causes[0]
-                    if causes
-                    else "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
-                )
+                f"{reasons[0] if reasons else remedy}"
             )
-    return found
+    return given
 
 
-def _verdict(selection: Selection, seed: int, most: int, line_notes: Sequence[str], report: Progress) -> Verdict:
+def _verdict(selection: Selection, most: int, line_notes: Sequence[str], report: Progress) -> Verdict:
     judgement = conclude(selection)
     interrupted = selection.interrupted
     next_measurement = None
@@ -180,94 +174,78 @@ def _verdict(selection: Selection, seed: int, most: int, line_notes: Sequence[st
             next_measurement = advise(selection, judgement)
         except KeyboardInterrupt:
             interrupted = True
-    notes = [*judgement.notes, *_data_notes(selection), *line_notes]
-    fitted: dict[Explanation, Identification] = {}
-
-    def identified(one: Explanation) -> Identification:
-        if one not in fitted:
-            fitted[one] = one.fit.identification(seed)
-        return fitted[one]
-
-    best = judgement.reported[0] if judgement.reported else None
     reported: dict[str, Candidate] = {}
     for one in judgement.reported:
         for step in one.steps:
-            reported.setdefault(step.cause.id, _candidate(selection, one, step, identified(one)))
-    candidates = [_candidate(selection, one, one.steps[0], identified(one)) for one in selection.singles]
-    alternatives = {one: _candidate(selection, one, one.steps[0], identified(one)) for one in selection.alternatives}
+            if step.cause.id not in reported:
+                reported[step.cause.id] = _candidate(selection, one, step)
+    alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
     verdict = Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
-        candidates=tuple(candidates),
-        ambiguous_between=judgement.between,
-        adequacy=judge(selection.base),
-        adequacy_after=None if best is None else best.adequacy,
-        threshold=selection.threshold,
-        base=selection.base.identification(seed),
-        extended=None if best is None else identified(best),
-        gains=(),
+        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in selection.singles),
+        ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
-        undecidable=selection.undecidable,
-        notes=tuple(notes),
-        settings=_settings(selection, seed, most),
+        notes=(*judgement.notes, *_data_notes(selection), *line_notes),
+        settings=_settings(selection, most),
         selection=selection,
-        vetoed=tuple(_candidate(selection, one, step, identified(one)) for one, step in _vetoed(selection)),
+        vetoed=tuple(_candidate(selection, one, step) for one, step in _vetoed(selection)),
         alternatives=tuple(alternatives.values()),
         alternative=None if judgement.alternative is None else alternatives[judgement.alternative],
-        explanation=best,
+        explanation=judgement.reported[0] if judgement.reported else None,
     )
     return verdict.interrupt(report.position, tried=not selection.interrupted) if interrupted else verdict
 
 
-def _vetoed(selection: Selection) -> Iterator[tuple[Explanation, Step]]:
-    """Yield implausible causes with at least the evidence of the best plausible explanation, less the margin.
+def _vetoed(selection: Selection) -> list[tuple[Explanation, Step]]:
+    """Return implausible causes with at least the evidence of the best plausible explanation, less the margin.
 
-    Each cause is yielded once, in its best explanation, and only the best few are.
+    Each cause is returned once, in its best explanation, and only the best few are.
     """
     plausible = max((one.evidence for one in selection.explanations if not one.implausible), default=0.0)
     least = max(selection.threshold, plausible - MARGIN, 0.0)
-    seen: set[str] = set()
+    found: dict[str, tuple[Explanation, Step]] = {}
     for one in selection.explanations:
         for step in one.steps if one.evidence > least else ():
-            id, sizes = step.cause.id, one.sizes(step.cause)
-            if id not in seen and len(seen) < VETOED_SHOWN and set(sizes) & set(one.implausible):
-                seen.add(id)
-                yield one, step
+            if set(one.sizes(step.cause)) & set(one.implausible):
+                found.setdefault(step.cause.id, (one, step))
+    return list(found.values())[:LISTED]
 
 
-def _candidate(selection: Selection, one: Explanation, step: Step, found: Identification) -> Candidate:
+def _candidate(selection: Selection, one: Explanation, step: Step) -> Candidate:
     cause, variant = step
-    own = one.sizes(cause)
-    declared = {name: one.parameters[name] for name in own}
+    sizes = one.sizes(cause)
+    declared = {name: one.parameters[name] for name in sizes}
     return Candidate(
         id=cause.id,
         group=cause.group,
         variant=variant,
-        parameters={name: (value, *found.interval(name)) for name, value in own.items()},
+        parameters={name: (value, *one.fit.identification.interval(name)) for name, value in sizes.items()},
         gain=one.gain,
         evidence=one.evidence,
         misfit=one.adequacy.misfit,
-        plausible=not set(one.implausible) & set(own),
-        vetoed=implausible(declared, own),
+        plausible=not set(one.implausible) & set(sizes),
+        vetoed=implausible(declared, sizes),
         converged=one.fit.converged,
         together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
-        look_alikes=_look_alikes(selection.found, cause.id, variant),
+        look_alikes=_look_alikes(selection.directions, step),
         meaning=cause.meaning,
         remedy=cause.remedy,
         declared=declared,
     )
 
 
-def _look_alikes(found: Sequence[Direction], name: str, variant: str) -> dict[str, float]:
-    own = next((one for one in found if one.cause.id == name and one.variant.name == variant), None)
+def _look_alikes(directions: Sequence[Direction], step: Step) -> dict[str, float]:
+    """Return the causes with a similar effect, and the largest cosine of each, in descending order."""
+    own = next((one for one in directions if one.is_of(step.cause.id, step.variant)), None)
     if own is None:
         return {}
     cosines: dict[str, float] = {}
-    for other in found:
-        if other.cause.id != name and other.slopes.shape[1] <= own.slopes.shape[1]:
+    for other in directions:
+        if other.cause.id != step.cause.id and other.slopes.shape[1] <= own.slopes.shape[1]:
             cosines[other.cause.id] = max(cosines.get(other.cause.id, 0.0), look_alike(own, other))
-    kept = sorted(cosines.items(), key=lambda pair: -pair[1])
-    return {other: round(cosine, 4) for other, cosine in kept if cosine >= LOOK_ALIKE}
+    similar = sorted(cosines.items(), key=lambda pair: -pair[1])
+    return {other: round(cosine, 4) for other, cosine in similar if cosine >= LOOK_ALIKE}
 
 
 def _data_notes(selection: Selection) -> list[str]:
@@ -281,31 +259,27 @@ def _data_notes(selection: Selection) -> list[str]:
         notes.append("there is one configuration: measure another overhang to distinguish the joint from the parts")
     if selection.base.one_mode:
         notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
-    are_frequencies = [isinstance(one, MeasuredFrequencies) for one in model.observations]
-    if all(are_frequencies):
-        damped = any(isinstance(one, MeasuredFrequencies) and one.damped.size for one in model.observations)
-        hidden = "gain, delay and hits" if damped else "damping, gain, delay and hits"
+    frequencies = [one for one in model.observations if isinstance(one, MeasuredFrequencies)]
+    if len(frequencies) == len(model.observations):
+        hidden = (
+            "gain, delay and hits" if any(one.damped.size for one in frequencies) else "damping, gain, delay and hits"
+        )
         notes.append(f"there are natural frequencies alone: they do not show {hidden}")
-    elif any(are_frequencies):
+    elif frequencies:
         notes.append("gain, delay, window and hits are judged by the FRFs alone: natural frequencies do not show them")
     return notes
 
 
-def _work(selection: Selection) -> dict[str, Any]:
-    """Return the amount of calculation, and the loss by the selection of few lines of base and best explanation."""
+def _settings(selection: Selection, most: int) -> dict[str, Any]:
+    """Return settings and amount of calculation, with the loss by the selection of few lines."""
+    model = selection.base.model
     fits = [selection.base, *(one.fit for one in selection.explanations[:1])]
     return {
-        "lines": sum(one.frequency_hz.size for one in selection.base.model.observations),
+        "seed": model.seed,
+        "most": most,
+        "lines": sum(one.frequency_hz.size for one in model.observations),
         "lines_of_each_while_exploring": EXPLORING_LINES,
         "regained_on_all_lines": round(max(fit.regained for fit in fits), 1),
         "model_evaluations": selection.evaluations,
-    }
-
-
-def _settings(selection: Selection, seed: int, most: int) -> dict[str, Any]:
-    return {
-        "seed": seed,
-        "most": most,
-        **_work(selection),
-        "causes": sorted({one.cause.id for one in selection.found} | set(selection.undecidable)),
+        "causes": sorted({one.cause.id for one in selection.directions} | set(selection.undecidable)),
     }

@@ -28,12 +28,15 @@ class Explanation:
         Decrease of chi-square relative to the base.
     evidence : float
         The gain less the penalty of its unknowns; about twice the logarithm of the odds.
+    expected : float
+        The part of the gain that is predicted to first order and not fitted.
     """
 
     steps: tuple[Step, ...]
     fit: Fit
     gain: float
     evidence: float
+    expected: float = 0.0
 
     @property
     def ids(self) -> frozenset[str]:
@@ -92,24 +95,22 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
 class Selection:
     """All fits of a diagnosis.
 
-    `singles` and `several` have at most one explanation of each set of causes, that with the highest evidence, and are
-    in the order of descending evidence. The evidence of every explanation is relative to `base`. The methods `add`,
-    `remove` and `replace_base` keep it so.
+    The evidence of every explanation is relative to `base`. The methods `add` and `replace_base` keep it so.
 
     Attributes
     ----------
     base : Fit
         The model without causes.
     penalty : float
-        Penalty of each unknown in evidence: the logarithm of the number of independent observed numbers.
+        Penalty of each unknown in evidence: the logarithm of the number of independent measured values.
     threshold : float
         Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
-    found : list of Direction
+    directions : list of Direction
         Linear effects of the causes on the base.
     undecidable : dict of str to str
         Causes that the data cannot show, and the reasons.
-    singles, several : list of Explanation
-        Explanations by one cause, and by several.
+    explanations : list of Explanation
+        The best explanation by each set of causes, the highest evidence first.
     tried : list of Explanation
         All explanations by several causes that were fitted, including those that are not better than one cause.
     alternatives : list of Explanation
@@ -125,10 +126,9 @@ class Selection:
     base: Fit
     penalty: float
     threshold: float = 0.0
-    found: list[Direction] = field(default_factory=list)
+    directions: list[Direction] = field(default_factory=list)
     undecidable: dict[str, str] = field(default_factory=dict)
-    singles: list[Explanation] = field(default_factory=list)
-    several: list[Explanation] = field(default_factory=list)
+    explanations: list[Explanation] = field(default_factory=list)
     tried: list[Explanation] = field(default_factory=list)
     alternatives: list[Explanation] = field(default_factory=list)
     evaluations: int = 0
@@ -136,31 +136,23 @@ class Selection:
     interrupted: bool = False
 
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
-        """Return the explanation of a fit; `expected` is a further gain that a complete fit is expected to reach."""
+        """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
         own = sum(unknown.prior is None for unknown in fit.model.unknowns)
         count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
         gain = self.base.chi_square - fit.chi_square + expected
-        return Explanation(steps, fit, gain, gain - self.penalty * count)
+        return Explanation(steps, fit, gain, gain - self.penalty * count, expected)
 
-    def add(self, found: Iterable[Explanation]) -> None:
+    def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
-        listed = list(found)
-        self.singles = best_of_each([*self.singles, *(one for one in listed if len(one.steps) == 1)])
-        self.several = best_of_each([*self.several, *(one for one in listed if len(one.steps) > 1)])
-
-    def remove(self, explanation: Explanation) -> None:
-        """Remove an explanation."""
-        self.singles = [one for one in self.singles if one is not explanation]
-        self.several = [one for one in self.several if one is not explanation]
+        self.explanations = best_of_each([*self.explanations, *found])
 
     def replace_base(self, base: Fit) -> None:
         """Replace the fit of the base by a better one; all evidence becomes relative to it."""
         less = self.base.chi_square - base.chi_square
-
-        def lower(found: list[Explanation]) -> list[Explanation]:
-            return [replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in found]
-
-        self.base, self.singles, self.several = base, lower(self.singles), lower(self.several)
+        self.base = base
+        self.explanations = [
+            replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in self.explanations
+        ]
 
     @property
     def evaluations_per_second(self) -> float:
@@ -168,9 +160,9 @@ class Selection:
         return self.evaluations / self.seconds if self.seconds else 0.0
 
     @property
-    def explanations(self) -> list[Explanation]:
-        """All explanations, the highest evidence first."""
-        return sorted([*self.singles, *self.several], key=lambda one: -one.evidence)
+    def singles(self) -> list[Explanation]:
+        """Explanations by one cause, the highest evidence first."""
+        return [one for one in self.explanations if len(one.steps) == 1]
 
     @property
     def best(self) -> Explanation | None:

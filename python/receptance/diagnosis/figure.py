@@ -108,7 +108,7 @@ def _draw_evidence(axes: Axes, verdict: Verdict) -> None:
     places = range(len(shown))
     colours = [COLOURS[2] if one.id in reported else PALE for one in shown]
     axes.barh(places, [max(one.evidence, 0.0) for one in shown], color=colours, height=0.7)
-    axes.axvline(verdict.threshold, color=COLOURS[1], lw=1.0, ls="--", label="reached by chance once in a thousand")
+    axes.axvline(verdict.threshold, color=COLOURS[1], lw=1.0, ls="--", label="detection threshold")
     axes.set_yticks(places, [one.id for one in shown], fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.legend(fontsize=8, frameon=False)

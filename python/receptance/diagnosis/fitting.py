@@ -35,29 +35,10 @@ from receptance.identification.search import fit_direct, fit_staged
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.observations import Observation
     from receptance.identification.problem import Problem
-from receptance.identification.task import Task
+    from receptance.identification.task import Task
 
-__all__ = [
-    "Explored",
-    "Fit",
-    "chi_square_on_few_lines",
-    "evaluate_at",
-    "evaluate_start",
-    "explore",
-    "fit_base",
-    "observed_numbers",
-    "problem_of",
-    "refit",
-]
-
-
-def observed_numbers(one: Observation) -> float:
-    """Return the effective number of independent observed numbers of an observation."""
-    if isinstance(one, MeasuredFRF):
-        return 2.0 * one.independent_lines
-    return float(one.frequency_hz.size + one.damped.size)
+__all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "refit"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +49,6 @@ class Fit:
     ----------
     model : Model
         The fitted model.
-    task : Task
-        The model as a task of the identification.
     problem : Problem
         Its residuals on all lines.
     x : ndarray
@@ -85,13 +64,17 @@ class Fit:
     """
 
     model: Model
-    task: Task
     problem: Problem
     x: NDArray[np.float64]
     chi_square: float
     converged: bool
     evaluations: int = 0
     regained: float = 0.0
+
+    @property
+    def task(self) -> Task:
+        """The model as a task of the identification."""
+        return self.model.task
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -103,13 +86,17 @@ class Fit:
         """All residuals, priors last."""
         return self.problem.residual(self.x).copy()
 
+    @property
+    def parts(self) -> list[NDArray[np.float64]]:
+        """Residuals of each observation."""
+        return self.problem.parts(self.residual)
+
     @cached_property
     def by_configuration(self) -> dict[str, float]:
         """Sum of squared residuals of each configuration, without priors."""
         sums = dict.fromkeys(self.model.configurations, 0.0)
-        parts = self.problem.parts(self.residual)
-        for index, (one, part) in enumerate(zip(self.model.observations, parts, strict=True)):
-            sums[one.site(index).configuration] += float(part @ part)
+        for name, part in zip(self.model.configuration_of, self.parts, strict=True):
+            sums[name] += float(part @ part)
         return sums
 
     @cached_property
@@ -118,9 +105,15 @@ class Fit:
         return self.problem.jacobian(self.x).copy()
 
     @cached_property
-    def independent(self) -> float:
-        """Effective number of independent observed numbers."""
-        return sum(observed_numbers(one) for one in self.model.observations)
+    def chi_square_on_few_lines(self) -> float:
+        """Chi-square on the most informative lines, after a short fit to these."""
+        problem = _problem_on_few_lines(self.model)
+        return 2.0 * problem.fit_one(self.x, EVALUATIONS_OF_START, least=CONVERGED).cost
+
+    @cached_property
+    def independent_values(self) -> float:
+        """Effective number of independent measured values."""
+        return sum(one.independent_values for one in self.model.observations)
 
     @cached_property
     def one_mode(self) -> bool:
@@ -128,7 +121,7 @@ class Fit:
         if not self.model.joints:
             return False
         values = self.task.variables.to_values(self.x)
-        for index, one in enumerate(self.model.observations):
+        for one, placed in zip(self.model.observations, self.task.mappings, strict=True):
             if not isinstance(one, MeasuredFRF):
                 if one.frequency_hz.size > 1:
                     return False
@@ -136,30 +129,30 @@ class Fit:
             if not one.assembly.countable:
                 return False
             low, high = (float(one.frequency_hz[i].real) for i in (0, -1))
-            assembly = self.task.parameters.at(one.site(index)).apply(one.assembly, values)
-            modes = assembly.natural_frequencies(high)
+            modes = placed.apply(one.assembly, values).natural_frequencies(high)
             modes = modes[modes > low]
             if modes.size > 1 or (modes.size and not 0.5 * modes[0] < low < high < 2.0 * modes[0]):
                 return False
         return True
 
     @property
-    def left(self) -> float:
-        """Degrees of freedom; a prior counts as an observed number, so errors of tolerances use none."""
-        return self.independent - sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
+    def degrees_of_freedom(self) -> float:
+        """Degrees of freedom; a prior counts as a measured value, so errors of tolerances use none."""
+        return self.independent_values - sum(unknown.prior is None for unknown in self.task.parameters.unknowns)
 
     @property
-    def freedom(self) -> float:
-        """Degrees of freedom, at least one."""
-        return max(self.left, 1.0)
+    def expected_chi_square(self) -> float:
+        """Expectation of chi-square from noise and floor: the degrees of freedom, at least one."""
+        return max(self.degrees_of_freedom, 1.0)
 
     @property
     def misfit(self) -> float:
         """Chi-square divided by its expectation from noise and floor."""
-        return self.chi_square / self.freedom
+        return self.chi_square / self.expected_chi_square
 
-    def identification(self, seed: int = 0, notes: Sequence[str] = ()) -> Identification:
-        """Return it as the result of `identify`."""
+    @cached_property
+    def identification(self) -> Identification:
+        """The fit as the result of `identify`."""
         start = Start(
             start=self.values,
             values=self.values,
@@ -169,39 +162,63 @@ class Fit:
             converged=self.converged,
             message="converged" if self.converged else "the limit of evaluations was reached",
         )
-        return conclude(self.task, self.problem, [start], loss=None, seed=seed, notes=list(notes))
+        return conclude(self.task, self.problem, [start], loss=None, seed=self.model.seed, notes=[])
 
 
-def problem_of(model: Model, threads: int | None) -> tuple[Task, Problem]:
-    """Return a model as a task, and its residuals."""
-    task = model.task(threads)
-    return task, task.problem()
-
-
-def _few(model: Model, threads: int | None) -> tuple[Task, Problem]:
-    """Return the same on the most informative lines."""
-    task = model.task(threads)
-    return task, task.problem(informative_lines(model))
-
-
-def fit_base(model: Model, *, seed: int = 0, threads: int | None = None) -> Fit:
+def fit_base(model: Model) -> Fit:
     """Return the model fitted from its own starting values: in stages on few lines, then on all lines."""
-    task = thin(model).task(threads)
+    task = thin(model).task
     problem = task.problem()
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
     if all(isinstance(one, MeasuredFRF) for one in model.observations):
-        starts = task.variables.draw(1, seed)
-        runs = fit_staged(task, problem, starts, seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
+        starts = task.variables.draw(1, model.seed)
+        runs = fit_staged(task, problem, starts, model.seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     else:
-        runs = fit_direct(problem, task.variables.draw(8, seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
+        runs = fit_direct(problem, task.variables.draw(8, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     best = min(runs, key=lambda run: run.cost)
     if not np.isfinite(best.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {best.message}")
-    return _finish(model, best.values, threads, problem.evaluations)
+    return refit(model, best.values, evaluations=problem.evaluations)
+
+
+def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> Fit:
+    """Return a model fitted on all lines from one start.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    start : mapping of str to float
+        Values of unknowns by name; the other unknowns begin at their own starts.
+    evaluations : int
+        Number of evaluations that led to the start.
+    """
+    problem = model.task.problem()
+    end = problem.fit_one(_vector(model.task, start), EVALUATIONS, least=CONVERGED)
+    if not np.isfinite(end.cost):
+        raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
+    regained = 2.0 * (end.first - end.cost)
+    return Fit(model, problem, end.x, 2.0 * end.cost, end.converged, evaluations + end.evaluations, regained)
+
+
+def evaluate(model: Model, values: Mapping[str, float], *, converged: bool = False, evaluations: int = 0) -> Fit:
+    """Return a model on all lines at given values, without a fit.
+
+    Parameters
+    ----------
+    model, values, evaluations
+        As in `refit`.
+    converged : bool
+        Whether the values are those of a fit that has converged.
+    """
+    problem = model.task.problem()
+    x = _vector(model.task, values)
+    residual = problem.residual(x)
+    return Fit(model, problem, x, float(residual @ residual), converged, evaluations)
 
 
 @dataclass(frozen=True, eq=False)
-class Explored:
+class Exploration:
     """End points of the starts of a model on few lines, the best one first.
 
     Attributes
@@ -212,14 +229,11 @@ class Explored:
         Chi-square and values of each different end point.
     evaluations : int
         Number of evaluations of all observations.
-    threads : int or None
-        As in `Assembly.receptance`.
     """
 
     model: Model
     ends: tuple[tuple[float, dict[str, float]], ...]
     evaluations: int
-    threads: int | None
 
     @property
     def chi_square(self) -> float:
@@ -229,19 +243,16 @@ class Explored:
     def finish(self) -> Fit:
         """Return the fit on all lines, the better one from the best end point and from another one nearly as good."""
         near = [values for cost, values in self.ends if cost < self.chi_square + SAME_END][:2]
-        done = [_finish(self.model, values, self.threads, 0) for values in near]
-        evaluations = self.evaluations + sum(fit.evaluations for fit in done)
-        return replace(min(done, key=lambda fit: fit.chi_square), evaluations=evaluations)
+        fits = [refit(self.model, values) for values in near]
+        evaluations = self.evaluations + sum(fit.evaluations for fit in fits)
+        return replace(min(fits, key=lambda fit: fit.chi_square), evaluations=evaluations)
 
     def evaluate(self) -> Fit:
         """Return the model on all lines at the best end point of few lines, without a further fit."""
-        task, problem = problem_of(self.model, self.threads)
-        x = _vector(task, self.ends[0][1])
-        residual = problem.residual(x)
-        return Fit(self.model, task, problem, x, float(residual @ residual), False, self.evaluations)
+        return evaluate(self.model, self.ends[0][1], evaluations=self.evaluations)
 
 
-def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int | None = None) -> Explored:
+def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
     """Return the end points of fits on few lines.
 
     Parameters
@@ -249,37 +260,26 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, threads: int
     model : Model
         The model.
     starts : sequence of mapping of str to float
-        Values of unknowns by name; the other unknowns begin at their own starts.
-    threads : int, optional
-        As in `Assembly.receptance`.
+        As in `refit`.
     """
-    task, problem = _few(model, threads)
+    problem = _problem_on_few_lines(model)
+    vectors = np.array([_vector(model.task, values) for values in starts])
+    short = [end for end in problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED) if np.isfinite(end.cost)]
     found: list[tuple[float, NDArray[np.float64]]] = []
-    vectors = [_vector(task, values) for values in starts]
-    begun = problem.fit(np.array(vectors), EVALUATIONS_OF_START, least=CONVERGED) if vectors else []
-    ranked = sorted((end for end in begun if np.isfinite(end.cost)), key=lambda end: end.cost)
-    for end in ranked[:CONTINUED_STARTS]:
+    for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
         if not end.converged:
             end = problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
         found.append((2.0 * end.cost, end.x))
     found.sort(key=lambda pair: pair[0])
     different: list[tuple[float, NDArray[np.float64]]] = []
     for cost, x in found:
-        if all(_differ(x, other, task) for _, other in different):
+        if all(_differ(x, other, model.task) for _, other in different):
             different.append((cost, x))
-    ends = tuple((cost, problem.named(x)) for cost, x in different)
-    return Explored(model, ends, problem.evaluations, threads)
+    return Exploration(model, tuple((cost, problem.named(x)) for cost, x in different), problem.evaluations)
 
 
-def chi_square_on_few_lines(fit: Fit, threads: int | None = None) -> float:
-    """Return chi-square of a fit on few lines, after a short fit to these."""
-    _, problem = _few(fit.model, threads)
-    return 2.0 * problem.fit_one(fit.x, EVALUATIONS_OF_START, least=CONVERGED).cost
-
-
-def refit(model: Model, start: Mapping[str, float], *, threads: int | None = None) -> Fit:
-    """Return a model fitted on all lines from one start."""
-    return _finish(model, start, threads, 0)
+def _problem_on_few_lines(model: Model) -> Problem:
+    return model.task.problem(informative_lines(model))
 
 
 def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:
@@ -287,32 +287,8 @@ def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> b
     return bool(np.max(np.abs(x - other) / (high - low)) > DIFFERENT_END)
 
 
-def _finish(model: Model, values: Mapping[str, float], threads: int | None, before: int) -> Fit:
-    task, problem = problem_of(model, threads)
-    end = problem.fit_one(_vector(task, values), EVALUATIONS, least=CONVERGED)
-    if not np.isfinite(end.cost):
-        raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
-    regained = 2.0 * (end.first - end.cost)
-    return Fit(model, task, problem, end.x, 2.0 * end.cost, end.converged, before + end.evaluations, regained)
-
-
 def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return the variables of values by name, within their bounds."""
     unknowns = task.variables.unknowns
     chosen = [min(max(float(values.get(u.name, u.start or 0.0)), u.lower), u.upper) for u in unknowns]
     return task.variables.from_values(np.array(chosen, dtype=np.float64))
-
-
-def evaluate_start(model: Model, threads: int | None = None) -> Fit:
-    """Return a model at its starting values, without a fit."""
-    task, problem = problem_of(model, threads)
-    x = problem.variables.start
-    residual = problem.residual(x)
-    return Fit(model, task, problem, x, float(residual @ residual), False)
-
-
-def evaluate_at(fit: Fit, model: Model) -> Fit:
-    """Return a model at the values of a fit of a smaller model, without a fit."""
-    task, problem = problem_of(model, fit.task.threads)
-    x = _vector(task, fit.values)
-    residual = problem.residual(x)
-    return replace(fit, model=model, task=task, problem=problem, x=x, chi_square=float(residual @ residual))

@@ -5,25 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
-from receptance.diagnosis.causes import Cause, IndescribableError
+from receptance.diagnosis.causes import Cause, IndescribableError, transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.foresight import Foresight, with_causes
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import FOLDS, SINGLES_HELD_OUT
+from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS, SINGLES_HELD_OUT
 from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
+from receptance.identification.new_observations import NewObservations, information_root
 from receptance.identification.observations import MeasuredFRF, Observation
-from receptance.identification.problem import InfeasibleError
+from receptance.identification.problem import End, InfeasibleError, Problem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,8 +37,9 @@ __all__ = [
     "SPECTRAL",
     "HeldOut",
     "Metric",
+    "PosteriorPrediction",
+    "count_folds",
     "cross_validate",
-    "folds_of",
     "gain_of",
     "improvement",
     "metrics_of",
@@ -71,6 +73,87 @@ Metric = Callable[[HeldOut], float]
 """An error of a prediction: smaller is better; NaN where it does not apply to an observation."""
 
 
+@dataclass(frozen=True, eq=False)
+class PosteriorPrediction:
+    """Prediction of observations that were not fitted, by a fit.
+
+    The fit is known by its end point and the normal matrix there. The new observations have errors of their own, those
+    of a new clamping for example, which only they determine. Two quantities follow: the prediction, in which only these
+    errors are fitted; and the agreement of the new data with the fit, in which all variables are fitted to both. The
+    second one is a Laplace approximation of the predictive density about this joint fit, because an approximation that
+    is linear about the prediction fails where a peak moves by more than its width.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    model : Model
+        The observations with the causes of the fit, see `causes.transfer`, and their errors as tolerances.
+    """
+
+    fit: Fit
+    model: Model
+
+    @cached_property
+    def _new(self) -> NewObservations:
+        observations = self.model.observations
+        return NewObservations(self.fit.task.parameters, observations, [self.model.tolerances] * len(observations))
+
+    @cached_property
+    def _root(self) -> NDArray[np.float64]:
+        return information_root(self.fit.jacobian, self.fit.task.variables)
+
+    @cached_property
+    def _problem(self) -> Problem:
+        return self._new.problem(self.fit.x, self._root)
+
+    def _fit(self, free: NDArray[np.bool_]) -> End:
+        return self._problem.fit_one(self._new.start(self.fit.x), EVALUATIONS_OF_PREDICTION, free=free, least=CONVERGED)
+
+    @cached_property
+    def _with_own_errors(self) -> End:
+        """The fit of the errors that only the new observations have."""
+        size = self._problem.variables.start.size
+        return self._fit(np.arange(size) >= self.fit.x.size)
+
+    @cached_property
+    def _with_all_variables(self) -> End:
+        return self._fit(np.ones(self._problem.variables.start.size, dtype=np.bool_))
+
+    @cached_property
+    def predicted(self) -> list[NDArray[np.float64]]:
+        """Residuals of each observation in standard deviations, with its own errors fitted; empty without a value."""
+        end = self._with_own_errors
+        if not np.isfinite(end.cost):
+            return []
+        return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
+
+    @cached_property
+    def assemblies(self) -> list[Assembly]:
+        """The assemblies of `predicted`."""
+        values = self._new.variables.to_values(self._with_own_errors.x)
+        pairs = zip(self.model.observations, self._new.mappings, strict=True)
+        return [own.apply(one.assembly, values) for one, own in pairs]
+
+    @property
+    def chi_square(self) -> float:
+        """Increase of chi-square when the new data are fitted together with the data of the fit."""
+        return 2.0 * self._with_all_variables.cost
+
+    @property
+    def log_score(self) -> float:
+        """Natural logarithm of the predictive density of the data: of log FRFs, and of frequencies in Hz."""
+        end = self._with_all_variables
+        if not np.isfinite(end.cost):
+            return -math.inf
+        rows = self._problem.jacobian(end.x)
+        jacobian, root = np.split(rows, [len(rows) - rows.shape[1]])
+        wide = np.linalg.solve(root.T, jacobian.T)
+        _, volume = np.linalg.slogdet(np.eye(len(root)) + wide @ wide.T)
+        spread = np.concatenate([one.standard_deviations for one in self.model.observations])
+        return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))
+
+
 @dataclass(frozen=True)
 class _Fold:
     """Metrics of one held-out configuration, before and after."""
@@ -89,8 +172,6 @@ def cross_validate(
     model: Model,
     causes: Sequence[Cause],
     *,
-    seed: int,
-    threads: int | None,
     most: int,
     metrics: Mapping[str, Metric] | None = None,
     progress: Progress | None = None,
@@ -104,22 +185,22 @@ def cross_validate(
     ----------
     model : Model
         The model.
-    causes, seed, threads, most, progress
+    causes, most, progress
         As in `select`.
     metrics : mapping of str to callable, optional
         User-defined metrics.
     """
     names = model.configurations
-    count = folds_of(model)
+    count = count_folds(model)
     report = progress or Progress(selections=count)
     folds: list[_Fold] = []
     complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
-        out = tuple(o for i, o in enumerate(model.observations) if o.site(i).configuration in group)
+        held_out = tuple(o for o, own in zip(model.observations, model.configuration_of, strict=True) if own in group)
         report.holding_out = name
         try:
-            selection = select(without(model, group), causes, seed=seed, threads=threads, most=most, progress=report)
+            selection = select(without(model, group), causes, most=most, progress=report)
             if selection.interrupted:
                 raise KeyboardInterrupt
         except (ValueError, ReceptanceError) as error:
@@ -131,11 +212,11 @@ def cross_validate(
         report.next_selection()
         judgement = conclude(selection)
         best = judgement.reported[0] if judgement.reported else None
-        folds.append(_fold(name, judgement.answer, selection, best, out, model.tolerances, metrics))
+        folds.append(_fold(name, judgement.answer, selection, best, held_out, model.tolerances, metrics))
     return replace(_combine(folds, model, metrics), complete=complete)
 
 
-def folds_of(model: Model) -> int:
+def count_folds(model: Model) -> int:
     """Return the number of folds; zero for a model with one configuration."""
     count = len(model.configurations)
     return min(count, FOLDS) if count > 1 else 0
@@ -164,11 +245,12 @@ def improvement(
         User-defined metrics.
     """
     groups: dict[str, list[Observation]] = {}
-    for index, one in enumerate(observations):
-        groups.setdefault(one.site(index).configuration, []).append(one)
+    held_out = replace(selection.base.model, observations=tuple(observations))
+    for name, one in zip(held_out.configuration_of, observations, strict=True):
+        groups.setdefault(name, []).append(one)
     answer = conclude(selection).answer
     folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
-    return _combine(folds, replace(selection.base.model, observations=tuple(observations)), metrics)
+    return _combine(folds, held_out, metrics)
 
 
 def _fold(
@@ -199,7 +281,7 @@ def _metrics_with(
 ) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
     """Return the metrics with an explanation; none where its causes cannot be described for the held-out data."""
     try:
-        return metrics_of(one.fit, with_causes(base, one.steps), metrics, scored=scored)
+        return metrics_of(one.fit, transfer(base, one.steps), metrics, scored=scored)
     except IndescribableError:
         return {}, ()
 
@@ -211,14 +293,14 @@ def metrics_of(
 
     Errors that only these observations have are fitted to them with their tolerances, before and after alike.
     """
-    foresight = Foresight(fit, model)
+    prediction = PosteriorPrediction(fit, model)
     try:
-        residuals = foresight.predicted
+        residuals = prediction.predicted
         if not residuals:
             return {}, ()
-        assemblies = foresight.assemblies
-        known = scored and all(_weighed(one) for one in model.observations)
-        score = foresight.log_score if known else math.nan
+        assemblies = prediction.assemblies
+        known = scored and all(one.weighted for one in model.observations)
+        score = prediction.log_score if known else math.nan
     except InfeasibleError:
         return {}, ()
     modes: list[ModeResidual] = []
@@ -237,10 +319,6 @@ def metrics_of(
     found = {FREQUENCIES: _rms(errors), SPECTRAL: math.sqrt(float(np.mean(distances))) if distances else math.nan}
     found[SCORE] = score
     return {**found, **{name: _mean(values) for name, values in own.items()}}, tuple(modes)
-
-
-def _weighed(one: Observation) -> bool:
-    return (one.standard_deviation if isinstance(one, MeasuredFRF) else one.standard_deviation_hz) is not None
 
 
 def _rms(values: Sequence[float]) -> float:
@@ -320,14 +398,14 @@ def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]],
         return 0.0, 0.0
     if count == 1:
         return -math.inf, math.inf
-    left = [value(np.delete(table, i, axis=0)) for i in range(count)]
-    pseudo = count * value(table) - (count - 1) * np.array(left)
-    reach = confidence_multiplier(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
+    without_one = [value(np.delete(table, i, axis=0)) for i in range(count)]
+    pseudo = count * value(table) - (count - 1) * np.array(without_one)
+    half_width = confidence_multiplier(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
     middle = float(np.mean(pseudo))
-    return middle - reach, middle + reach
+    return middle - half_width, middle + half_width
 
 
 def without(model: Model, configurations: Sequence[str]) -> Model:
     """Return the model without some configurations, and without unknowns and errors that only these have."""
-    kept = (o for i, o in enumerate(model.observations) if o.site(i).configuration not in configurations)
-    return model.select(tuple(kept))
+    pairs = zip(model.configuration_of, model.observations, strict=True)
+    return model.select(tuple(one for name, one in pairs if name not in configurations))

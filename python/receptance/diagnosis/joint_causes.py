@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Anatomy, Model, named_elements
+from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of
 from receptance.diagnosis.thresholds import COLLET_GYRATION, SAME_PLACE, SHORTEST_SPREAD, VARIED
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, Observation, altered
@@ -50,6 +50,12 @@ def _part(joints: tuple[str, ...], name: str) -> str:
 def _require_joint(model: Model) -> None:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
+
+
+def _require_varied(model: Model, condition: str, reason: str) -> None:
+    _require_joint(model)
+    if not _is_varied(_values(model, condition)):
+        raise UndecidableError(reason)
 
 
 def _cross_term(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -139,12 +145,12 @@ def _is_present(model: Model, address: str) -> bool:
 
 
 def _amplitude(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_joint(model)
-    if not _is_varied(_values(model, "force")):
-        raise UndecidableError(
-            "one force level does not show whether the joint depends on the amplitude: measure at two, and state them "
-            "as the condition 'force'"
-        )
+    _require_varied(
+        model,
+        "force",
+        "one force level does not show whether the joint depends on the amplitude: measure at two, and state them as "
+        "the condition 'force'",
+    )
     yield from _laws(p, model, "force", "")
 
 
@@ -154,10 +160,10 @@ def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
     lengths = {
         overhang_of(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
     }
-    wanted = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
+    conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
-        wanted += lengths
-    chosen = [name for name in wanted if _is_varied(_values(model, name))]
+        conditions += lengths
+    chosen = [name for name in conditions if _is_varied(_values(model, name))]
     if not chosen:
         raise UndecidableError("no condition that a joint could depend on (overhang, torque, pre-force) was varied")
     for name in chosen:
@@ -167,15 +173,13 @@ def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
 def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
     """Return the address of the overhang: the length of the tool's last segment."""
     part = anatomy.tool[-1]
-    return f"{part}.segment[{len(assembly.elements[part].segments) - 1}].length"  # type: ignore[union-attr]
+    return f"{part}.segment[{len(part_of(assembly, part).segments) - 1}].length"
 
 
 def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_joint(model)
-    if not _is_varied(_values(model, "plane")):
-        raise UndecidableError(
-            "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2"
-        )
+    _require_varied(
+        model, "plane", "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2"
+    )
     yield from _laws(p, model, "plane", "")
 
 
@@ -204,9 +208,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tools = {one.tool[-1] for one in model.anatomies if one.joint}
     if len(tools) > 1:
         return
-    diameter = min(
-        _diameter(one.assembly, tool) for one in model.observations for tool in tools if tool in one.assembly.elements
-    )
+    diameter = min(part.segments[-1].outer_diameter for tool in tools for part in model.parts(tool))
     fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
 
     def build(assembly: Assembly) -> Assembly:
@@ -252,10 +254,6 @@ def _halves(address: str, joint: str) -> tuple[str, ...]:
     return (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
 
 
-def _diameter(assembly: Assembly, tool: str) -> float:
-    return float(assembly.elements[tool].segments[-1].outer_diameter)  # type: ignore[union-attr]
-
-
 def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     (joint, *others) = _point_joints(model)
     if others or len({anatomy for anatomy in model.anatomies if anatomy.joint}) > 1:
@@ -288,7 +286,7 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _mouth(model: Model, anatomy: Anatomy) -> float:
     """Return the length in m of the holder's first segment, the shortest one of all assemblies."""
     owners = [one.assembly for one in model.observations if anatomy.joint in one.assembly.elements]
-    return min(own.elements[anatomy.holder[0]].segments[0].length for own in owners)  # type: ignore[union-attr]
+    return min(part_of(own, anatomy.holder[0]).segments[0].length for own in owners)
 
 
 def _fix_places(model: Model, anatomy: Anatomy) -> Model:

@@ -24,7 +24,7 @@ class Judgement:
         One of the six answers of `Verdict`.
     reported : tuple of Explanation
         Explanations that are reported, the highest evidence first.
-    between : tuple of str
+    ambiguous_between : tuple of str
         Ids of causes between which the data do not decide.
     notes : tuple of str
         Reasons.
@@ -34,7 +34,7 @@ class Judgement:
 
     answer: Answer
     reported: tuple[Explanation, ...]
-    between: tuple[str, ...]
+    ambiguous_between: tuple[str, ...]
     notes: tuple[str, ...]
     alternative: Explanation | None = None
 
@@ -62,7 +62,7 @@ def conclude(selection: Selection) -> Judgement:
         return _judge_base(selection)
     passing = [one for one in selection.explanations if one.adequacy.passed]
     if not passing:
-        notes.append(f"the best explanation, {best.title}, {best.adequacy.why_not}, so it is rejected")
+        notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
         return Judgement("unexplained", (), (), tuple(notes))
     passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
@@ -70,25 +70,25 @@ def conclude(selection: Selection) -> Judgement:
     for one in near:
         if one.implausible:
             sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
-            notes.append(f"{one.title} would explain the data, but {sizes} is outside the plausible range: vetoed")
-    left = [one for one in near if not one.implausible]
-    alternative = _preferred_alternative(selection, left or near)
+            notes.append(f"{one.title} explains the data, but {sizes} is outside the plausible range: vetoed")
+    remaining = [one for one in near if not one.implausible]
+    alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
-        reason = _withhold(alternative, (left or near)[0])
+        reason = _withhold(alternative, (remaining or near)[0])
         return Judgement("unexplained", (), (), (*notes, reason), alternative)
-    if not left:
+    if not remaining:
         return Judgement("unexplained", (), (), tuple(notes))
-    unfinished = [one for one in left if not one.fit.converged]
+    unfinished = [one for one in remaining if not one.fit.converged]
     for one in unfinished:
         notes.append(f"the fit with {one.title} has not converged, so no cause is named on its own")
-    if len(left) > 1:
-        common = frozenset.intersection(*(one.ids for one in left))
-        between = _in_order(left, frozenset.union(*(one.ids for one in left)) - common)
-        return Judgement("ambiguous", tuple(left), between, tuple(notes))
+    if len(remaining) > 1:
+        common = frozenset.intersection(*(one.ids for one in remaining))
+        between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
+        return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
     if unfinished:
-        return Judgement("suspected", tuple(left), (), tuple(notes))
-    doubts = list(_doubts(selection, left[0], limit))
-    return Judgement("suspected" if doubts else "named", tuple(left), (), (*notes, *doubts))
+        return Judgement("suspected", tuple(remaining), (), tuple(notes))
+    doubts = list(_doubts(selection, remaining[0], limit))
+    return Judgement("suspected" if doubts else "named", tuple(remaining), (), (*notes, *doubts))
 
 
 def _judge_base(selection: Selection) -> Judgement:
@@ -96,33 +96,33 @@ def _judge_base(selection: Selection) -> Judgement:
     adequacy = judge(selection.base)
     if not selection.base.converged:
         return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
-    if adequacy.passed and selection.base.left < LEAST_FREEDOM:
+    if adequacy.passed and selection.base.degrees_of_freedom < LEAST_FREEDOM:
         note = (
             f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, another overhang, or an FRF"
         )
         return Judgement("undecided", (), (), (note,))
     if adequacy.passed:
         return Judgement("adequate", (), (), ())
-    note = f"the base model {adequacy.why_not}, and no cause improves it"
+    note = f"the base model {adequacy.shortcoming}, and no cause improves it"
     return Judgement("unexplained", (), (), (note,))
 
 
-def _preferred_alternative(selection: Selection, left: Sequence[Explanation]) -> Explanation | None:
+def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation]) -> Explanation | None:
     """Return the alternative that is preferred to all causes.
 
     It needs more evidence than a single cause by the margin. To be preferred to several causes together it may have
     less by the margin, because it is one change and they are several.
     """
-    least = left[0].evidence + (MARGIN if any(len(one.steps) == 1 for one in left) else -MARGIN)
+    least = remaining[0].evidence + (MARGIN if any(len(one.steps) == 1 for one in remaining) else -MARGIN)
     return next((one for one in selection.alternatives if one.evidence > least), None)
 
 
 def _withhold(alternative: Explanation, best: Explanation) -> str:
     more = alternative.evidence - best.evidence
-    better = f"has {more:.0f} more evidence" if more > MARGIN else "has as much evidence alone"
+    better = f"has {more:.0f} more evidence" if more > MARGIN else "has similar evidence as a single change"
     return (
-        f"{best.title} would explain the data, but {_describe(alternative)} {better} and is not a known cause, so no "
-        "cause is named: inspect that place"
+        f"{best.title} explains the data, but {_describe(alternative)} {better}; it is not a known cause, so no cause "
+        "is named: inspect that place"
     )
 
 
@@ -130,11 +130,11 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     """Yield the reasons why the only explanation is suspected and not named."""
     base, name = selection.base, one.title
     if one.evidence <= limit + MARGIN:
-        yield f"{name} is suspected only: its evidence is close to the limit of detection"
+        yield f"{name} is suspected only: its evidence is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
         yield f"{name} is suspected only: {_describe(alternative)} has more evidence"
-    if one.fit.left < LEAST_FREEDOM:
+    if one.fit.degrees_of_freedom < LEAST_FREEDOM:
         yield f"{name} is suspected only: {_freedom(one.fit)}"
     strain = one.adequacy.strain
     if strain.chance < STRAIN_CHANCE:
@@ -184,10 +184,11 @@ def _only_configuration(base: Fit, one: Explanation) -> str | None:
 
 
 def _freedom(fit: Fit) -> str:
-    free, left = round(fit.independent - fit.left), max(fit.left, 0.0)
+    unknowns, degrees = round(fit.independent_values - fit.degrees_of_freedom), max(fit.degrees_of_freedom, 0.0)
     return (
-        f"{fit.independent:.3g} independent numbers were measured for {free} unknown{'s' if free != 1 else ''}, so "
-        f"{left:.3g} degree{' of freedom is' if left == 1 else 's of freedom are'} left, expected at least "
+        f"{fit.independent_values:.3g} independent values were measured for {unknowns} unknown"
+        f"{'s' if unknowns != 1 else ''}, so {degrees:.3g} degree{'s' if degrees != 1 else ''} of freedom "
+        f"{'are' if degrees != 1 else 'is'} left, expected at least "
         f"{LEAST_FREEDOM}"
     )
 
@@ -205,5 +206,5 @@ def _describe(alternative: Explanation) -> str:
     return f"{cause.meaning} {variant}"
 
 
-def _in_order(left: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(cause.id for one in left for cause, _ in one.steps if cause.id in ids))
+def _in_order(remaining: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(cause.id for one in remaining for cause, _ in one.steps if cause.id in ids))

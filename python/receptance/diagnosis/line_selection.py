@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +10,13 @@ from numpy.typing import NDArray
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISIEST_LINE, SHARED_LOSS
 from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.model.coordinates import Coordinate
 
 __all__ = ["informative_lines", "select_lines", "thin"]
+
+
+_Key = tuple[str, Coordinate, Coordinate, bytes]
+"""Configuration, response, excitation and lines of a receptance."""
 
 
 def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
@@ -27,7 +31,7 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
     dropped: list[str] = []
     kept: list[Observation] = []
     lost = total = 0
-    for index, (one, good) in enumerate(zip(model.observations, _usable(model), strict=True)):
+    for name, one, good in zip(model.configuration_of, model.observations, _usable(model), strict=True):
         if not isinstance(one, MeasuredFRF) or good is None:
             kept.append(one)
             continue
@@ -35,8 +39,7 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
         total += good.size
         lost += good.size - count
         if count < min(FEWEST_LINES, good.size):
-            name = one.label or one.site(index).configuration or f"observation {index}"
-            dropped.append(f"{name} ({count} of {good.size})")
+            dropped.append(f"{one.label or name} ({count} of {good.size})")
             continue
         kept.append(one if good.all() else one.select(good))
     if lost:
@@ -62,12 +65,12 @@ def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
     Records of one configuration keep the same ones where that costs few lines, so that one evaluation serves all.
     """
     own: list[NDArray[np.bool_] | None] = []
-    groups: dict[Any, list[int]] = {}
+    groups: dict[tuple[str, bytes], list[int]] = {}
     for index, one in enumerate(model.observations):
         own.append(None)
         if isinstance(one, MeasuredFRF) and one.standard_deviation is not None:
             own[index] = one.standard_deviation <= NOISIEST_LINE
-            key = (one.site(index).configuration, one.frequency_hz.tobytes())
+            key = (model.configuration_of[index], one.frequency_hz.tobytes())
             groups.setdefault(key, []).append(index)
     result = list(own)
     for indices in groups.values():
@@ -84,17 +87,18 @@ def informative_lines(model: Model, lines: int = EXPLORING_LINES) -> list[NDArra
 
     Records of one configuration on the same lines get the same ones, so that one evaluation serves all of them.
     """
-    paths: dict[Any, NDArray[np.float64]] = {}
-    keys: list[Any] = []
+    paths: dict[_Key, NDArray[np.float64]] = {}
+    keys: list[_Key | None] = []
     for index, one in enumerate(model.observations):
         keys.append(None)
         if isinstance(one, MeasuredFRF) and one.frequency_hz.size > lines and one.standard_deviation is not None:
             path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
             path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
-            place = one.site(index).configuration
-            keys[index] = (place, one.response, one.excitation, one.frequency_hz.tobytes())
-            paths[keys[index]] = paths.get(keys[index], 0.0) + path
-    chosen: dict[Any, NDArray[np.intp] | None] = {None: None}
+            name = model.configuration_of[index]
+            key = (name, one.response, one.excitation, one.frequency_hz.tobytes())
+            keys[index] = key
+            paths[key] = paths.get(key, 0.0) + path
+    chosen: dict[_Key | None, NDArray[np.intp] | None] = {None: None}
     for key, path in paths.items():
         total = np.concatenate([[0.0], np.cumsum(path)])
         ends = np.searchsorted(total, np.linspace(0.0, total[-1], lines)).clip(0, total.size - 1)

@@ -41,10 +41,9 @@ def _require_receptances(model: Model) -> None:
 
 def _each(model: Model) -> tuple[str | None, ...]:
     """Return None for all configurations together, then each one that has FRFs: only these have a measuring chain."""
-    own = dict.fromkeys(
-        one.site(i).configuration for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)
-    )
-    return (None, *own) if len(own) > 1 else (None,)
+    pairs = zip(model.configuration_of, model.observations, strict=True)
+    names = dict.fromkeys(name for name, one in pairs if isinstance(one, MeasuredFRF))
+    return (None, *names) if len(names) > 1 else (None,)
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -142,7 +141,7 @@ def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     holders = {anatomy.holder for anatomy in model.anatomies if anatomy.holder}
     if len(holders) != 1:
         raise UndecidableError("the model has no holder, or several")
-    lengths = {part: _length(model, part) for part in holders.pop()}
+    lengths = {name: model.parts(name)[0].length for name in holders.pop()}
     for share in SUSPENSION_PLACES:
         part, position = _at(lengths, share)
         spring = GroundSpring(part=part, position=position, name="cause_rope")
@@ -153,18 +152,13 @@ def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(f"{name}, with a loss", hung.plus(p["damping"].unknown("cause_rope.c_y")))
 
 
-def _length(model: Model, part: str) -> float:
-    first = next(one.assembly.elements[part] for one in model.observations if part in one.assembly.elements)
-    return float(np.sum([segment.length for segment in first.segments]))  # type: ignore[union-attr]
-
-
 def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
     """Return the part and the place in it at a share of the length of all parts."""
-    left = share * sum(lengths.values())
+    position = share * sum(lengths.values())
     for part, length in lengths.items():
-        if left < length * (1.0 - 1e-9):
-            return part, left
-        left -= length
+        if position < length * (1.0 - 1e-9):
+            return part, position
+        position -= length
     return part, "end"
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from receptance.identification.laws import Law, Move, Tolerance
-from receptance.identification.mapping import Parameters
+from receptance.identification.mapping import Parameters, Site
 from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.identification.problem import Unit
 from receptance.identification.task import Task
@@ -20,7 +20,16 @@ from receptance.model.beams import Part
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
-__all__ = ["Anatomy", "IndescribableError", "Model", "UndecidableError", "named_elements", "places_on", "with_points"]
+__all__ = [
+    "Anatomy",
+    "IndescribableError",
+    "Model",
+    "UndecidableError",
+    "named_elements",
+    "part_of",
+    "places_on",
+    "with_points",
+]
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
@@ -68,42 +77,47 @@ class Model:
     witnesses : tuple of MeasuredFRF and MeasuredFrequencies
         Observations that are changed with the others and never fitted. Their places decided where the parts of the
         diagnosed model are divided; other observations with the same causes are divided at the same places.
+    seed : int
+        Seed of the random numbers of its fits.
+    threads : int or None
+        As in `Assembly.receptance`; it does not change results.
     """
 
     observations: tuple[Observation, ...]
     unknowns: tuple[Unknown, ...]
     tolerances: tuple[Tolerance, ...] = ()
     witnesses: tuple[Observation, ...] = ()
+    seed: int = 0
+    threads: int | None = None
 
     def with_witnesses(self) -> Model:
         """Return the model with one observation for each set of places as its witnesses."""
-        kept: dict[Any, Observation] = {}
+        kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
         for one in self.observations:
             parts = [name for name, own in one.assembly.elements.items() if isinstance(own, Part)]
             kept.setdefault(tuple((name, *sorted(places_on(one, name))) for name in parts), one)
         return replace(self, witnesses=tuple(kept.values()))
 
-    def task(self, threads: int | None = None) -> Task:
-        """Return the fit problem as a task, which is made once."""
-        if threads not in self._tasks:
-            self._tasks[threads] = self._task(threads)
-        return self._tasks[threads]
+    @cached_property
+    def task(self) -> Task:
+        """The fit problem as a task of the identification."""
+        units: tuple[Unit, ...] = tuple("standard deviations" for _ in self.observations)
+        parameters = Parameters(self.unknowns, self.tolerances, self._places_in_laws)
+        return Task(self.observations, parameters, units, threads=self.threads)
 
     @cached_property
-    def _tasks(self) -> dict[int | None, Task]:
-        return {}
+    def _places_in_laws(self) -> list[Site]:
+        return [one.site(i) for i, one in enumerate(self.observations)]
 
-    def _task(self, threads: int | None) -> Task:
-        places = [one.site(i) for i, one in enumerate(self.observations)]
-        parameters = Parameters(self.unknowns, self.tolerances, places)
-        unit: Unit = "standard deviations"
-        units = tuple(unit for _ in self.observations)
-        return Task(self.observations, parameters, units, threads=threads)
+    @cached_property
+    def configuration_of(self) -> tuple[str, ...]:
+        """Name of the configuration of each observation."""
+        return tuple(place.configuration for place in self._places_in_laws)
 
     @cached_property
     def configurations(self) -> tuple[str, ...]:
         """Names of the configurations."""
-        return tuple(dict.fromkeys(one.site(i).configuration for i, one in enumerate(self.observations)))
+        return tuple(dict.fromkeys(self.configuration_of))
 
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
@@ -129,8 +143,8 @@ class Model:
     def _anatomy(self, assembly: Assembly) -> Anatomy:
         names = list(assembly.elements)
         joints = [name for name in names if isinstance(assembly.elements[name], _JOINTS)]
-        wanted = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
-        joint = (wanted or joints or [""])[0]
+        identified = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
+        joint = (identified or joints or [""])[0]
         parts = [name for name in names if isinstance(assembly.elements[name], Part)]
         if not joint:
             return Anatomy(tuple(parts), "", ())
@@ -176,7 +190,11 @@ class Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
         places = [one.site(i) for i, one in enumerate(observations)]
 
-        def observed(addresses: Sequence[str], configurations: Any, labels: Any = None) -> bool:
+        def observed(
+            addresses: Sequence[str],
+            configurations: tuple[str, ...] | None,
+            labels: tuple[str, ...] | str | None = None,
+        ) -> bool:
             own = [p for p in places if p.among(configurations, labels)]
             return all(any(p.covered(address) for p in own) for address in addresses)
 
@@ -202,6 +220,10 @@ class Model:
             return with_points(assembly, *own)
 
         return self.rebuild(build)
+
+    def parts(self, name: str) -> list[Part]:
+        """Return the part of a name of each observation that has it."""
+        return [part_of(one.assembly, name) for one in self.observations if name in one.assembly.elements]
 
     def owners(self, part: str) -> list[Observation]:
         """Return the observations, witnesses included, whose assembly has a part."""
@@ -242,15 +264,15 @@ class Model:
 
         Raises
         ------
-        ValueError
+        IndescribableError
             The position is not in the same segment of every assembly, or an unknown is of that segment alone.
         """
-        place: Callable[[Any], float] = position if callable(position) else lambda own: position
-        owners = [one.assembly for one in self.owners(part)]
-        where = [_segment_at(assembly.elements[part], place(assembly.elements[part])) for assembly in owners]
+        place: Callable[[Part], float] = position if callable(position) else lambda own: position
+        owners = [part_of(one.assembly, part) for one in self.owners(part)]
+        where = [_segment_at(own, place(own)) for own in owners]
         index = where[0][0] if where else 0
         if not where or any(own != index for own, _ in where):
-            raise ValueError(f"{part}: the position to divide at is not in the same segment of every assembly")
+            raise IndescribableError(f"{part}: the position to divide at is not in the same segment of every assembly")
         if all(within == 0.0 for _, within in where):
             return self, index
         frozen = {p.of for u in self.unknowns if isinstance(u, Law) for p in u.powers}
@@ -260,16 +282,12 @@ class Model:
             if part not in one.assembly.elements:
                 return one
             values = {name: one.assembly.get(name) for name in frozen if covered(name, one.assembly)}
-            own = one.assembly.elements[part]
+            own = part_of(one.assembly, part)
             assembly = _divide(one.assembly, part, index, _segment_at(own, place(own))[1])
             return altered(one, assembly=assembly, conditions={**values, **one.conditions})
 
         changed = self.map(change)
-        single = all(
-            len(one.assembly.elements[part].segments) == 1  # type: ignore[union-attr]
-            for one in self.observations
-            if part in one.assembly.elements
-        )
+        single = all(len(one.segments) == 1 for one in self.parts(part))
         unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
@@ -287,6 +305,14 @@ def places_on(one: Observation, part: str) -> Iterator[float]:
     yield from (x for carrier, x in own if carrier == part and x != end)
 
 
+def part_of(assembly: Assembly, name: str) -> Part:
+    """Return a part of an assembly."""
+    part = assembly.elements[name]
+    if not isinstance(part, Part):
+        raise IndescribableError(f"{name} is no part")
+    return part
+
+
 def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more point elements."""
     own = [replace(one, name=name) for name, one in assembly.attachments.items()]
@@ -301,14 +327,14 @@ def named_elements(assembly: Assembly) -> dict[str, Any]:
     }
 
 
-def _segment_at(part: Any, position: float) -> tuple[int, float]:
+def _segment_at(part: Part, position: float) -> tuple[int, float]:
     """Return the index of the segment at a position, and the distance from the segment's start."""
     begin = 0.0
     for index, segment in enumerate(part.segments):
         if position < begin + segment.length:
             return index, position - begin
         begin += segment.length
-    raise ValueError(f"position {position:g} m lies behind the part's end at {begin:g} m")
+    raise IndescribableError(f"position {position:g} m lies behind the part's end at {begin:g} m")
 
 
 def _divide(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
@@ -331,7 +357,7 @@ def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:
     return names if number == index and field != "length" else names[1:]
 
 
-def _moves(moves: Any, part: str, index: int) -> dict[str, float]:
+def _moves(moves: Mapping[str, float], part: str, index: int) -> dict[str, float]:
     return {piece: n for address, n in moves.items() for piece in _pieces(address, part, index)}
 
 
@@ -343,4 +369,4 @@ def _renumber(unknown: Unknown, part: str, index: int, single: bool) -> Unknown:
         return replace(unknown, address=pieces[0], name=unknown.name)
     if single:
         return replace(unknown, address=re.sub(r"\[\d+\]", "[*]", unknown.address), name=unknown.name)
-    raise ValueError(f"the unknown {unknown.name!r} is of a segment that is to be divided")
+    raise IndescribableError(f"the unknown {unknown.name!r} is of a segment that is to be divided")

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model, places_on
 from receptance.diagnosis.thresholds import (
     FLUTE_ROOM,
@@ -25,6 +25,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.identification.unknowns import Prior, covered
 from receptance.model.addresses import edges_of
 from receptance.model.assembly import Assembly
+from receptance.model.beams import Part
 from receptance.model.joints import PointMass
 
 __all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]
@@ -78,12 +79,10 @@ def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     by_configuration: dict[str, list[str]] = {}
     rooms: dict[str, float] = {}
-    for index, (one, anatomy) in enumerate(zip(model.observations, model.anatomies, strict=True)):
+    for name, one, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
         if anatomy.joint:
             part = anatomy.tool[-1]
-            count = len(one.assembly.elements[part].segments)  # type: ignore[union-attr]
-            name = one.site(index).configuration
-            by_configuration.setdefault(name, []).append(f"{part}.segment[{count - 1}].length")
+            by_configuration.setdefault(name, []).append(overhang_of(one.assembly, anatomy))
             # The tool cannot become shorter than up to the last place on it.
             *before, end = edges_of(one.assembly.elements[part])
             used = max([before[-1], *places_on(one, part)])
@@ -108,13 +107,13 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if len(tips) != 1:
         raise UndecidableError("the tools have different names in the assemblies")
     tip = next(iter(tips))
-    parts = [one.assembly.elements[tip] for one in model.observations if tip in one.assembly.elements]
+    parts = model.parts(tip)
     first = f"{tip}.segment[0]"
-    if any(len(part.segments) > 1 for part in parts):  # type: ignore[union-attr]
+    if any(len(part.segments) > 1 for part in parts):
         diameter = _up_to_full(p["log_diameter"], parts)
         yield Variant("first section", model.plus(diameter.move({f"{first}.outer_diameter": 1.0}, relative=True)))
         return
-    shortest = min(part.segments[0].length for part in parts)  # type: ignore[union-attr]
+    shortest = min(part.segments[0].length for part in parts)
     longest = 0.95 * shortest
     # The end of the flutes cannot pass a place on the tool, so it lies between two of them.
     places = [place for place in model.places(tip) if 0.0 < place < longest]
@@ -132,7 +131,7 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(name, divided.plus(diameter_moved, length), local=bool(places))
 
 
-def _up_to_full(diameter: Parameter, parts: Sequence[Any]) -> Parameter:
+def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
     """Return the effective diameter of a first section with a plausible range up to the diameter of the last one."""
     low, high = diameter.plausible or (diameter.lower, diameter.upper)
     room = min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
@@ -229,10 +228,9 @@ def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
     parts = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.tool)
     stated = {
         (segment.material.youngs_modulus, segment.material.density, segment.material.poisson_ratio)
-        for one in model.observations
         for name in parts
-        if name in one.assembly.elements
-        for segment in one.assembly.elements[name].segments  # type: ignore[union-attr]
+        for part in model.parts(name)
+        for segment in part.segments
     }
     if len(stated) > 1:
         raise UndecidableError("the tool is made of several materials")

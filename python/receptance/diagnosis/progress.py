@@ -21,19 +21,19 @@ class Progress:
 
     Parameters
     ----------
-    tell : callable, optional
+    report : callable, optional
         Called with one line of text at the start of each step.
     selections : int, optional
         Number of selections of causes: one, and one for each fold that is held out.
     """
 
-    def __init__(self, tell: Callable[[str], None] | None = None, selections: int = 1) -> None:
-        self.tell = tell or (lambda text: None)
+    def __init__(self, report: Callable[[str], None] | None = None, selections: int = 1) -> None:
+        self._report = report or (lambda text: None)
         self.leading = ""
         self.holding_out = ""
         self._stages = {stage: [0, count] for stage, count in _EXPECTED.items()}
         self._before = 0
-        self._left = selections
+        self._selections = selections
         self._began = perf_counter()
         self._times: deque[float] = deque([self._began], maxlen=_RECENT + 1)
 
@@ -45,7 +45,7 @@ class Progress:
     @property
     def total(self) -> int:
         """Expected number of steps."""
-        return self._before + self._left * sum(planned for _, planned in self._stages.values())
+        return self._before + self._selections * sum(planned for _, planned in self._stages.values())
 
     @property
     def seconds(self) -> float:
@@ -61,7 +61,7 @@ class Progress:
         """Set the number of further steps of a stage; zero ends it."""
         self._stages[stage][1] = self._stages[stage][0] + more
 
-    def __call__(self, stage: str, what: str) -> None:
+    def __call__(self, stage: str, step: str) -> None:
         """Report the start of a step of a stage."""
         own = self._stages[stage]
         own[0] += 1
@@ -74,14 +74,14 @@ class Progress:
         self._times.append(now)
         if self.leading:
             text += f", leading so far: {self.leading}"
-        without = f"held out: {self.holding_out}: " if self.holding_out else ""
-        self.tell(f"{text}; {without}{what}")
+        fold = f"held out: {self.holding_out}: " if self.holding_out else ""
+        self._report(f"{text}; {fold}{step}")
 
     def next_selection(self) -> None:
         """End a selection of causes; the next one is expected to have as many steps."""
         sizes = {stage: done for stage, (done, _) in self._stages.items()}
         self._before = self.done
-        self._left = max(self._left - 1, 1)
+        self._selections = max(self._selections - 1, 1)
         self._stages = {stage: [0, count] for stage, count in sizes.items()}
         self.leading = ""
 

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant, parameters_of
-from receptance.diagnosis.fitting import Fit, problem_of
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import CHANCE_DRAWS, CHANCE_LEVEL, INVISIBLE, OTHER_QUANTITY, VARIANTS_FITTED
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import InfeasibleError
 
-__all__ = ["Direction", "chance", "directions", "list_variants", "look_alike", "rank"]
+__all__ = ["Direction", "detection_threshold", "directions", "list_variants", "look_alike", "rank"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,35 +67,37 @@ class Direction:
         """The cause and the name of its variant."""
         return Step(self.cause, self.variant.name)
 
+    def is_of(self, id: str, variant: str) -> bool:
+        """Return whether it is that of a variant, by the id of its cause and its name."""
+        return self.cause.id == id and self.variant.name == variant
+
     def predicted_evidence(self, penalty: float) -> float:
         """Return the predicted evidence: the score less the penalty of its parameters."""
         return self.score - penalty * self.count
 
 
-def list_variants(
-    model: Model, causes: Sequence[Cause], fit: Fit
-) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
+def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
     """Return the variants of causes that apply to a fitted model, and the reasons why other causes are undecidable."""
     found: list[tuple[Cause, Variant]] = []
     undecidable: dict[str, str] = {}
     inadequate = not judge(fit).passed
     for cause in causes:
         try:
-            own = cause.variants(model)
+            variants = cause.variants(fit.model)
         except UndecidableError as error:
             undecidable[cause.id] = str(error)
             continue
-        own = [one for one in own if not one.changes_data or _is_other_quantity(fit)]
-        found += [(one.describe(cause), one) for one in own if inadequate or not one.large]
+        for one in variants:
+            if (inadequate or not one.large) and (not one.changes_data or _is_other_quantity(fit)):
+                found.append((one.describe(cause), one))
     return found, undecidable
 
 
 def _is_other_quantity(fit: Fit) -> bool:
     """Return whether receptances differ by factors, which only another measured quantity explains."""
-    parts = fit.problem.parts(fit.residual)
     errors = [
         float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
-        for one, residual in zip(fit.model.observations, parts, strict=True)
+        for one, residual in zip(fit.model.observations, fit.parts, strict=True)
         if isinstance(one, MeasuredFRF)
     ]
     return bool(errors) and max(errors) > OTHER_QUANTITY
@@ -118,21 +119,20 @@ def _direction(
     if variant.changes_data or not parameters:
         return empty
     try:
-        own, starts = _slopes(fit, variant, tuple(parameters))
+        of_data, starts = _slopes(fit, variant, tuple(parameters))
     except InfeasibleError:
         return empty
-    data = own.shape[0]
     # The cause does not change the residuals of the base's priors, and that of its own prior is zero at its null.
     slopes = np.zeros((rest.size, len(parameters)))
-    slopes[:data] = own
+    slopes[: len(of_data)] = of_data
     slopes = slopes - basis @ (basis.T @ slopes)
     norms = np.linalg.norm(slopes, axis=0)
-    seen = norms > INVISIBLE * max(float(norms.max(initial=0.0)), 1e-300)
-    slopes = slopes[:, seen]
+    is_visible = norms > INVISIBLE * max(float(norms.max(initial=0.0)), 1e-300)
+    slopes = slopes[:, is_visible]
     if not slopes.shape[1]:
         return empty
     solution, *_ = np.linalg.lstsq(slopes, -rest, rcond=1e-10)
-    visible = {name: one for (name, one), yes in zip(parameters.items(), seen, strict=True) if yes}
+    visible = {name: one for (name, one), yes in zip(parameters.items(), is_visible, strict=True) if yes}
     only = next(iter(visible.values()))
     one_sided = len(visible) == 1 and only.one_sided
     score = float(-rest @ (slopes @ solution))
@@ -147,7 +147,8 @@ def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray
 
     Only these columns of the Jacobian are evaluated.
     """
-    task, problem = problem_of(variant.model, fit.task.threads)
+    task = variant.model.task
+    problem = task.problem()
     unknowns = task.parameters.unknowns
     values = np.array([fit.values.get(u.name, u.start or 0.0) for u in unknowns], dtype=np.float64)
     fresh = np.array([u.name in names for u in unknowns])
@@ -174,13 +175,8 @@ def _estimate(
     return ends
 
 
-def chance(
-    found: Sequence[Direction],
-    penalty: float,
-    *,
-    level: float = CHANCE_LEVEL,
-    draws: int = CHANCE_DRAWS,
-    seed: int = 0,
+def detection_threshold(
+    found: Sequence[Direction], penalty: float, *, level: float = CHANCE_LEVEL, seed: int = 0
 ) -> float:
     """Return a quantile of the best evidence by chance: a parametric bootstrap of the base, to first order.
 
@@ -194,26 +190,24 @@ def chance(
         Penalty of each unknown in evidence.
     level : float
         The quantile.
-    draws : int
-        Number of draws.
     seed : int
         Seed of the draws.
     """
-    kept = [one for one in found if one.slopes.shape[1]]
-    if not kept:
+    visible = [one for one in found if one.slopes.shape[1]]
+    if not visible:
         return 0.0
-    matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in kept])
+    matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in visible])
     gram = matrix.T @ matrix
-    noise = np.random.default_rng([seed, 20]).standard_normal((draws, gram.shape[0])) @ square_root(gram).T
-    best = np.full(draws, -np.inf)
+    noise = np.random.default_rng([seed, 20]).standard_normal((CHANCE_DRAWS, len(gram))) @ square_root(gram).T
+    best = np.full(CHANCE_DRAWS, -np.inf)
     begin = 0
-    for one in kept:
+    for one in visible:
         own = slice(begin, begin + one.slopes.shape[1])
         begin = own.stop
-        pull = noise[:, own]
-        gain = np.einsum("di,ij,dj->d", pull, np.linalg.pinv(gram[own, own], rcond=1e-10), pull)
+        projected = noise[:, own]
+        gain = np.einsum("di,ij,dj->d", projected, np.linalg.pinv(gram[own, own], rcond=1e-10), projected)
         if one.one_sided:
-            gain = np.where(pull[:, 0] > 0.0, gain, 0.0)
+            gain = np.where(projected[:, 0] > 0.0, gain, 0.0)
         best = np.maximum(best, gain - penalty * one.count)
     return float(np.quantile(best, level))
 
@@ -228,17 +222,12 @@ def look_alike(first: Direction, second: Direction) -> float:
 
 def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
     """Return the directions of the variants that are fitted, the highest predicted evidence first."""
-
-    def predicted(one: Direction) -> float:
-        return one.predicted_evidence(penalty)
-
-    by_cause: dict[str, list[Direction]] = {}
-    for one in found:
-        by_cause.setdefault(one.cause.id, []).append(one)
+    ranked = sorted(found, key=lambda one: -one.predicted_evidence(penalty))
+    counts = dict.fromkeys((one.cause.id for one in found), 0)
     chosen = []
-    for own in by_cause.values():
-        ranked = sorted(own, key=lambda one: -predicted(one))
+    for one in ranked:
         # A variant without parameters has no linear prediction and is fitted in any case.
-        chosen += [one for one in ranked if not one.parameters]
-        chosen += [one for one in ranked if one.parameters][:VARIANTS_FITTED]
-    return sorted(chosen, key=lambda one: -predicted(one))
+        counts[one.cause.id] += bool(one.parameters)
+        if not one.parameters or counts[one.cause.id] <= VARIANTS_FITTED:
+            chosen.append(one)
+    return chosen

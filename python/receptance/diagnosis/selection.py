@@ -7,37 +7,28 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from time import perf_counter
 
-from receptance.diagnosis.alternatives import fit_alternatives
-from receptance.diagnosis.causes import Cause, Step, UndecidableError
+from receptance.diagnosis.alternatives import ALTERNATIVES
+from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
 from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
-from receptance.diagnosis.fitting import (
-    Explored,
-    Fit,
-    chi_square_on_few_lines,
-    evaluate_at,
-    evaluate_start,
-    explore,
-    fit_base,
-    refit,
-)
+from receptance.diagnosis.fitting import Exploration, Fit, evaluate, explore, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.screening import Direction, chance, directions, list_variants, rank
-from receptance.diagnosis.starts import fit_anew, fit_levels, has_levels, starts_of, starts_together
+from receptance.diagnosis.screening import Direction, detection_threshold, directions, list_variants, rank
+from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, starts_from_singles, starts_of
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     ADDED_EVIDENCE,
+    ALTERNATIVES_FINISHED,
     BEHIND,
     BEHIND_SHARE,
+    CONVERGED,
     EVALUATED_ON_INTERRUPT,
-    IDLE,
     LEADING_CAUSES,
     MARGIN,
     MISFIT_LIMIT,
     RESTARTED,
     ROOTS,
     SCREENING_LIMIT,
-    SETTLED,
 )
 from receptance.errors import ReceptanceError
 
@@ -48,10 +39,7 @@ def select(
     model: Model,
     causes: Sequence[Cause],
     *,
-    seed: int = 0,
-    threads: int | None = None,
     most: int = 2,
-    base: Fit | None = None,
     progress: Progress | None = None,
 ) -> Selection:
     """Return the fits of each cause, and of causes together.
@@ -62,27 +50,20 @@ def select(
         Observations, unknowns and tolerances.
     causes : sequence of Cause
         The causes that are tried.
-    seed : int
-        Seed of all random numbers.
-    threads : int, optional
-        As in `Assembly.receptance`; it does not change the result.
     most : int
         Largest number of causes that act together.
-    base : Fit, optional
-        The fit of the base, where it is known.
     progress : Progress, optional
         Reports each step. A KeyboardInterrupt ends the selection with the results so far: `Selection.interrupted`.
     """
     report = progress or Progress()
     began = perf_counter()
     try:
-        base = base or fit_levels(model, seed=seed, threads=threads, say=partial(report, "base"))
-        interrupted = False
+        base, interrupted = fit_levels(model, partial(report, "base")), False
     except KeyboardInterrupt:
-        base, interrupted = evaluate_start(model, threads), True
-    selection = Selection(base, math.log(max(base.independent, 2.0)), interrupted=interrupted)
+        base, interrupted = evaluate(model, {}), True
+    selection = Selection(base, math.log(max(base.independent_values, 2.0)), interrupted=interrupted)
     if not interrupted:
-        Search(selection, causes, seed=seed, threads=threads, most=most, progress=report).run()
+        Search(selection, causes, most=most, progress=report).run()
     selection.seconds = perf_counter() - began
     return selection
 
@@ -91,8 +72,8 @@ class Search:
     """The steps of a selection after the fit of the base; each adds explanations to the selection.
 
     1. `fit_singles`: every cause is screened to first order and its best variants are fitted.
-    2. `refit_base`: the base is fitted again from the best explanation. If its first fit ended in a local minimum, no
-       cause is convicted by that.
+    2. `refit_base`: the base is fitted again from the best explanation, because its first fit may have ended in a local
+       minimum.
     3. `add_causes`: to the best explanations further causes are added, one at a time.
     4. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
@@ -103,74 +84,59 @@ class Search:
     7. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
     8. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
-    After each step the invariant of `Selection` holds. A KeyboardInterrupt ends the step; its complete fits are kept.
+    After each step the invariant of `Selection` holds. A KeyboardInterrupt ends the steps; complete fits are kept.
 
     Parameters
     ----------
     selection : Selection
         With the fit of the base.
-    causes, seed, threads, most, progress
+    causes, most, progress
         As in `select`.
     """
 
     def __init__(
-        self,
-        selection: Selection,
-        causes: Sequence[Cause],
-        *,
-        seed: int = 0,
-        threads: int | None = None,
-        most: int = 2,
-        progress: Progress | None = None,
+        self, selection: Selection, causes: Sequence[Cause], *, most: int = 2, progress: Progress | None = None
     ) -> None:
         self.selection = selection
         self._causes = causes
-        self._seed = seed
-        self._threads = threads
         self._most = most
         self._report = progress or Progress()
 
     def run(self) -> None:
         """Run all steps."""
         try:
-            for step in self._steps():
-                step()
-                if self.selection.interrupted:
-                    break
+            self.fit_singles()
+            self.refit_base()
+            self.add_causes()
+            self.exchange_causes()
+            self.restart()
+            self._report.plan("together", 0)
+            self.finish_best()
+            self.prune()
+            self.fit_alternatives()
         except KeyboardInterrupt:
             self.selection.interrupted = True
-
-    def _steps(self) -> Iterator[Callable[[], None]]:
-        yield self.fit_singles
-        yield self.refit_base
-        yield self.add_causes
-        yield self.exchange_causes
-        if not any(one.adequacy.passed for one in self.selection.explanations):
-            yield self.restart
-        self._report.plan("together", 0)
-        yield self.finish_best
-        yield self.prune
-        yield lambda: fit_alternatives(self.selection, self._threads, self._report)
 
     def fit_singles(self) -> None:
         """Screen all causes, and fit the best variants of each."""
         own, base = self.selection, self.selection.base
-        variants, own.undecidable = list_variants(base.model, self._causes, base)
-        own.found = directions(base, variants)
-        own.threshold = chance(own.found, own.penalty, seed=self._seed)
-        own.evaluations = base.evaluations + len(own.found)
-        own.add(self._fit((), base, rank(own.found, own.penalty)))
+        variants, own.undecidable = list_variants(base, self._causes)
+        own.directions = directions(base, variants)
+        own.threshold = detection_threshold(own.directions, own.penalty, seed=base.model.seed)
+        own.evaluations = base.evaluations + len(own.directions)
+        for one in self._fit((), base, rank(own.directions, own.penalty)):
+            own.add(one)
 
     def refit_base(self) -> None:
         """Fit the base from the best explanation, and replace it if that fit is better."""
         own = self.selection
-        if not own.singles:
+        if own.best is None:
             return
         try:
-            again = refit(own.base.model, own.singles[0].fit.values, threads=self._threads)
+            again = refit(own.base.model, own.best.fit.values)
         except ReceptanceError:
             return
-        if again.chi_square < own.base.chi_square - SETTLED * own.base.chi_square:
+        if again.chi_square < own.base.chi_square - CONVERGED:
             own.replace_base(again)
 
     def add_causes(self) -> None:
@@ -178,87 +144,83 @@ class Search:
         roots = self.selection.singles
         for _ in range(1, self._most):
             roots = self._add_one(roots)
-            self.selection.add(roots)
-            if not roots or self.selection.interrupted:
-                break
 
     def _add_one(self, roots: Sequence[Explanation]) -> list[Explanation]:
-        """Return the best explanations with one further cause, if it gains evidence."""
+        """Add one further cause to the best explanations, and return those that gain evidence by it."""
         own = self.selection
         if not roots or roots[0].evidence <= own.threshold:
             return []
         found: list[Explanation] = []
         best = roots[0]
-        open_ = not best.adequacy.passed
+        threshold = max(own.threshold, 0.0)
+        extends_all = not best.adequacy.passed
         for root in roots[:ROOTS]:
             # Where the best explanation is adequate, only those within the margin are extended.
-            if root is not best and not open_ and root.evidence < best.evidence - MARGIN:
+            if root is not best and not extends_all and root.evidence < best.evidence - MARGIN:
                 continue
-            others = [cause for cause in self._causes if cause.id not in root.ids]
-            variants, _ = list_variants(root.fit.model, others, root.fit)
-            directed = [one for one in directions(root.fit, variants) if not one.variant.changes_data]
-            own.evaluations += len(directed)
-            unreliable = root.adequacy.misfit > SCREENING_LIMIT
-            least = max(own.threshold, 0.0)
-            promising = [one for one in directed if unreliable or one.predicted_evidence(own.penalty) > least]
-            open_ = open_ or bool(promising)
-            chosen = _first_of_each(rank(promising, own.penalty))
-            fitted = self._fit(root.steps, root.fit, chosen if unreliable else chosen[:ADDED_CAUSES])
-            own.tried = best_of_each([*own.tried, *fitted])
-            found += [one for one in fitted if one.evidence > best.evidence + max(own.threshold, ADDED_EVIDENCE)]
-            if own.interrupted:
-                break
+            effects = self._effects_of_others(root.fit, root.ids)
+            is_unreliable = root.adequacy.misfit > SCREENING_LIMIT
+            likely = [one for one in effects if is_unreliable or one.predicted_evidence(own.penalty) > threshold]
+            extends_all = extends_all or bool(likely)
+            chosen = _first_of_each(rank(likely, own.penalty))
+            for one in self._fit(root.steps, root.fit, chosen if is_unreliable else chosen[:ADDED_CAUSES]):
+                own.tried = best_of_each([*own.tried, one])
+                if one.evidence > best.evidence + max(own.threshold, ADDED_EVIDENCE):
+                    own.add(one)
+                    found.append(one)
         return best_of_each(found)
+
+    def _effects_of_others(self, root: Fit, ids: frozenset[str]) -> list[Direction]:
+        """Return the linear effects on a fit of all causes but some; no variant changes the data."""
+        variants, _ = list_variants(root, [cause for cause in self._causes if cause.id not in ids])
+        effects = directions(root, [(cause, one) for cause, one in variants if not one.changes_data])
+        self.selection.evaluations += len(effects)
+        return effects
 
     def exchange_causes(self) -> None:
         """Exchange each cause of the best explanation for other causes and for its other variants."""
         own, best = self.selection, self.selection.best
         if best is None or len(best.steps) < 2 or not best.adequacy.of_lines:
             return
-        for left in best.steps:
-            kept = tuple(step for step in best.steps if step is not left)
-            ids = {cause.id for cause, _ in kept}
-            try:
-                root = refit(_extend(own.base.model, kept), best.fit.values, threads=self._threads)
-            except (ReceptanceError, UndecidableError):
+        for removed in best.steps:
+            kept = tuple(step for step in best.steps if step is not removed)
+            root = self._refit_without(best, kept)
+            if root is None:
                 continue
-            variants, _ = list_variants(root.model, [cause for cause in self._causes if cause.id not in ids], root)
-            directed = [one for one in directions(root, variants) if not one.variant.changes_data]
-            own.evaluations += root.evaluations + len(directed)
-            ranked = rank(directed, own.penalty)
-            others = _first_of_each([one for one in ranked if one.cause.id != left.cause.id])
-            same = [one for one in ranked if one.cause.id == left.cause.id]
-            own.add(self._fit(kept, root, same + others[:ADDED_CAUSES]))
-            if own.interrupted:
-                break
+            own.evaluations += root.evaluations
+            ranked = rank(self._effects_of_others(root, frozenset(cause.id for cause, _ in kept)), own.penalty)
+            others = _first_of_each([one for one in ranked if one.cause.id != removed.cause.id])
+            same = [one for one in ranked if one.cause.id == removed.cause.id]
+            for one in self._fit(kept, root, same + others[:ADDED_CAUSES]):
+                own.add(one)
 
     def restart(self) -> None:
-        """Fit the best explanations from their own starting values.
+        """Fit the best explanations from their own starting values, where no explanation is adequate.
 
         With levels this includes explanations by several causes, which are fitted to one level first; causes that
         cannot explain one level are not fitted to the others. Without levels it includes the other variants of the
         best cause: from the base a wrong variant may end closer to the data than the right one.
         """
         own = self.selection
-        if own.base.misfit <= MISFIT_LIMIT:
+        if own.base.misfit <= MISFIT_LIMIT or any(one.adequacy.passed for one in own.explanations):
             return
         levels = has_levels(own.base.model)
         together = sorted(own.tried, key=lambda one: -one.evidence)[:RESTARTED] if levels else []
         for one in [*own.singles[:ROOTS], *together]:
-            self._restart_one(one.steps, partial(fit_anew, one.fit))
+            self._restart_one(one.steps, partial(fit_again, one.fit))
         for step, model in [] if levels else self._other_variants():
             self._restart_one((step,), partial(fit_base, model))
 
-    def _restart_one(self, steps: tuple[Step, ...], fit: Callable[..., Fit | None]) -> None:
+    def _restart_one(self, steps: tuple[Step, ...], fit: Callable[[], Fit | None]) -> None:
         titles = [f"{cause.id}, {variant}" if len(steps) == 1 else cause.id for cause, variant in steps]
         self._report("together", f"{' + '.join(titles)}, from its own starting values")
         try:
-            found = fit(seed=self._seed, threads=self._threads)
+            found = fit()
         except (ReceptanceError, ValueError):
             return
         if found is not None:
             self.selection.evaluations += found.evaluations
-            self.selection.add([self.selection.explain(steps, found)])
+            self.selection.add(self.selection.explain(steps, found))
 
     def _other_variants(self) -> list[tuple[Step, Model]]:
         """Return the other variants of the best single cause with their models, if it comes close to the data."""
@@ -273,11 +235,9 @@ class Search:
     def finish_best(self) -> None:
         """Continue the fit of the best explanation, if it is adequate and reached its limit of evaluations."""
         own, best = self.selection, self.selection.best
-        if best is None or best.fit.converged or not best.adequacy.passed:
-            return
-        again = own.explain(best.steps, refit(best.fit.model, best.fit.values, threads=self._threads))
-        own.remove(best)
-        own.add([again])
+        if best is not None and best.adequacy.passed and not best.fit.converged:
+            continued = own.explain(best.steps, refit(best.fit.model, best.fit.values))
+            own.explanations = best_of_each([continued, *own.explanations])
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
@@ -288,19 +248,58 @@ class Search:
         own, best = self.selection, self.selection.best
         if best is None or len(best.steps) < 2 or not best.adequacy.passed:
             return
-        fewer = [tuple(step for step in best.steps if step is not left) for left in best.steps]
+        fewer = [tuple(step for step in best.steps if step is not removed) for removed in best.steps]
         for steps in [*fewer, *_with_fewer_parameters(own.base.model, best)]:
-            try:
-                fit = refit(_extend(own.base.model, steps), best.fit.values, threads=self._threads)
-            except (ReceptanceError, UndecidableError):
-                continue
-            own.add([own.explain(steps, fit)])
+            fit = self._refit_without(best, steps)
+            if fit is not None:
+                own.add(own.explain(steps, fit))
 
-    def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> list[Explanation]:
-        """Return explanations that add one cause each, the best variant of each, the highest evidence first.
+    def _refit_without(self, best: Explanation, steps: Sequence[Step]) -> Fit | None:
+        """Return the fit with some of the steps of an explanation, from its values; None where there is none."""
+        try:
+            return refit(extend(self.selection.base.model, steps), best.fit.values)
+        except (ReceptanceError, UndecidableError):
+            return None
+
+    def fit_alternatives(self) -> None:
+        """Fit changes that are not causes to the base where a cause may be reported."""
+        own, base = self.selection, self.selection.base
+        best = next((one for one in own.explanations if one.adequacy.passed), None)
+        if best is None or best.evidence <= max(own.threshold, 0.0) or _changes_data(base.model, best.steps):
+            self._report.plan("alternatives", 0)
+            return
+        variants, _ = list_variants(base, ALTERNATIVES)
+        found = directions(base, variants)
+        own.evaluations += len(found)
+        chosen = rank([one for one in found if one.slopes.shape[1]], own.penalty)
+        self._report.plan("alternatives", len(chosen))
+        explored: list[tuple[Direction, Exploration]] = []
+        for direction in chosen:
+            self._report("alternatives", f"no cause: {direction.cause.meaning} {direction.variant.name}")
+            starts = starts_of(direction, base)
+            # The joint of the best explanation is closer to the solution than that of an inadequate base.
+            starts += [{**one, **best.fit.values} for one in starts[-2:]]
+            explored += self._explore(direction, starts)
+        explored.sort(key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
+        # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
+        leaders: dict[str, tuple[Direction, Exploration]] = {}
+        for pair in explored:
+            leaders.setdefault(pair[0].cause.id, pair)
+        for direction, few in list(leaders.values())[:ALTERNATIVES_FINISHED]:
+            try:
+                fit = few.finish()
+            except ReceptanceError:
+                continue
+            own.evaluations += fit.evaluations - few.evaluations
+            own.alternatives.append(own.explain((direction.step,), fit))
+        own.alternatives.sort(key=lambda one: -one.evidence)
+
+    def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
+        """Yield explanations that add one cause each.
 
         Variants that change the data are fitted from their own starting values. All others are explored on few lines;
-        those that come close to the best one are fitted on all lines, the others are evaluated on these.
+        those that come close to the best one are fitted on all lines, the others are evaluated on these. After a
+        KeyboardInterrupt those that are explored are evaluated on all lines.
 
         Parameters
         ----------
@@ -311,116 +310,97 @@ class Search:
         chosen : sequence of Direction
             The variants.
         """
-        own = self.selection
-        stage = "together" if steps else "causes"
+        own, stage = self.selection, "together" if steps else "causes"
         self._report.plan(stage, len(chosen))
-        found = self._fit_changed_data(steps, chosen)
-        explored: list[tuple[Direction, Explored]] = []
-        others = [one for one in chosen if not one.variant.changes_data]
-        if any(one.adequacy.passed for one in found):
-            # The data are of another quantity, so without that change no fit comes close to them.
-            for one in others:
-                fit = evaluate_at(root, one.variant.model)
-                found.append(own.explain((*steps, one.step), fit, one.score))
-        elif not own.interrupted:
-            explored = self._explore(steps, root, others)
-        if own.interrupted:
-            # The comparison on few lines is incomplete, so the leading ones are evaluated on all lines.
-            for direction, few in explored[:EVALUATED_ON_INTERRUPT]:
-                found.append(own.explain((*steps, direction.step), few.evaluate()))
-            return best_of_each(found)
-        found += self._finish(steps, root, explored, found)
-        return best_of_each(found)
-
-    def _fit_changed_data(self, steps: tuple[Step, ...], chosen: Sequence[Direction]) -> list[Explanation]:
-        """Return explanations by which the data are of another quantity, fitted from their own starting values."""
-        own = self.selection
-        found = []
+        is_other_quantity = False
         for direction in chosen:
-            if not direction.variant.changes_data:
-                continue
-            try:
-                self._report("together" if steps else "causes", _titled(steps, direction))
-                fit = fit_base(direction.variant.model, seed=self._seed, threads=self._threads)
-            except ReceptanceError:
-                continue
-            except KeyboardInterrupt:
-                own.interrupted = True
-                break
-            own.evaluations += fit.evaluations
-            found.append(own.explain((*steps, direction.step), fit))
-        return found
-
-    def _explore(
-        self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]
-    ) -> list[tuple[Direction, Explored]]:
-        """Return the variants with their fits on few lines, the smallest chi-square first."""
-        own = self.selection
-        explored: list[tuple[Direction, Explored]] = []
-        leading = math.inf
+            if direction.variant.changes_data:
+                self._report(stage, _title(steps, direction))
+                try:
+                    fit = fit_base(direction.variant.model)
+                except ReceptanceError:
+                    continue
+                own.evaluations += fit.evaluations
+                found = own.explain((*steps, direction.step), fit)
+                is_other_quantity = is_other_quantity or found.adequacy.passed
+                yield found
+        others = [one for one in chosen if not one.variant.changes_data]
+        if is_other_quantity:
+            # Without that change of the data no fit comes close to them.
+            for one in others:
+                yield self._predict(steps, root, one)
+            return
+        explored: list[tuple[Direction, Exploration]] = []
         try:
-            for direction in chosen:
-                self._report("together" if steps else "causes", _titled(steps, direction))
-                alone = [one.fit for one in own.singles if steps and one.steps[0] == direction.step]
-                starts = [*starts_of(direction, root), *starts_together(own.base, alone, root)]
-                few = explore(direction.variant.model, starts, threads=self._threads)
-                own.evaluations += few.evaluations
-                if few.ends:
-                    explored.append((direction, few))
-                if few.chi_square < leading:
-                    leading = few.chi_square
-                    self._report.leading = " + ".join([*(cause.id for cause, _ in steps), direction.cause.id])
+            for direction in others:
+                self._report(stage, _title(steps, direction))
+                singles = [one.fit for one in own.singles if steps and one.steps[0] == direction.step]
+                starts = [*starts_of(direction, root), *starts_from_singles(own.base, singles, root)]
+                explored += self._explore(direction, starts)
+                leading = min(explored, key=lambda pair: pair[1].chi_square, default=None)
+                if leading is not None:
+                    self._report.leading = _title(steps, leading[0], variant=False)
         except KeyboardInterrupt:
-            own.interrupted = True
-        return sorted(explored, key=lambda pair: pair[1].chi_square)
+            explored.sort(key=lambda pair: pair[1].chi_square)
+            for direction, few in explored[:EVALUATED_ON_INTERRUPT]:
+                yield own.explain((*steps, direction.step), few.evaluate())
+            raise
+        explored.sort(key=lambda pair: pair[1].chi_square)
+        yield from self._finish(steps, root, explored)
+
+    def _explore(self, direction: Direction, starts: list[dict[str, float]]) -> list[tuple[Direction, Exploration]]:
+        """Return a variant with its fits on few lines; none where the model has no value at any start."""
+        few = explore(direction.variant.model, starts)
+        self.selection.evaluations += few.evaluations
+        return [(direction, few)] if few.ends else []
+
+    def _predict(self, steps: tuple[Step, ...], root: Fit, direction: Direction) -> Explanation:
+        """Return a variant at the values of the fit without it, with the gain that its linear effect predicts."""
+        fit = evaluate(direction.variant.model, root.values, converged=root.converged)
+        return self.selection.explain((*steps, direction.step), fit, direction.score)
 
     def _finish(
-        self,
-        steps: tuple[Step, ...],
-        root: Fit,
-        explored: Sequence[tuple[Direction, Explored]],
-        before: Sequence[Explanation],
-    ) -> list[Explanation]:
-        """Return explanations on all lines: fitted where they come close to the best one, else evaluated."""
-        own = self.selection
-        without = chi_square_on_few_lines(root, self._threads)
-        best = min(explored[0][1].chi_square, without) if explored else without
+        self, steps: tuple[Step, ...], root: Fit, explored: Sequence[tuple[Direction, Exploration]]
+    ) -> Iterator[Explanation]:
+        """Yield explanations on all lines: fitted where they come close to the best one, else evaluated."""
+        own, stage = self.selection, "together" if steps else "causes"
+        self._report.plan(stage, len(explored))
+        without = root.chi_square_on_few_lines
+        best = min([without, *(few.chi_square for _, few in explored)])
         limit = best + BEHIND + BEHIND_SHARE * (without - best)
         leaders: dict[str, float] = {}
-        stage = "together" if steps else "causes"
-        self._report.plan(stage, len(explored))
-        found: list[Explanation] = []
-        for direction, few in explored:
-            number, leader = len(leaders), leaders.setdefault(direction.cause.id, few.chi_square)
-            is_leading = number < LEADING_CAUSES
-            # A variant far behind another one of its cause is not needed.
-            is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
-            idle = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < IDLE
-            try:
-                if own.interrupted:
-                    fit = few.evaluate()
-                else:
-                    self._report(stage, f"{_titled(steps, direction)}, on all lines")
-                    if idle and not is_leading:
-                        fit = evaluate_at(root, direction.variant.model)
-                        found.append(own.explain((*steps, direction.step), fit, direction.score))
-                        continue
+        leading: Explanation | None = None
+        done = 0
+        try:
+            for number, (direction, few) in enumerate(explored):
+                done = number
+                is_leading = len(leaders) < LEADING_CAUSES
+                leader = leaders.setdefault(direction.cause.id, few.chi_square)
+                # A variant far behind another one of its cause is not needed.
+                is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
+                gains_nothing = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < MARGIN
+                self._report(stage, f"{_title(steps, direction)}, on all lines")
+                if gains_nothing and not is_leading:
+                    yield self._predict(steps, root, direction)
+                    continue
+                try:
                     fit = few.finish() if is_close or root.misfit > SCREENING_LIMIT else few.evaluate()
+                except ReceptanceError:
+                    continue
                 own.evaluations += fit.evaluations - few.evaluations
-            except ReceptanceError:
-                continue
-            except KeyboardInterrupt:
-                own.interrupted = True
-                fit = few.evaluate()
-            found.append(own.explain((*steps, direction.step), fit))
-            best_so_far = max([*before, *found], key=lambda one: one.evidence)
-            self._report.leading = f"{best_so_far.title}, misfit {best_so_far.fit.misfit:.2f}"
-        return found
+                found = own.explain((*steps, direction.step), fit)
+                leading = found if leading is None or found.evidence > leading.evidence else leading
+                self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
+                yield found
+        except KeyboardInterrupt:
+            for direction, few in explored[done:]:
+                yield own.explain((*steps, direction.step), few.evaluate())
+            raise
 
 
-def _titled(steps: tuple[Step, ...], direction: Direction) -> str:
+def _title(steps: tuple[Step, ...], direction: Direction, *, variant: bool = True) -> str:
     ids = [*(cause.id for cause, _ in steps), direction.cause.id]
-    return f"{' + '.join(ids)}, {direction.variant.name}"
+    return " + ".join(ids) + (f", {direction.variant.name}" if variant else "")
 
 
 def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
@@ -431,11 +411,14 @@ def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
     return list(found.values())
 
 
-def _extend(model: Model, steps: Sequence[Step]) -> Model:
-    """Return the model with causes."""
+def _changes_data(model: Model, steps: Sequence[Step]) -> bool:
+    """Return whether one of the causes changes the quantity of the data, which no change of a structure does."""
     for step in steps:
-        model = step.extend(model)
-    return model
+        variant = step.cause.variant(model, step.variant)
+        if variant.changes_data:
+            return True
+        model = variant.model
+    return False
 
 
 def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Step, ...]]:

@@ -6,7 +6,7 @@ level is fitted first, the others from the values of their neighbours, and share
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEV
 from receptance.identification.laws import Law
 from receptance.identification.observations import MeasuredFRF, Observation
 
-__all__ = ["fit_anew", "fit_levels", "has_levels", "starts_of", "starts_together"]
+__all__ = ["fit_again", "fit_levels", "has_levels", "starts_from_singles", "starts_of"]
 
 
 def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
@@ -29,36 +29,28 @@ def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     Secondary parameters also start at their typical values, because the linear estimate of these is inaccurate. A cause
     without parameters is fitted from several multiples of the joint stiffnesses.
     """
-    values = fit.values
-    if not direction.parameters:
+    values, parameters = fit.values, direction.parameters
+    if not parameters:
         joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
-        stiff = [u.name for u in fit.task.parameters.unknowns if u.address in joints]
-        return [{**values, **{name: times * values[name] for name in stiff}} for times in JOINT_FACTORS]
-    parameters = direction.parameters
+        stiffnesses = [u.name for u in fit.task.parameters.unknowns if u.address in joints]
+        return [{**values, **{name: times * values[name] for name in stiffnesses}} for times in JOINT_FACTORS]
     null = {name: one.start for name, one in parameters.items()}
     starts = [null]
     if direction.estimate:
         starts.append({**null, **direction.estimate})
         starts.append({name: null[name] if one.secondary else starts[-1][name] for name, one in parameters.items()})
-    for times in (LARGE_SIZE, -LARGE_SIZE):
-        large = {
-            name: one.typical
-            if one.secondary
-            else min(max(one.null + times * (one.typical - one.null), one.lower), one.upper)
-            for name, one in parameters.items()
-        }
-        starts.append(large)
+    starts += [{name: one.at(times) for name, one in parameters.items()} for times in (LARGE_SIZE, -LARGE_SIZE)]
     different = [one for i, one in enumerate(starts) if one not in starts[:i]]
     return [{**values, **one} for one in different]
 
 
-def starts_together(base: Fit, alone: Sequence[Fit], root: Fit) -> list[dict[str, float]]:
+def starts_from_singles(base: Fit, singles: Sequence[Fit], root: Fit) -> list[dict[str, float]]:
     """Return starting values for a fit of several causes from fits of the added cause alone.
 
     The joint of such a fit may be closer to the solution than that of the other causes.
     """
-    own = {name: value for name, value in root.values.items() if name not in base.values}
-    return [{**root.values, **one.values, **own} for one in alone]
+    others = {name: value for name, value in root.values.items() if name not in base.values}
+    return [{**root.values, **one.values, **others} for one in singles]
 
 
 @dataclass(frozen=True)
@@ -71,28 +63,30 @@ class _Level:
         Name of the configuration.
     laws : tuple of Law
         Laws with a free value in it.
-    along : tuple of float
-        Values of their conditions.
-    observations : tuple of MeasuredFRF and MeasuredFrequencies
-        Its observations.
+    model : Model
+        The model of its observations.
     """
 
     name: str
     laws: tuple[Law, ...]
-    along: tuple[float, ...]
-    observations: tuple[Observation, ...]
+    model: Model
 
-    def of(self, model: Model) -> Model:
-        """Return the model of its observations."""
-        return model.select(self.observations)
+    @property
+    def condition(self) -> tuple[float, ...]:
+        """Values of the conditions of its laws."""
+        conditions = self.model.observations[0].conditions
+        return tuple(float(conditions.get(law.along, 0.0)) for law in self.laws)
 
     def values_for(self, values: Mapping[str, float], other: _Level) -> dict[str, float]:
         """Return values of this level as starting values of another one."""
         return {**values, **{law.name_in(other.name): values[law.name_in(self.name)] for law in self.laws}}
 
 
-def _ignore(text: str) -> None:
-    """Ignore a progress message."""
+Report = Callable[[str], None]
+
+
+def _no_report(text: str) -> None:
+    """Report nothing."""
 
 
 def has_levels(model: Model) -> bool:
@@ -100,92 +94,74 @@ def has_levels(model: Model) -> bool:
     return bool(_group_levels(model))
 
 
-def fit_levels(model: Model, *, seed: int = 0, threads: int | None = None, say: Callable[[str], None] = _ignore) -> Fit:
+def fit_levels(model: Model, report: Report = _no_report) -> Fit:
     """Return the model fitted from its own starting values: level by level where it has levels.
 
     Parameters
     ----------
     model : Model
         The model.
-    seed : int
-        Seed of the fits.
-    threads : int, optional
-        As in `Assembly.receptance`.
-    say : callable, optional
+    report : callable, optional
         Called with a progress message before each fit.
     """
-    fit = _fit_by_level(model, _group_levels(model), False, seed, threads, say)
-    if fit is None:
-        say("the model as it is")
-        fit = fit_base(model, seed=seed, threads=threads)
-    return fit
+    kinds = _group_levels(model)
+    if not kinds:
+        report("the model as it is")
+        return fit_base(model)
+    first: list[tuple[int, Fit]] = []
+    for kind in kinds:
+        middle = len(kind) // 2
+        report(f"the model as it is, {kind[middle].name}")
+        first.append((middle, fit_base(kind[middle].model)))
+    return _fit_all_levels(model, kinds, first, report)
 
 
-def fit_anew(before: Fit, *, seed: int = 0, threads: int | None = None) -> Fit | None:
+def fit_again(before: Fit) -> Fit | None:
     """Return a fitted model fitted again from its own starting values.
 
     None is returned where the model has levels and explains no level of one kind by itself. The kinds with the largest
     residuals are tried first.
     """
-    left = before.by_configuration
-    kinds = sorted(_group_levels(before.model), key=lambda kind: -max(left[level.name] for level in kind))
+    residuals = before.by_configuration
+    kinds = sorted(_group_levels(before.model), key=lambda kind: -max(residuals[level.name] for level in kind))
     if not kinds:
-        return fit_base(before.model, seed=seed, threads=threads)
-    return _fit_by_level(before.model, kinds, True, seed, threads)
-
-
-def _fit_by_level(
-    model: Model,
-    kinds: Sequence[Sequence[_Level]],
-    gate: bool,
-    seed: int,
-    threads: int | None,
-    say: Callable[[str], None] = _ignore,
-) -> Fit | None:
-    """Return a model fitted level by level, then on all levels together.
-
-    None is returned without levels, and with `gate` where no level of a kind passes the test of adequacy.
-    """
-    first_fits: list[tuple[int, Fit]] = []
+        return fit_base(before.model)
+    first: list[tuple[int, Fit]] = []
     for kind in kinds:
         # The fit of one level may end in a local minimum where that of another one does not.
-        tried = dict.fromkeys((len(kind) // 2, 0, len(kind) - 1)) if gate else [len(kind) // 2]
-        for at in tried:
-            say(f"the model as it is, {kind[at].name}")
-            first = fit_base(kind[at].of(model), seed=seed, threads=threads)
-            if not gate or judge(first).passed:
-                first_fits.append((at, first))
-                break
-        else:
+        tried = dict.fromkeys((len(kind) // 2, 0, len(kind) - 1))
+        adequate = ((i, fit) for i in tried if judge(fit := fit_base(kind[i].model)).passed)
+        found = next(adequate, None)
+        if found is None:
             return None
-    found = [first.values for _, first in first_fits]
-    for kind, (at, first) in zip(kinds, first_fits, strict=True):
-        for direction in (kind[at:], kind[at::-1]):
-            found += _continue(model, direction, first, seed, threads, say)
-    if not found:
-        return None
+        first.append(found)
+    return _fit_all_levels(before.model, kinds, first, _no_report)
+
+
+def _fit_all_levels(
+    model: Model, kinds: Sequence[Sequence[_Level]], first: Sequence[tuple[int, Fit]], report: Report
+) -> Fit:
+    """Return the model fitted to all levels together, from the fits of single levels.
+
+    `first` has the index and the fit of the first level of each kind.
+    """
+    found = [fit.values for _, fit in first]
+    for kind, (at, fit) in zip(kinds, first, strict=True):
+        for levels in (kind[at:], kind[at::-1]):
+            found += _continue(levels, fit, report)
     names = dict.fromkeys(name for values in found for name in values)
     start = {name: float(np.median([values[name] for values in found if name in values])) for name in names}
-    say("the model as it is, all levels together")
-    return refit(model, start, threads=threads)
+    report("the model as it is, all levels together")
+    return refit(model, start)
 
 
-def _continue(
-    model: Model,
-    levels: Sequence[_Level],
-    before: Fit,
-    seed: int,
-    threads: int | None,
-    say: Callable[[str], None],
-) -> Iterable[dict[str, float]]:
+def _continue(levels: Sequence[_Level], before: Fit, report: Report) -> Iterator[dict[str, float]]:
     """Yield the values of all levels but the first, each fitted from those of its neighbour."""
     for last, level in pairwise(levels):
-        own = level.of(model)
-        say(f"the model as it is, {level.name}")
-        fit = refit(own, last.values_for(before.values, level), threads=threads)
+        report(f"the model as it is, {level.name}")
+        fit = refit(level.model, last.values_for(before.values, level))
         if fit.misfit > WORSE_LEVEL * max(before.misfit, 1.0):
-            far = fit_base(own, seed=seed, threads=threads)
-            fit = min(fit, far, key=lambda one: one.chi_square)
+            fit = min(fit, fit_base(level.model), key=lambda one: one.chi_square)
         yield fit.values
         before = fit
 
@@ -195,18 +171,16 @@ def _group_levels(model: Model) -> list[list[_Level]]:
     laws = [one for one in model.unknowns if isinstance(one, Law) and one.free]
     if not laws or not all(isinstance(one, MeasuredFRF) for one in model.observations):
         return []
-    own: dict[str, list[Observation]] = {}
-    for index, one in enumerate(model.observations):
-        own.setdefault(one.site(index).configuration, []).append(one)
+    observations: dict[str, list[Observation]] = {}
+    for name, one in zip(model.configuration_of, model.observations, strict=True):
+        observations.setdefault(name, []).append(one)
+    known = {unknown.name for unknown in model.task.parameters.unknowns}
     kinds: dict[tuple[str, ...], list[_Level]] = {}
-    known = {unknown.name for unknown in model.task().parameters.unknowns}
-    for name, observations in own.items():
+    for name, own in observations.items():
         present = tuple(law for law in laws if law.name_in(name) in known)
         if not present:
             return []
-        along = tuple(float(observations[0].conditions.get(law.along, 0.0)) for law in present)
-        level = _Level(name, present, along, tuple(observations))
-        kinds.setdefault(tuple(law.name for law in present), []).append(level)
+        kinds.setdefault(tuple(law.name for law in present), []).append(_Level(name, present, model.select(own)))
     if max(len(levels) for levels in kinds.values()) < 2:
         return []
-    return [sorted(levels, key=lambda level: level.along) for levels in kinds.values()]
+    return [sorted(levels, key=lambda level: level.condition) for levels in kinds.values()]

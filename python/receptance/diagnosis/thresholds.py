@@ -21,11 +21,14 @@ FEWEST_LINES = 16
 """Smallest number of lines of a receptance that is used."""
 EXPLORING_LINES = 120
 """Lines of each receptance while starts of fits are compared."""
+SIMULATION_LINES = 150
+"""Lines of each receptance in the simulation of a further measurement."""
 
 # Fits.
 
 CONVERGED = 1e-3
-"""Predicted decrease of chi-square by the next step below which a fit has converged."""
+"""Predicted decrease of chi-square by the next step below which a fit has converged. A new fit of the base replaces the
+first one if it is better by more."""
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 SAME_END = 4.0
@@ -34,10 +37,10 @@ DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
-EVALUATIONS_EXPLORING = 30
-"""Most evaluations of a fit on few lines."""
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
+EVALUATIONS_EXPLORING = 30
+"""Most evaluations of a fit on few lines."""
 TOLERANCE_OF_BASE = 1e-10
 """Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
@@ -61,10 +64,8 @@ MISFIT_CHANCE = 1e-3
 """Probability with which noise alone exceeds a limit of the adequacy test."""
 BLOCK_LINES = 8
 """Neighbouring lines whose residuals are added: noise averages out, an error of the model does not."""
-SEEN_VARIANCE = 0.05
+OBSERVABLE_VARIANCE = 0.05
 """Share of the prior variance that the data must remove before the error of a tolerance is tested."""
-STRAINS_SHOWN = 3
-"""Number of strained tolerances that are listed."""
 MISFIT_BANDS = 24
 """Frequency bands of each receptance among which the largest misfit is located."""
 
@@ -85,7 +86,8 @@ INVISIBLE = 1e-8
 # Selection.
 
 MARGIN = 10.0
-"""Difference of evidence within which explanations are reported together."""
+"""Difference of evidence within which explanations are reported together, and below which a gain on few lines does not
+justify a fit on all lines."""
 ADDED_EVIDENCE = 20.0
 """Evidence that a further cause must add. An unknown effect is often imitated by a pair of weak causes."""
 ROOTS = 3
@@ -96,14 +98,10 @@ RESTARTED = 8
 """Explanations by several causes that are fitted level by level if no cause explains the data."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
-SETTLED = 1e-9
-"""Relative decrease of chi-square that replaces the fit of the base."""
 EVALUATED_ON_INTERRUPT = 12
 """Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
-IDLE = 10.0
-"""Gain on few lines below which a cause with no predicted evidence is not fitted on all lines."""
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
@@ -127,12 +125,19 @@ ONE_CONFIGURATION = 0.97
 STRAIN_CHANCE = 1e-2
 """Probability of the strain of the tolerances below which a cause is suspected only: a wrong cause leaves an effect
 that the tolerances absorb."""
-VETOED_SHOWN = 3
-"""Number of vetoed causes that are listed."""
+LISTED = 3
+"""Number of vetoed causes, and of strained tolerances, that are listed."""
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
-# Held-out data and residuals by mode.
+# Predictions, held-out data and residuals by mode.
+
+LEAST_PROBABILITY = 0.01
+"""Probability below which a model is neglected in a prediction."""
+BEYOND_LIMIT = 1.1
+"""Highest natural frequency of the other models, as a multiple of the limit of a prediction."""
+EVALUATIONS_OF_PREDICTION = 12
+"""Most evaluations of the fits of a prediction."""
 
 FOLDS = 4
 """Most folds; each repeats the whole selection."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance.diagnosis import wording
+from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.averaging import Ensemble, Target, extension
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.report import Column, Provenance, Result, Table
@@ -176,8 +177,6 @@ class Verdict(Result):
         Every cause alone, the highest evidence first.
     ambiguous_between : tuple of str
         Ids of the causes between which the data do not decide.
-    adequacy, adequacy_after : Adequacy
-        Adequacy of the base and of the best explanation.
     vetoed : tuple of Candidate
         Causes with at least the evidence of all plausible ones that are not reported because their sizes are outside
         the plausible range: another effect may act in their place.
@@ -186,10 +185,10 @@ class Verdict(Result):
         `receptance.diagnosis.alternatives`.
     alternative : Candidate or None
         The alternative because of which no cause is reported; it shows where the model is wrong.
-    threshold : float
-        Evidence that chance alone reaches in one of a thousand diagnoses.
-    base, extended : Identification
-        The fitted models; no extended one where no cause is reported.
+    selection : Selection
+        All fits.
+    explanation : Explanation or None
+        The best of the reported explanations.
     gains : tuple of Gain
         Improvement on held-out data, if requested: in the distance of the spectra, in natural frequencies, in the
         predictive log score, and in user-defined metrics.
@@ -199,8 +198,6 @@ class Verdict(Result):
         Held-out modes, measured less predicted.
     next_measurement : NextMeasurement or None
         The measurement that is proposed next.
-    undecidable : dict of str to str
-        Causes that these data cannot show, and the reasons.
     final : bool
         False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
         none is "named".
@@ -216,17 +213,11 @@ class Verdict(Result):
     causes: tuple[Candidate, ...]
     candidates: tuple[Candidate, ...]
     ambiguous_between: tuple[str, ...]
-    adequacy: Adequacy
-    adequacy_after: Adequacy | None
-    threshold: float
-    base: Identification
-    extended: Identification | None
-    gains: tuple[Gain, ...]
     next_measurement: NextMeasurement | None
-    undecidable: dict[str, str]
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    gains: tuple[Gain, ...] = ()
     final: bool = True
     vetoed: tuple[Candidate, ...] = ()
     alternatives: tuple[Candidate, ...] = ()
@@ -238,6 +229,36 @@ class Verdict(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Diagnosis"
+
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Adequacy of the base."""
+        return judge(self.selection.base)
+
+    @property
+    def adequacy_after(self) -> Adequacy | None:
+        """Adequacy of the best of the reported explanations."""
+        return None if self.explanation is None else self.explanation.adequacy
+
+    @property
+    def base(self) -> Identification:
+        """The fitted base."""
+        return self.selection.base.identification
+
+    @property
+    def extended(self) -> Identification | None:
+        """The fitted model of the best of the reported explanations; None where no cause is reported."""
+        return None if self.explanation is None else self.explanation.fit.identification
+
+    @property
+    def threshold(self) -> float:
+        """Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model."""
+        return self.selection.threshold
+
+    @property
+    def undecidable(self) -> dict[str, str]:
+        """Causes that these data cannot show, and the reasons."""
+        return self.selection.undecidable
 
     @property
     def gain(self) -> Gain | None:
@@ -326,7 +347,7 @@ class Verdict(Result):
 
     @cached_property
     def _ensemble(self) -> Ensemble:
-        return Ensemble(self.selection, int(self.settings["seed"]))
+        return Ensemble(self.selection)
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return calculated less measured natural frequencies in percent, before and after, by mode."""
@@ -369,21 +390,21 @@ class Verdict(Result):
         """Return the answer, the misfit, each reported cause, and the measurement that would help most."""
         lines = [f"{'verdict' if self.final else 'verdict so far, not final'}: {self.verdict}", wording.sentence(self)]
         after = self.adequacy_after
-        left = f"; with the causes {after.misfit:.2f}" if after is not None else ""
+        extended = f"; with the causes {after.misfit:.2f}" if after is not None else ""
         if self.final or self.selection.base.converged:
-            lines.append(f"misfit: {self.adequacy.misfit:.2f} times what noise and floor explain{left}")
+            lines.append(f"misfit: {self.adequacy.misfit:.2f} times its expectation from noise and floor{extended}")
         else:
             lines.append("the base model is not fitted yet, so no cause was tried")
         times = wording.deviation_factor(self) if self.final else None
         if self.verdict == "unexplained" and times is not None:
             lines.append(f"the model would be adequate if all standard deviations were {times:.2g} times as large")
-        lines += wording.on_causes(self)
+        lines += wording.cause_lines(self)
         if self.ambiguous_between:
             lines.append(f"indistinguishable: {', '.join(self.ambiguous_between)}")
         if self.bias is not None:
             lines.append(f"held out: {self.bias}")
         if self.next_measurement is not None:
-            lines.append(f"measure next: {self.next_measurement.action}; {self.next_measurement.reason}")
+            lines.append(f"next measurement: {self.next_measurement.action}; {self.next_measurement.reason}")
         return lines
 
     def data(self) -> dict[str, Any]:
@@ -433,12 +454,11 @@ class Verdict(Result):
             held_out = None
             if gain is not None:
                 held_out = (gain.held_out_before, gain.held_out_before if one.held_out is None else one.held_out)
-            doubts = (() if one.converged else ("not converged",)) + (() if one.plausible else ("not plausible",))
-            rows.append([one.id, one.evidence, one.misfit, held_out, ", ".join(doubts)])
+            rows.append([one.id, one.evidence, one.misfit, held_out, wording.remarks(one)])
         columns = (
             "candidate, alone",
             Column("evidence", form="+.1f"),
-            Column("misfit left", form=".2f"),
+            Column("misfit\nwith it", form=".2f"),
             Column("held out\nwith it", form=".3g"),
             "remarks",
         )
@@ -459,7 +479,10 @@ class Verdict(Result):
 
     def _gain_table(self) -> Table:
         columns = ("metric", Column("before"), Column("after"), "improvement")
-        rows = [(one.metric, one.held_out_before, one.held_out_after, wording.improved(one)) for one in self.gains]
+        rows = [
+            (one.metric, one.held_out_before, one.held_out_after, wording.improvement_interval(one))
+            for one in self.gains
+        ]
         return Table("Held out", columns, rows)
 
     def __repr__(self) -> str:

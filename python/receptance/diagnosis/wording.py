@@ -1,25 +1,30 @@
-"""Texts on parts of a verdict."""
+"""Texts of a verdict: sentences of the summary and of the report."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+import numpy as np
 
+from receptance.identification.observations import MeasuredFRF
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from receptance.diagnosis.by_mode import ModeResidual
     from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
 __all__ = [
+    "cause_lines",
     "deviation_factor",
-    "gained",
     "implausible",
-    "improved",
-    "on_causes",
+    "improvement_interval",
+    "remarks",
+    "report_sentences",
     "sentence",
     "sizes",
-    "vetoes",
 ]
 
 SENTENCE = {
@@ -31,39 +36,40 @@ SENTENCE = {
     "unexplained": "The model is inadequate, and no known cause explains the misfit.",
 }
 
-
 UNFINISHED = "This result is preliminary, because causes were not tried: the diagnosis was interrupted"
+
+_EXPECTED = "times its expectation from noise and floor"
 
 
 def sentence(verdict: Verdict) -> str:
     """Return the verdict in one sentence, and where the diagnosis was interrupted if it was."""
     if verdict.final:
         return SENTENCE[verdict.verdict]
-    far = verdict.settings["interrupted"]
-    return f"{UNFINISHED} in step {far['step']} of about {far['of_about']}, after {far['seconds']:.0f} s."
+    position = verdict.settings["interrupted"]
+    return (
+        f"{UNFINISHED} in step {position['step']} of about {position['of_about']}, after {position['seconds']:.0f} s."
+    )
+
+
+# Sizes with units.
+
+_SMALLER_UNIT = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
 
 
 def sizes(one: Candidate) -> str:
     """Return the sizes of a candidate, with units and 95 % intervals."""
     texts = []
-    for name, (found, *ends) in one.parameters.items():
-        title = name.removeprefix(f"{one.id}.")
+    for name, (value, *ends) in one.parameters.items():
         parameter = one.declared[name]
         # An interval by the curvature may exceed the bounds of the parameter.
-        numbers = (found, *(min(max(end, parameter.lower), parameter.upper) for end in ends))
-        largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
-        scale, unit = _readable(parameter.unit, largest)
-        if title.startswith("log_"):
-            # A logarithm of a factor is shown in percent.
-            title, unit = title.removeprefix("log_"), "%"
-            value, low, high = (f"{_percent(number):+.3g}" for number in numbers)
+        low, high = (min(max(end, parameter.lower), parameter.upper) for end in ends)
+        title, unit, scale = _quantity(parameter, name, (value, low, high))
+        if scale is None:
+            shown = [f"{_percent(number):+.3g}" for number in (value, low, high)]
         else:
-            value, low, high = (_rounded(scale * number, numbers[2] - numbers[1], scale) for number in numbers)
-        texts.append(f"{title} {value}{' ' + unit if unit else ''} ({low} to {high})")
+            shown = [_rounded(scale * number, high - low, scale) for number in (value, low, high)]
+        texts.append(f"{title} {shown[0]}{' ' + unit if unit else ''} ({shown[1]} to {shown[2]})")
     return ", ".join(texts)
-
-
-_SMALLER = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
 
 
 def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]) -> str:
@@ -73,30 +79,23 @@ def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]
         parameter = parameters[name]
         if parameter.is_plausible(value):
             continue
-        title, unit = name.removeprefix(f"{parameter.cause}."), parameter.unit
-        ends = parameter.plausible or (parameter.lower, parameter.upper)
-        if title.startswith("log_"):
-            title = title.removeprefix("log_")
-            found, low, high = (f"{_percent(number):+.3g} %" for number in (value, *ends))
-        else:
-            scale, unit = _readable(unit, max(map(abs, (value, *ends))))
-            found, low, high = (f"{scale * number:.3g} {unit}".strip() for number in (value, *ends))
-        texts.append(f"{title} {found}, where {low} to {high} is plausible")
+        numbers = (value, *(parameter.plausible or (parameter.lower, parameter.upper)))
+        title, unit, scale = _quantity(parameter, name, numbers)
+        shown = [f"{_percent(x):+.3g} %" if scale is None else f"{scale * x:.3g} {unit}".strip() for x in numbers]
+        texts.append(f"{title} {shown[0]}, where {shown[1]} to {shown[2]} is plausible")
     return "; ".join(texts)
 
 
-def vetoes(verdict: Verdict) -> list[str]:
-    """Return the causes that were not reported because of their sizes, one sentence each."""
-    return [
-        f"{' + '.join((one.id, *one.together_with))} takes the misfit from {verdict.adequacy.misfit:.2f} to "
-        f"{one.misfit:.2f}, more than any plausible cause does, but only with an implausible size: {one.vetoed}"
-        for one in verdict.vetoed
-    ]
-
-
-def _readable(unit: str, largest: float) -> tuple[float, str]:
-    """Return how a number in SI units is multiplied to be read, and the unit that it then has."""
-    return _SMALLER[unit] if unit in _SMALLER and largest < 1.0 else (1.0, unit)
+def _quantity(parameter: Parameter, name: str, numbers: Sequence[float]) -> tuple[str, str, float | None]:
+    """Return title and unit in which numbers are shown, and their scale; None for a logarithm, shown in percent."""
+    title = name.removeprefix(f"{parameter.cause}.")
+    if title.startswith("log_"):
+        return title.removeprefix("log_"), "%", None
+    largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
+    scale, unit = (1.0, parameter.unit)
+    if largest < 1.0:
+        scale, unit = _SMALLER_UNIT.get(unit, (1.0, unit))
+    return title, unit, scale
 
 
 def _rounded(value: float, width: float, scale: float) -> str:
@@ -112,48 +111,164 @@ def _percent(logarithm: float) -> float:
     return 100.0 * math.expm1(min(logarithm, 50.0))
 
 
-def improved(gain: Gain) -> str:
+# Lines of the summary.
+
+
+def remarks(one: Candidate) -> str:
+    """Return why a candidate is doubtful; empty where it is not."""
+    return ", ".join(
+        text for text, ok in (("not plausible", one.plausible), ("not converged", one.converged)) if not ok
+    )
+
+
+def cause_lines(verdict: Verdict) -> list[str]:
+    """Return lines on reported and vetoed causes and on a better alternative; details are indented."""
+    lines = []
+    near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
+    if verdict.verdict == "unexplained" and near is not None:
+        lines.append(f"plausible cause with the highest evidence: {near.id} ({near.variant}): {near.meaning}")
+        lines.append(f"  size: {sizes(near) or 'no parameter'}; misfit with it {near.misfit:.2f}")
+    for one in verdict.causes:
+        lines.append(f"{one.id} ({one.group}; {one.variant}): {one.meaning}")
+        lines.append(f"  size: {sizes(one) or 'no parameter'}")
+        lines.append(f"  chi-square decreases by {one.gain:.0f}, evidence {one.evidence:+.0f}")
+        if one.look_alikes:
+            cosines = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
+            lines.append(f"  look-alikes: {cosines}")
+        lines.append(f"  remedy: {one.remedy}")
+    for one in verdict.vetoed:
+        lines += [f"vetoed: {_veto(verdict, one)}", f"  {one.meaning}; remedy: {one.remedy}"]
+    if (other := verdict.alternative) is not None:
+        lines.append(f"a change that is not a known cause: {other.meaning} {other.variant}")
+        lines.append(f"  size: {sizes(other)}")
+        lines.append(f"  remedy: {other.remedy}")
+    return lines
+
+
+def _veto(verdict: Verdict, one: Candidate) -> str:
+    return (
+        f"{' + '.join((one.id, *one.together_with))} reduces the misfit from {verdict.adequacy.misfit:.2f} to "
+        f"{one.misfit:.2f}, more than any plausible cause, but only with an implausible size: {one.vetoed}"
+    )
+
+
+def improvement_interval(gain: Gain) -> str:
     """Return the interval of an improvement as text."""
     low, high = gain.interval
     if low == high == 0.0:
-        return "none: nothing is extended"
+        return "none: no cause is added to the model"
     if not math.isfinite(low):
-        return "by the one configuration that was held out, so without an interval"
+        return "no interval: one configuration was held out"
     return f"{low:.3g} to {high:.3g} (95 %), better in {gain.better} of {len(gain.folds)} folds"
 
 
 def deviation_factor(verdict: Verdict) -> float | None:
     """Return the factor on all standard deviations that makes the base model adequate; None if it is adequate."""
     found = verdict.adequacy
-    short = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
-    return math.sqrt(short) if short > 1.0 else None
+    excess = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
+    return math.sqrt(excess) if excess > 1.0 else None
 
 
-def gained(gain: Gain) -> str:
-    """Return an improvement as text."""
-    text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
-    return f"{text}; improvement {improved(gain)}"
+# Sentences of the report.
 
 
-def on_causes(verdict: Verdict) -> list[str]:
-    """Return lines on reported and vetoed causes and on a better alternative; details are indented."""
-    lines = []
-    near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
-    if verdict.verdict == "unexplained" and near is not None:
-        lines.append(f"nearest of the plausible causes: {near.id} ({near.variant}): {near.meaning}")
-        lines.append(f"  size: {sizes(near) or 'no number'}; it leaves a misfit of {near.misfit:.2f}")
-    for one in verdict.causes:
-        lines.append(f"{one.id} ({one.group}; {one.variant}): {one.meaning}")
-        lines.append(f"  size: {sizes(one) or 'no number'}")
-        lines.append(f"  chi-square falls by {one.gain:.0f}, evidence {one.evidence:+.0f}")
-        if one.look_alikes:
-            alike = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
-            lines.append(f"  looks like: {alike}")
-        lines.append(f"  what to do: {one.remedy}")
-    for one, text in zip(verdict.vetoed, vetoes(verdict), strict=True):
-        lines += [f"vetoed: {text}", f"  {one.meaning}; what to do: {one.remedy}"]
+def report_sentences(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
+    """Return the sentences on data, model, causes, modes and gain."""
+    observed = verdict.selection.base.model.observations
+    receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
+    lines = sum(one.frequency_hz.size for one in receptances)
+    frequencies = sum(one.frequency_hz.size for one in observed if not isinstance(one, MeasuredFRF))
+    data = [f"{len(receptances)} receptances with {lines} lines"] if receptances else []
+    data += [f"{frequencies} natural frequencies"] if frequencies else []
+    count = len(verdict.selection.base.model.configurations)
+    sentences = [
+        f"The data are {' and '.join(data)} of {count} configuration{'s' if count != 1 else ''}. The model was fitted "
+        "to all of them together; dimensions and materials vary within their tolerances.",
+        _adequacy_sentence(verdict),
+        *_cause_sentences(verdict),
+        *(f"{_veto(verdict, one)}." for one in verdict.vetoed),
+        *_mode_sentences(before, after),
+    ]
+    if (gain := verdict.gain) is not None:
+        text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
+        sentences.append(f"Held-out data: {text}; improvement {improvement_interval(gain)}.")
+    if verdict.bias is not None:
+        sentences.append(f"Held-out data with the model as given: {verdict.bias}.")
+    return sentences
+
+
+def _adequacy_sentence(verdict: Verdict) -> str:
+    if verdict.verdict == "undecided":
+        return "The data have too few degrees of freedom to test the model."
+    adequacy = verdict.adequacy
+    text = f"The misfit is {adequacy.misfit:.2f} {_EXPECTED}"
+    if not adequacy.passed:
+        return f"{text}, and is largest in {adequacy.worst[0]}." if adequacy.worst else f"{text}."
+    if verdict.verdict in ("named", "suspected", "ambiguous"):
+        return f"{text}. The model passes the test of adequacy, but a cause has evidence above the detection threshold."
+    return f"{text}; the model is adequate."
+
+
+def _cause_sentences(verdict: Verdict) -> list[str]:
+    after = verdict.adequacy_after
+    misfit = f" The misfit with it is {after.misfit:.2f} {_EXPECTED}." if after is not None else ""
+    if verdict.verdict == "ambiguous":
+        between = ", ".join(verdict.ambiguous_between)
+        return [f"These data cannot distinguish between {between}: each of them explains the misfit.{misfit}"]
     if (other := verdict.alternative) is not None:
-        lines.append(f"a change that is not a known cause: {other.meaning} {other.variant}")
-        lines.append(f"  size: {sizes(other)}")
-        lines.append(f"  what to do: {other.remedy}")
-    return lines
+        return [
+            f"A cause of the catalogue explains the data similarly well, but {other.meaning} {other.variant} "
+            f"({sizes(other)}) is preferred. It is not a known cause, so no cause is named: {other.remedy}."
+        ]
+    if verdict.verdict == "unexplained":
+        causes = "known causes" if verdict.final else "causes that were tried so far"
+        return [
+            f"None of the {len(verdict.candidates)} {causes} explains it. The reason may be a cause outside the "
+            "catalogue, or several causes together.",
+            *_unexplained_sentences(verdict),
+        ]
+    names = " and ".join(one.id for one in verdict.causes)
+    if verdict.verdict == "suspected":
+        return [f"{names} explains the misfit and is suspected only; the notes state the reasons.{misfit}"]
+    if verdict.verdict == "named":
+        return [f"The cause is {names}: {'; '.join(one.meaning for one in verdict.causes)}.{misfit}"]
+    return ["No cause of the catalogue has evidence above the detection threshold."]
+
+
+def _unexplained_sentences(verdict: Verdict) -> list[str]:
+    """Describe the cause with the highest evidence if none explains the data, and the misfit of the model."""
+    sentences = []
+    if verdict.candidates:
+        best = verdict.candidates[0]
+        text = (
+            f"{best.id} has the highest evidence ({best.meaning}): the misfit with it is {best.misfit:.3g} {_EXPECTED}"
+        )
+        if verdict.gain is not None and best.held_out is not None:
+            text += (
+                f", and held-out data ({verdict.gain.metric}) change from {verdict.gain.held_out_before:.3g} to "
+                f"{best.held_out:.3g}"
+            )
+        sentences.append(f"{text}.")
+    times = deviation_factor(verdict)
+    if times is not None:
+        sentences.append(f"The model would be adequate if all standard deviations were {times:.2g} times as large.")
+    return sentences
+
+
+def _mode_sentences(before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
+    fitted, extended = (np.array([one.frequency_percent for one in modes]) for modes in (before, after))
+    if not np.isfinite(fitted).any():
+        return []
+    worst = before[int(np.nanargmax(np.abs(fitted)))]
+    text = (
+        f"The errors of the natural frequencies of the fitted model are {_rms(fitted):.2g} % rms, the largest one in "
+        f"{worst.label}, mode {worst.mode} ({worst.frequency_percent:+.2g} %)"
+    )
+    return [
+        text
+        + (f"; those of the extended model are {_rms(extended):.2g} % rms." if np.isfinite(extended).any() else ".")
+    ]
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))

@@ -16,6 +16,7 @@ from receptance.frf.resampling import resample
 from receptance.frf.validation import check_form, check_lines, checked_fields
 from receptance.frf.variance import interval_factor, pool_entries, variance_from_coherence
 from receptance.model.coordinates import Coordinate, Side
+from receptance.report import Renderable, Table
 from receptance.units import FORMS, Form, FRFKind, frf_unit
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ _PHYSICAL = {"frequency_hz", "values", "form", "responses", "excitations", "usab
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class FRF:
+class FRF(Renderable):
     """Frequency response function (FRF) between one or several excitations and responses.
 
     Parameters
@@ -357,6 +358,17 @@ class FRF:
 
         return dataset(self)
 
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"FRF {self.label}".rstrip()
+
+    def tables(self) -> list[Table]:
+        """Return the table of `summary`: lines, form, coordinates, averages and quality."""
+        from receptance.frf.presentation import summary_table
+
+        return [summary_table(self)]
+
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw magnitude, phase and, if known, coherence; see `receptance.frf.presentation.draw_frf`."""
         from receptance.frf.presentation import draw_frf
@@ -390,12 +402,6 @@ class FRF:
             if name not in names:
                 raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(names)}")
         return self._checked_copy(changes)
-
-    def _repr_html_(self) -> str:
-        from receptance.frf.presentation import summary_table
-        from receptance.report.html import table_html
-
-        return table_html(summary_table(self))
 
     def __repr__(self) -> str:
         units = sorted({unit for row in self.units for unit in row})

@@ -8,7 +8,7 @@ import numpy as np
 
 from receptance.model.coordinates import Unplaced
 from receptance.report import Table
-from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
 
 if TYPE_CHECKING:
     import xarray
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance.frf import FRF
 
-__all__ = ["dataset", "draw_frf", "summary_table"]
+__all__ = ["PHASE_FROM", "dataset", "draw_frf", "summary_table"]
 
 _DIMENSIONS = ("frequency_hz", "response", "excitation")
 """Dimensions of the xarray data set."""
@@ -26,7 +26,7 @@ _MAX_NAMED = 8
 """Most entries named in the legend; of more entries only the number is given."""
 _OPACITY = 0.24
 """Opacity of the 95 % band."""
-_PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
+PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
 """Lower end of the phase axis in degrees, in the middle of the range that a drive point does not reach."""
 
 
@@ -60,7 +60,7 @@ def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
         _draw_entry(panels, frf, entry, COLOURS[number % len(COLOURS)], number < _MAX_NAMED)
     panels[0].set_yscale("log")
     panels[1].set_yticks([-180, -90, 0, 90, 180])
-    panels[1].set_ylim(_PHASE_FROM[frf.form] - 5.0, _PHASE_FROM[frf.form] + 365.0)
+    panels[1].set_ylim(PHASE_FROM[frf.form] - 5.0, PHASE_FROM[frf.form] + 365.0)
     if rows == 3:
         set_up(panels[2], "", "", "coherence")
         panels[2].set_ylim(0.0, 1.05)
@@ -83,12 +83,7 @@ def _draw_entry(panels: NDArray[np.object_], frf: FRF, entry: tuple[int, ...], c
         half = np.where(np.isfinite(frf.log_variance[:, i, j]), frf.log_interval()[:, i, j], np.nan)
         half = np.minimum(half, np.log(1e3))
         panels[0].fill_between(f, size * np.exp(-half), size * np.exp(half), color=colour, alpha=_OPACITY, linewidth=0)
-    phase = (np.degrees(np.angle(h)) - _PHASE_FROM[frf.form]) % 360.0 + _PHASE_FROM[frf.form]
-    # No line is drawn across a jump by a full turn.
-    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
-    panels[1].plot(
-        np.insert(f, jumps, np.nan), np.insert(phase, jumps, np.nan), color=colour, linewidth=1.1, marker=marker
-    )
+    panels[1].plot(*phase_line(f, h, PHASE_FROM[frf.form]), color=colour, linewidth=1.1, marker=marker)
     if frf.coherence is not None:
         panels[2].plot(f, frf.coherence[:, i, j], color=colour, linewidth=0.9, marker=marker)
 
@@ -137,11 +132,11 @@ def _title(figure: Figure | SubFigure, axes: Axes, frf: FRF) -> None:
         details.append("grey: outside the usable band")
     title_left(figure, "  ·  ".join([title, *details]), 11.0)
     if any(_name(frf, i, j) for i, j in np.ndindex(n_out, n_in)):
-        axes.legend(fontsize=8.5, frameon=False, loc="best")
+        add_legend(axes, loc="best")
 
 
 def summary_table(frf: FRF) -> Table:
-    """Return lines, form, coordinates, averages, quality and notes of an FRF."""
+    """Return lines, form, coordinates, averages and quality of an FRF."""
     rows = [
         ("lines", f"{frf.frequency_hz.size}, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz{_spacing(frf)}"),
         ("form", f"{frf.form} in {', '.join(sorted({unit for row in frf.units for unit in row}))}"),
@@ -165,8 +160,7 @@ def summary_table(frf: FRF) -> Table:
         rows.append(("usable", f"{np.count_nonzero(frf.usable)} lines{_band(frf)}"))
     if frf.source:
         rows.append(("source", frf.source))
-    rows += [("note", note) for note in frf.notes]
-    return Table(f"FRF {frf.label}".rstrip(), ("property", "value"), rows)
+    return Table("", ("property", "value"), rows)
 
 
 def _spacing(frf: FRF) -> str:

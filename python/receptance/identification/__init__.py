@@ -29,12 +29,12 @@ from receptance.identification.next_measurement import (
     next_measurement,
 )
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.peaks import Peak, find_bands
-from receptance.identification.prediction import PredictedFRF, Scatter
+from receptance.identification.peaks import PredictedMode, find_bands
+from receptance.identification.prediction import PredictedFrequencies, PredictedFRF, Scatter
 from receptance.identification.profiles import Profile, Profiles
 from receptance.identification.result import Identification, Start
 from receptance.identification.sampling import Samples
-from receptance.identification.transfer import Split, Transfer, TransferredMode, transfer
+from receptance.identification.transfer import Split, Transfer, transfer
 from receptance.identification.unknowns import Prior, Unknown
 
 __all__ = [
@@ -50,9 +50,10 @@ __all__ = [
     "MeasuredFrequencies",
     "Move",
     "NextMeasurement",
-    "Peak",
     "Power",
     "PredictedFRF",
+    "PredictedFrequencies",
+    "PredictedMode",
     "Prior",
     "Profile",
     "Profiles",
@@ -63,7 +64,6 @@ __all__ = [
     "Start",
     "Tolerance",
     "Transfer",
-    "TransferredMode",
     "Unknown",
     "constrained_fit",
     "find_bands",

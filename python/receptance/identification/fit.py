@@ -203,7 +203,7 @@ def identify(
     found = fit(task, problem)
     # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
     # numbers minus unknowns without a prior.
-    left = task.independent_numbers - free
+    left = task.independent_values - free
     if noise == "stated" or not parameters.errors or not contradicts(_chi_square(found), left):
         return found
     # Secant steps for the logarithm of chi-square over that of the factor.
@@ -300,7 +300,7 @@ def conclude(
             *_start_advice(runs, best, same, elsewhere),
             *_bound_advice(best.variables, variables, task.parameters.errors),
             *_covariance_advice(inverse, correlation, variables.names),
-            *(_misfit_advice(parts, task.independent_numbers, count, task.noise_factor) if known else ()),
+            *(_misfit_advice(parts, task.independent_values, count, task.noise_factor) if known else ()),
             *_copy_advice(observed),
         ],
         notes=notes,

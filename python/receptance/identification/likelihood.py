@@ -199,7 +199,7 @@ def log_evidence(found: Identification) -> float:
     problem = found.task.problem()
     residual = problem.residual(found.vector)
     # A factor on the standard deviations divides the density of each independent number.
-    total = -0.5 * float(residual @ residual) - found.task.independent_numbers * math.log(found.noise_factor)
+    total = -0.5 * float(residual @ residual) - found.task.independent_values * math.log(found.noise_factor)
     low, high = problem.variables.limits
     for i, unknown in enumerate(found.unknowns):
         if unknown.prior is None:

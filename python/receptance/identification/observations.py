@@ -247,7 +247,7 @@ class MeasuredFRF(_Observation):
         return float(np.sum(1.0 / self.correlated_lines))
 
     @property
-    def independent_numbers(self) -> float:
+    def independent_values(self) -> float:
         """Effective number of independent real numbers, two for each independent line."""
         return 2.0 * self.independent_lines
 
@@ -450,7 +450,7 @@ class MeasuredFrequencies(_Observation):
         return float(len(self.modes))
 
     @property
-    def independent_numbers(self) -> float:
+    def independent_values(self) -> float:
         """Number of natural frequencies and known damping ratios."""
         return float(self.frequency_hz.size + self.damped.size)
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.identification.covariance import is_uninformative
+from receptance.identification.covariance import confidence_multiplier, is_uninformative
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["Peak", "check_bands", "find_bands", "match_peaks", "peak_indices", "within"]
+__all__ = ["PredictedMode", "check_bands", "find_bands", "match_peaks", "peak_indices", "within"]
 
 _PROMINENCE = 1.0
 """Least prominence of a peak, as natural logarithm of the magnitude."""
@@ -121,58 +121,79 @@ def within(frf: MeasuredFRF, bands: Bands) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Peak:
-    """A peak of a measured response and the matching predicted peak.
+class PredictedMode:
+    """A natural frequency or the peak of a response, predicted, measured or both.
 
     Attributes
     ----------
-    measured_hz, predicted_hz : float or None
-        None if only the other response has the peak.
-    measured_deviation_hz : float
-        Standard deviation of the measured frequency from the noise of the lines around it; 0 if unknown.
-    deviation_hz : float or None
-        Standard deviation of the prediction.
+    configuration, label : str
+        Of the measurement.
     mode : int or None
-        Number of the predicted mode from 1.
+        Number of the predicted elastic mode from 1; None for a peak without one.
+    predicted_hz : float or None
+        None if no predicted peak is near the measured one.
+    deviation_hz : float or None
+        Standard deviation of the prediction; None if it is unknown.
+    measured_hz : float or None
+        The natural frequency, or the peak of a response; None if it was not measured.
+    measured_deviation_hz : float
+        Standard deviation of the measurement, for a peak from the noise of the lines around it; 0 if unknown.
+    degrees_of_freedom : int or None
+        Of the standard deviations, if the fit has estimated them; None if they are known.
     """
 
-    measured_hz: float | None
-    predicted_hz: float | None
-    measured_deviation_hz: float = 0.0
-    deviation_hz: float | None = None
+    configuration: str = ""
+    label: str = ""
     mode: int | None = None
+    predicted_hz: float | None = None
+    deviation_hz: float | None = None
+    measured_hz: float | None = None
+    measured_deviation_hz: float = 0.0
+    degrees_of_freedom: int | None = None
 
     @property
-    def matched(self) -> bool:
-        """Whether both responses have the peak."""
-        return self.measured_hz is not None and self.predicted_hz is not None
-
-    @property
-    def error_percent(self) -> float:
-        """Relative error of the predicted frequency; NaN if one response lacks the peak."""
+    def error_percent(self) -> float | None:
+        """Relative error of the predicted frequency; None unless predicted and measured."""
         if self.measured_hz is None or self.predicted_hz is None:
-            return float("nan")
+            return None
         return 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
 
-    def within(self, multiplier: float) -> bool | None:
-        """Return whether the measured peak lies within the interval of prediction and noise.
+    def interval_hz(self, level: float = 0.95, noise: float = 0.0) -> tuple[float, float] | None:
+        """Return the interval of the frequency; None without a prediction or its standard deviation.
 
         Parameters
         ----------
-        multiplier : float
-            Half width of the interval in standard deviations.
+        level : float, optional
+            Probability of the interval.
+        noise : float, optional
+            Standard deviation of a measurement in Hz; the interval then holds the measured frequency.
+        """
+        if self.predicted_hz is None or self.deviation_hz is None:
+            return None
+        half = self._multiplier(level) * float(np.hypot(self.deviation_hz, noise))
+        return max(self.predicted_hz - half, 0.0), self.predicted_hz + half
+
+    def uninformative(self, level: float = 0.95) -> bool:
+        """Return whether the interval of the prediction is too wide to be useful; False without an interval."""
+        if self.predicted_hz is None or self.deviation_hz is None:
+            return False
+        return bool(is_uninformative(self.predicted_hz, self._multiplier(level) * self.deviation_hz))
+
+    def within(self, level: float = 0.95) -> bool | None:
+        """Return whether the measured frequency lies in the interval of prediction and measurement.
 
         Returns
         -------
         bool or None
-            None if nothing is compared or the interval of the prediction is uninformative.
+            None if it was not predicted or not measured, or if there is no useful interval.
         """
-        if self.measured_hz is None or self.predicted_hz is None or self.deviation_hz is None:
+        ends = self.interval_hz(level, self.measured_deviation_hz)
+        if self.measured_hz is None or ends is None or self.uninformative(level):
             return None
-        if is_uninformative(self.predicted_hz, multiplier * self.deviation_hz):
-            return None
-        deviation = float(np.hypot(self.deviation_hz, self.measured_deviation_hz))
-        return abs(self.predicted_hz - self.measured_hz) <= multiplier * deviation
+        return ends[0] <= self.measured_hz <= ends[1]
+
+    def _multiplier(self, level: float) -> float:
+        return confidence_multiplier(level, self.degrees_of_freedom)
 
 
 def match_peaks(
@@ -180,7 +201,7 @@ def match_peaks(
     measured: NDArray[np.complex128],
     predicted: NDArray[np.complex128],
     noise: NDArray[np.float64] | None = None,
-) -> list[Peak]:
+) -> list[PredictedMode]:
     """Match the peaks of a measured and of a predicted response.
 
     Peaks of both are interpolated in the same way, so the spacing of the lines affects both alike. Measured peaks are
@@ -197,7 +218,7 @@ def match_peaks(
 
     Returns
     -------
-    list of Peak
+    list of PredictedMode
         Matched and unmatched peaks in order of frequency.
     """
     lines = frequency_hz.real
@@ -205,7 +226,7 @@ def match_peaks(
     measured_peaks = _peaks(lines, measured, given, np.maximum(given, _scatter(measured)))
     zero = np.zeros(lines.size)
     unmatched = [frequency for frequency, _ in _peaks(lines, predicted, zero, zero)]
-    found: list[Peak] = []
+    found: list[PredictedMode] = []
     for measured_hz, deviation_hz in measured_peaks:
         near = min(unmatched, key=lambda f: abs(f - measured_hz), default=None)
         # A predicted peak is matched with the nearest measured one only.
@@ -215,8 +236,8 @@ def match_peaks(
                 near = None
             else:
                 unmatched.remove(near)
-        found.append(Peak(measured_hz=measured_hz, predicted_hz=near, measured_deviation_hz=deviation_hz))
-    found += [Peak(measured_hz=None, predicted_hz=f) for f in unmatched]
+        found.append(PredictedMode(measured_hz=measured_hz, predicted_hz=near, measured_deviation_hz=deviation_hz))
+    found += [PredictedMode(predicted_hz=f) for f in unmatched]
     return sorted(found, key=lambda peak: peak.measured_hz or peak.predicted_hz or 0.0)
 
 

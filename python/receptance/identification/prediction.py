@@ -19,11 +19,11 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.covariance import confidence_multiplier, is_uninformative, square_root
+from receptance.identification.covariance import confidence_multiplier, square_root
 from receptance.identification.laws import error_of
 from receptance.identification.mapping import FACTORS, Parameters
 from receptance.identification.new_observations import calculated
-from receptance.identification.peaks import Peak, match_peaks
+from receptance.identification.peaks import PredictedMode, match_peaks
 from receptance.identification.unknowns import Variables
 from receptance.model.addresses import MovingCoordinate
 from receptance.model.coordinates import Coordinate
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
     from receptance.identification.laws import Tolerance
     from receptance.identification.mapping import Site
-    from receptance.identification.observations import MeasuredFRF
+    from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
 
-__all__ = ["DECIBEL", "Forecast", "PredictedFRF", "Scatter"]
+__all__ = ["DECIBEL", "Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]
 
 DECIBEL = 20.0 / math.log(10.0)
 """Decibels of a factor of e."""
@@ -117,6 +117,60 @@ class Scatter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PredictedFrequencies:
+    """Predicted natural frequencies of an assembly, with measured ones if there are any.
+
+    Attributes
+    ----------
+    name, assembly : str
+        Names of the measurement, or of the assembly without one, and of the assembly.
+    modes : tuple of PredictedMode
+        The natural frequencies.
+    scatter : Scatter
+        Of the predictions in Hz.
+    """
+
+    name: str = ""
+    assembly: str = ""
+    modes: tuple[PredictedMode, ...]
+    scatter: Scatter = field(repr=False)
+
+    @property
+    def predicted_hz(self) -> NDArray[np.float64]:
+        """Predicted natural frequencies, `(m,)`."""
+        return np.array([mode.predicted_hz for mode in self.modes], dtype=np.float64)
+
+    @property
+    def measured_hz(self) -> NDArray[np.float64] | None:
+        """Measured natural frequencies, `(m,)`; None if they were not measured."""
+        measured = [mode.measured_hz for mode in self.modes]
+        return None if None in measured else np.array(measured, dtype=np.float64)
+
+    def data(self, level: float = 0.95) -> dict[str, Any]:
+        """Return the numbers by name, with intervals of a level."""
+        found: dict[str, Any] = {
+            "name": self.name,
+            "assembly": self.assembly,
+            "modes": [mode.mode for mode in self.modes],
+            "predicted_hz": self.predicted_hz,
+            "interval_hz": list(zip(*(mode.interval_hz(level) or () for mode in self.modes), strict=True)),
+            "interval_uninformative": [mode.uninformative(level) for mode in self.modes],
+            "standard_error_hz": self.scatter.total,
+            "standard_error_of_fit_hz": self.scatter.data,
+            "change_for_one_deviation_hz": self.scatter.errors,
+        }
+        if self.measured_hz is not None:
+            deviations = [mode.measured_deviation_hz for mode in self.modes]
+            found |= {
+                "measured_hz": self.measured_hz,
+                "measured_deviation_hz": deviations if any(deviations) else None,
+                "error_percent": [mode.error_percent for mode in self.modes],
+                "within": [mode.within(level) for mode in self.modes],
+            }
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
 class PredictedFRF:
     """A predicted frequency response with its band, and the measured one where there is one.
 
@@ -140,7 +194,7 @@ class PredictedFRF:
         `(n,)` complex.
     measured_deviation : ndarray or None
         `(n,)` standard deviation of the real and of the imaginary part of its logarithm.
-    peaks : tuple of Peak
+    peaks : tuple of PredictedMode
         Peaks of measurement and prediction.
     """
 
@@ -156,7 +210,7 @@ class PredictedFRF:
     degrees_of_freedom: int | None = None
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
     measured_deviation: NDArray[np.float64] | None = field(default=None, repr=False)
-    peaks: tuple[Peak, ...] = ()
+    peaks: tuple[PredictedMode, ...] = ()
 
     def band(self, level: float = 0.95, noise: ArrayLike = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the lower and upper end of the interval of the magnitude on each line.
@@ -219,7 +273,6 @@ class PredictedFRF:
 
     def data(self, level: float = 0.95) -> dict[str, Any]:
         """Return the numbers by name, with the band and intervals of a level."""
-        multiplier = confidence_multiplier(level, self.degrees_of_freedom)
         nothing = self.uninformative(level)
         low, high = (np.where(nothing, np.nan, side) for side in self.band(level))
         found: dict[str, Any] = {
@@ -247,10 +300,8 @@ class PredictedFRF:
                         "predicted_hz": peak.predicted_hz,
                         "standard_error_hz": peak.deviation_hz,
                         "error_percent": peak.error_percent,
-                        "within": peak.within(multiplier),
-                        "interval_uninformative": peak.predicted_hz is not None
-                        and peak.deviation_hz is not None
-                        and bool(is_uninformative(peak.predicted_hz, multiplier * peak.deviation_hz)),
+                        "within": peak.within(level),
+                        "interval_uninformative": peak.uninformative(level),
                     }
                     for peak in self.peaks
                 ],
@@ -324,16 +375,55 @@ class Forecast:
             slope @ self._own, self._covariance, self._errors, fresh=slope @ self._new, fresh_names=self.fresh
         )
 
-    def natural_frequencies(self, upper_hz: float) -> tuple[NDArray[np.float64], Scatter]:
-        """Return natural frequencies up to a limit and their scatter in Hz."""
+    def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
+        """Return the natural frequencies up to a limit."""
         found, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
-        return found, self.scatter(slope)
+        return self._frequencies(range(1, found.size + 1), found, self.scatter(slope))
 
-    def modes(self, numbers: Sequence[int]) -> tuple[NDArray[np.float64], Scatter]:
-        """Return the natural frequencies of some modes, counted from 1, and their scatter in Hz."""
+    def modes(self, numbers: Sequence[int]) -> PredictedFrequencies:
+        """Return the natural frequencies of some modes, counted from 1."""
         found, slope = self.assembly.lowest_natural_frequencies(max(numbers), self.addresses)
         rows = [number - 1 for number in numbers]
-        return found[rows], self.scatter(slope[rows])
+        return self._frequencies(numbers, found[rows], self.scatter(slope[rows]))
+
+    def _frequencies(
+        self, numbers: Sequence[int], found: NDArray[np.float64], scatter: Scatter
+    ) -> PredictedFrequencies:
+        modes = [
+            PredictedMode(mode=number, predicted_hz=frequency, deviation_hz=deviation, degrees_of_freedom=self._freedom)
+            for number, frequency, deviation in zip(numbers, found.tolist(), scatter.total.tolist(), strict=True)
+        ]
+        return PredictedFrequencies(modes=tuple(modes), scatter=scatter)
+
+    def observed_modes(
+        self, measured: MeasuredFrequencies, noise: NDArray[np.float64] | None = None
+    ) -> PredictedFrequencies:
+        """Return the natural frequencies of a measurement of this assembly.
+
+        Parameters
+        ----------
+        measured : MeasuredFrequencies
+            The measurement.
+        noise : ndarray, optional
+            `(n,)` its standard deviations in Hz; by default the stated ones.
+        """
+        found = self.modes(measured.modes)
+        noise = measured.standard_deviation_hz if noise is None else noise
+        deviations = np.zeros(len(found.modes)) if noise is None else noise
+        modes = [
+            replace(
+                mode,
+                configuration=measured.configuration,
+                label=measured.label,
+                measured_hz=frequency,
+                measured_deviation_hz=deviation,
+            )
+            for mode, frequency, deviation in zip(
+                found.modes, measured.frequency_hz.tolist(), deviations.tolist(), strict=True
+            )
+        ]
+        name = measured.label or measured.configuration
+        return replace(found, name=name, assembly=measured.configuration, modes=tuple(modes))
 
     def receptance(
         self,
@@ -414,23 +504,29 @@ class Forecast:
             excitation=measured.excitation,
             measured=measured.receptance,
             measured_deviation=noise,
-            peaks=self._peaks(match_peaks(measured.frequency_hz, measured.receptance, found.receptance, noise)),
+            peaks=self._peaks(
+                measured, match_peaks(measured.frequency_hz, measured.receptance, found.receptance, noise)
+            ),
         )
 
-    def _peaks(self, peaks: Sequence[Peak]) -> tuple[Peak, ...]:
+    def _peaks(self, measured: MeasuredFRF, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
         """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
 
         An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
         """
         highest = max((peak.predicted_hz or 0.0 for peak in peaks), default=0.0)
-        if not highest or not self.assembly.countable:
-            return tuple(peaks)
-        modes, scatter = self.natural_frequencies(1.1 * highest)
+        modes: tuple[PredictedMode, ...] = ()
+        if highest and self.assembly.countable:
+            modes = self.natural_frequencies(1.1 * highest).modes
+        frequencies = np.array([mode.predicted_hz for mode in modes])
         found = []
         for peak in peaks:
-            if peak.predicted_hz is not None and modes.size:
-                near = int(np.abs(modes - peak.predicted_hz).argmin())
-                peak = replace(peak, mode=near + 1, deviation_hz=float(scatter.total[near]))
+            peak = replace(
+                peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=self._freedom
+            )
+            if peak.predicted_hz is not None and modes:
+                near = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
+                peak = replace(peak, mode=near.mode, deviation_hz=near.deviation_hz)
             found.append(peak)
         return tuple(found)
 

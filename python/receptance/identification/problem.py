@@ -18,9 +18,8 @@ from receptance import _checks, _core
 from receptance.errors import ReceptanceError
 from receptance.identification.mapping import FACTORS
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
-from receptance.model.addresses import interface_names
 from receptance.model.joints import PointJoint
-from receptance.model.tables import Tied, by_line, tie
+from receptance.model.tables import Tied
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -288,7 +287,7 @@ class Problem:
         if found is None:
             return "a residual or its derivative is not finite"
         number, text = found
-        return interface_names(self._added.assemblies[number]._flatten(()), text)
+        return self._added.assemblies[number].flat().with_joint_name(text)
 
     def _evaluate(self, x: NDArray[np.float64]) -> _Rows:
         if self._at is None or not np.array_equal(self._at, x):
@@ -378,7 +377,7 @@ class _CoreObservations:
         if key not in self._receptances:
             evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
             try:
-                given = by_line(model.flat, evaluated / math.tau, frf.force)
+                given = model.flat.by_line(evaluated / math.tau, frf.force)
             except ValueError as error:
                 raise InfeasibleError(str(error)) from None
             tied, assembly = model.model(addresses, factors), one.observation.assembly
@@ -482,7 +481,7 @@ def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]
     factors = [(FACTORS.index(name), i) for i, name in enumerate(mapping.addresses) if name in FACTORS]
     frf = one.observation
     points = (frf.response, frf.excitation) if isinstance(frf, MeasuredFRF) else ()
-    tied = tie(frf.assembly, mapping.addresses, points, others=FACTORS)
+    tied = frf.assembly.tied(mapping.addresses, points, others=FACTORS)
     start = np.where(mapping.base >= 0, mapping.scale, mapping.fixed)
     columns = [mapping.base, start, mapping.second, mapping.share, mapping.exponents, mapping.shifts]
     addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)

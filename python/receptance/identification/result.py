@@ -424,8 +424,8 @@ class Identification(Result):
             `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
             and the errors of a new configuration. Infinite if a relevant parameter is not determined.
         """
-        found, scatter = self._forecast(assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
-        return found, scatter.total
+        found = self._forecast(assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
+        return found.predicted_hz, found.scatter.total
 
     def predict_receptance(
         self,

@@ -69,9 +69,9 @@ class Task:
         return tuple(self._in_bands(one, unit) for one, unit in zip(self.observed, self.units, strict=True))
 
     @property
-    def independent_numbers(self) -> float:
+    def independent_values(self) -> float:
         """Effective number of independent real numbers that are fitted."""
-        return sum(one.independent_numbers for one in self.selected)
+        return sum(one.independent_values for one in self.selected)
 
     def problem(
         self, lines: Sequence[NDArray[np.intp] | None] | None = None, smoothing: float | None = None

@@ -10,10 +10,11 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier, is_uninformative
+from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.fit import identify
 from receptance.identification.laws import Law, Tolerance
 from receptance.identification.observations import MeasuredFRF, as_observations
+from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
 from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Result, Table
@@ -28,73 +29,11 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
-__all__ = ["Split", "Transfer", "TransferredMode", "groups_of", "transfer"]
+__all__ = ["Split", "Transfer", "groups_of", "transfer"]
 
 Splits = Literal["leave-one-out", "one-for-all"]
 _MISFIT = 1.5
 """Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TransferredMode:
-    """A natural frequency of a configuration that was not fitted.
-
-    Attributes
-    ----------
-    configuration, label : str
-        Of the measurement.
-    mode : int or None
-        Number of the elastic mode from 1; None for a measured peak without a predicted one.
-    measured_hz : float
-        The measured natural frequency, or the peak of the measured receptance.
-    predicted_hz : float or None
-        None where a measured peak has no predicted one near it.
-    deviation_hz : float or None
-        Standard deviation of the prediction.
-    reading_hz : float
-        Standard deviation of the measurement.
-    reach : float
-        Half width of the interval in standard deviations.
-    """
-
-    configuration: str
-    label: str
-    mode: int | None
-    measured_hz: float
-    predicted_hz: float | None
-    deviation_hz: float | None
-    reading_hz: float
-    reach: float
-
-    @property
-    def error_percent(self) -> float | None:
-        """Relative error of the prediction in percent; None without a prediction."""
-        return None if self.predicted_hz is None else 100.0 * (self.predicted_hz / self.measured_hz - 1.0)
-
-    @property
-    def interval_hz(self) -> tuple[float, float] | None:
-        """Interval of the measured natural frequency, by prediction and reading; None without a deviation."""
-        if self.predicted_hz is None or self.deviation_hz is None:
-            return None
-        half = self.reach * float(np.hypot(self.deviation_hz, self.reading_hz))
-        return max(self.predicted_hz - half, 0.0), self.predicted_hz + half
-
-    @property
-    def uninformative(self) -> bool:
-        """Whether the interval of the prediction is too wide to be useful."""
-        if self.predicted_hz is None or self.deviation_hz is None:
-            return False
-        return bool(is_uninformative(self.predicted_hz, self.reach * self.deviation_hz))
-
-    @property
-    def inside(self) -> bool | None:
-        """Whether the measured one is in the interval; False without a prediction, None without a useful interval."""
-        if self.predicted_hz is not None and self.deviation_hz is None:
-            return None
-        ends = self.interval_hz
-        if self.uninformative:
-            return None
-        return ends is not None and ends[0] <= self.measured_hz <= ends[1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,8 +46,8 @@ class Split:
         Configurations.
     identified : Identification or None
         The fit; None where none of the unknowns is in the fitted configurations.
-    modes : tuple of TransferredMode
-        Natural frequencies and peaks.
+    modes : tuple of PredictedMode
+        Measured natural frequencies and peaks, and their predictions.
     frfs : tuple of PredictedFRF
         Receptances.
     not_predicted : tuple of str
@@ -120,7 +59,7 @@ class Split:
     held_out: tuple[str, ...]
     fitted: tuple[str, ...]
     identified: Identification | None = field(repr=False)
-    modes: tuple[TransferredMode, ...]
+    modes: tuple[PredictedMode, ...]
     frfs: tuple[PredictedFRF, ...]
     not_predicted: tuple[str, ...]
     notes: tuple[str, ...] = ()
@@ -153,7 +92,7 @@ class Transfer(Result):
     heading = "Transfer"
 
     @property
-    def modes(self) -> tuple[TransferredMode, ...]:
+    def modes(self) -> tuple[PredictedMode, ...]:
         """Natural frequencies and peaks of all splits."""
         return tuple(mode for split in self.splits for mode in split.modes)
 
@@ -202,7 +141,7 @@ class Transfer(Result):
     @property
     def inside(self) -> tuple[int, int]:
         """Number of natural frequencies in their intervals, and number of those with a useful interval."""
-        known = [mode.inside for mode in self.modes if mode.inside is not None]
+        known = [inside for mode in self.modes if (inside := _is_inside(mode, self.level)) is not None]
         return sum(known), len(known)
 
     @property
@@ -282,8 +221,8 @@ class Transfer(Result):
                 mode.measured_hz,
                 "none" if mode.predicted_hz is None else mode.predicted_hz,
                 mode.error_percent,
-                UNINFORMATIVE if mode.uninformative else mode.interval_hz,
-                mode.inside,
+                UNINFORMATIVE if mode.uninformative(self.level) else _interval(mode, self.level),
+                _is_inside(mode, self.level),
             ]
             for mode in self.modes
         ]
@@ -405,7 +344,7 @@ def transfer(
         near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]
         kept = [o for o in observed if o.configuration not in group]
         fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
-        predictor = _Predictor(fit, [u for u in given if u not in here], errors, level, draws, seed)
+        predictor = _Predictor(fit, [u for u in given if u not in here], errors, draws, seed)
         for one in observed:
             if one.configuration in group:
                 predictor.predict(one)
@@ -471,10 +410,9 @@ class _Predictor:
     fit: Identification | None
     lost: Sequence[Unknown]
     tolerances: Sequence[Tolerance]
-    level: float
     draws: int
     seed: int
-    modes: list[TransferredMode] = field(default_factory=list)
+    modes: list[PredictedMode] = field(default_factory=list)
     frfs: list[PredictedFRF] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -491,43 +429,14 @@ class _Predictor:
                 f"{one.configuration}: {names} {'is in' if missing else 'in'} no configuration that is left"
             )
             return
-        common: dict[str, Any] = {
-            "configuration": one.configuration,
-            "label": one.label,
-            "reach": self.fit.confidence_multiplier(self.level),
-        }
         try:
             forecast = Forecast(self.fit, site, self.tolerances)
             if isinstance(one, MeasuredFRF):
                 frf = self._frf(one, self.fit, forecast)
                 self.frfs.append(frf)
-                self.modes += [
-                    TransferredMode(
-                        **common,
-                        mode=peak.mode,
-                        measured_hz=peak.measured_hz,
-                        predicted_hz=peak.predicted_hz,
-                        deviation_hz=peak.deviation_hz,
-                        reading_hz=peak.measured_deviation_hz,
-                    )
-                    for peak in frf.peaks
-                    if peak.measured_hz is not None
-                ]
+                self.modes += [peak for peak in frf.peaks if peak.measured_hz is not None]
             else:
-                predicted, scatter = forecast.modes(one.modes)
-                self.modes += [
-                    TransferredMode(
-                        **common,
-                        mode=mode,
-                        measured_hz=float(measured),
-                        predicted_hz=float(middle),
-                        deviation_hz=float(deviation),
-                        reading_hz=float(reading),
-                    )
-                    for mode, measured, middle, deviation, reading in zip(
-                        one.modes, one.frequency_hz, predicted, scatter.total, _readings(one, self.fit), strict=True
-                    )
-                ]
+                self.modes += forecast.observed_modes(one, _readings(one, self.fit)).modes
         except (ValueError, ReceptanceError) as error:
             self.reasons.append(f"{one.configuration}: {error}")
 
@@ -547,11 +456,21 @@ def _residual_deviation(fit: Identification) -> float:
     return float(np.sqrt(fit.residual_variance)) if fit.degrees_of_freedom > 0 else np.inf
 
 
-def _readings(one: MeasuredFrequencies, fit: Identification) -> NDArray[np.float64]:
-    """Return the standard deviations of measured natural frequencies, stated or estimated by the fit."""
-    if fit.known_scatter and one.standard_deviation_hz is not None:
-        return one.standard_deviation_hz
-    return _residual_deviation(fit) / (100.0 if "percent" in fit.units else 1.0) * one.frequency_hz
+def _readings(measured: MeasuredFrequencies, fit: Identification) -> NDArray[np.float64] | None:
+    """Return the standard deviations of natural frequencies, from the residuals of the fit if none were given."""
+    if fit.known_scatter:
+        return measured.standard_deviation_hz
+    return _residual_deviation(fit) / (100.0 if "percent" in fit.units else 1.0) * measured.frequency_hz
+
+
+def _interval(mode: PredictedMode, level: float) -> tuple[float, float] | None:
+    """Return the interval of the measured frequency, from prediction and measurement."""
+    return mode.interval_hz(level, mode.measured_deviation_hz)
+
+
+def _is_inside(mode: PredictedMode, level: float) -> bool | None:
+    """Return whether a measured frequency was predicted within its interval; None without a useful interval."""
+    return False if mode.predicted_hz is None else mode.within(level)
 
 
 def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
@@ -573,10 +492,10 @@ def _split_as_dict(split: Split, level: float) -> dict[str, Any]:
                 "measured_hz": mode.measured_hz,
                 "predicted_hz": mode.predicted_hz,
                 "standard_error_hz": mode.deviation_hz,
-                "reading_deviation_hz": mode.reading_hz,
-                "interval_hz": mode.interval_hz,
+                "reading_deviation_hz": mode.measured_deviation_hz,
+                "interval_hz": _interval(mode, level),
                 "error_percent": mode.error_percent,
-                "inside": mode.inside,
+                "inside": _is_inside(mode, level),
             }
             for mode in split.modes
         ],

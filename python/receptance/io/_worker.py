@@ -1,15 +1,15 @@
 """Script that reads MAT and HDF5 files for `mat_hdf5.py` in a separate process, without importing receptance.
 
-Requests are lines of JSON on standard input, {"kind", "path", "names", "size", "largest", "seconds",
-"bytes_per_second"}. Each answer is the length of a header (8 bytes), the header as JSON, and the arrays in order.
+Requests and answers are pickles on standard input and output. A request is {"kind", "path", "names", "size", "largest",
+"seconds", "bytes_per_second"}. An answer is the text of an error, or three mappings by name: arrays, texts of
+measurements of this library, and shape and type of all variables.
 """
 
 from __future__ import annotations
 
-import json
+import pickle
 import re
 import signal
-import struct
 import sys
 from collections.abc import Iterator
 from typing import Any, BinaryIO
@@ -29,17 +29,17 @@ class _RefusedError(Exception):
     """A file that is not read, with the reason."""
 
 
-def _names_wanted(name: str, wanted: list[str] | None) -> bool:
-    """Return whether to load a top-level variable."""
-    return bool(OWN.fullmatch(name)) if wanted is None else name in _bases(wanted)
+def _is_requested(name: str, names: list[str] | None) -> bool:
+    """Return whether a variable is loaded: the names in the request, or without these the variables of this library."""
+    return bool(OWN.fullmatch(re.split(r"[./]", name)[0])) if names is None else name in names
 
 
-def _bases(wanted: list[str]) -> list[str]:
+def _bases(names: list[str]) -> list[str]:
     """Return the top-level variables of the requested names."""
-    return [re.split(r"[./[]", name)[0] for name in wanted]
+    return [re.split(r"[./[]", name)[0] for name in names]
 
 
-def _mat(path: str, wanted: list[str] | None) -> Iterator[tuple[str, Any]]:
+def _mat(path: str, names: list[str] | None) -> Iterator[tuple[str, Any]]:
     import scipy.io
 
     try:
@@ -47,15 +47,17 @@ def _mat(path: str, wanted: list[str] | None) -> Iterator[tuple[str, Any]]:
             held: list[tuple[str, tuple[int, ...], str]] = list(scipy.io.whosmat(path))
         except TypeError:
             # whosmat fails on MATLAB objects such as strings and tables, which loadmat skips.
-            loaded = scipy.io.loadmat(path, variable_names=None if wanted is None else _bases(wanted))
+            loaded = scipy.io.loadmat(path, variable_names=None if names is None else _bases(names))
             held = [
                 (name, value.shape, "struct" if value.dtype.names else str(value.dtype))
                 for name, value in loaded.items()
                 if isinstance(value, np.ndarray) and not isinstance(value, scipy.io.matlab.MatlabOpaque)
             ]
         # Without a request, structs are loaded as well, to list their fields.
-        names = [name for name, _, kind in held if _names_wanted(name, wanted) or (wanted is None and kind == "struct")]
-        loaded = scipy.io.loadmat(path, variable_names=names, simplify_cells=True) if names else {}
+        structs = [name for name, _, kind in held if kind == "struct"] if names is None else []
+        bases = None if names is None else _bases(names)
+        read = [name for name, _, _ in held if name in structs or _is_requested(name, bases)]
+        loaded = scipy.io.loadmat(path, variable_names=read, simplify_cells=True) if read else {}
     except NotImplementedError as error:
         raise _RefusedError(f"unsupported contents: {error}") from None
     for name, shape, kind in held:
@@ -80,7 +82,6 @@ def _flatten(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
 def _hdf5(request: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     import h5py  # type: ignore[import-untyped]
 
-    wanted = request["names"]
     with h5py.File(request["path"], "r") as file:
         found: list[tuple[str, Any]] = []
         for name, item in _members(h5py, file, "", 0):
@@ -89,9 +90,7 @@ def _hdf5(request: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             found.append((name, item))
         loaded = [
             # External storage and virtual data sets read other files, which is refused.
-            not _is_external(item)
-            and item.shape is not None
-            and (OWN.fullmatch(name.split("/")[0]) is not None if wanted is None else name in wanted)
+            not _is_external(item) and item.shape is not None and _is_requested(name, request["names"])
             for name, item in found
         ]
         # Declared sizes are checked before allocation: data sets without chunks may declare any size.
@@ -147,35 +146,24 @@ def _value(item: Any) -> Any:
     return np.ascontiguousarray(np.asarray(array).T if "MATLAB_class" in item.attrs else np.asarray(array))
 
 
-def _answer(request: dict[str, Any]) -> tuple[bytes, list[Any]]:
-    """Return the header and the arrays of an answer."""
-    listed: dict[str, str] = {}
+def _answer(request: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
+    """Return the arrays, the texts and the list of variables of an answer."""
+    arrays: dict[str, Any] = {}
     texts: dict[str, str] = {}
-    arrays: list[tuple[str, Any]] = []
-    wanted = request["names"]
-    for name, value in _mat(request["path"], wanted) if request["kind"] == "mat" else _hdf5(request):
-        own = OWN.fullmatch(re.split(r"[./]", name)[0]) is not None
-        loaded = own if wanted is None else name in wanted
+    listed: dict[str, str] = {}
+    names = request["names"]
+    for name, value in _mat(request["path"], names) if request["kind"] == "mat" else _hdf5(request):
+        requested = _is_requested(name, names)
         if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
-            if loaded:
-                arrays.append((name, np.ascontiguousarray(value)))
+            if requested:
+                arrays[name] = np.ascontiguousarray(value)
             listed[name] = f"{'x'.join(map(str, value.shape)) or 'scalar'} {value.dtype.name}"
-        elif isinstance(value, str) and own and loaded:
+        elif isinstance(value, str) and requested and names is None:
             texts[name] = value
         else:
             listed[name] = value[:60] if isinstance(value, str) else f"{value.size} {value.dtype}"
-    _check_size(sum(array.nbytes for _, array in arrays), request["largest"])
-    header = {
-        "arrays": [[name, array.dtype.str, array.shape] for name, array in arrays],
-        "texts": texts,
-        "listed": listed,
-    }
-    return _frame(header), [array for _, array in arrays]
-
-
-def _frame(header: dict[str, Any]) -> bytes:
-    text = json.dumps(header).encode()
-    return struct.pack("<Q", len(text)) + text
+    _check_size(sum(array.nbytes for array in arrays.values()), request["largest"])
+    return arrays, texts, listed
 
 
 def _limit(seconds: float) -> None:
@@ -196,27 +184,25 @@ def _limit_memory(size: int) -> None:
 
 def serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
     """Answer requests until the input ends."""
-    for line in incoming:
-        request = json.loads(line)
+    while incoming.peek(1):  # type: ignore[attr-defined]
+        request = pickle.load(incoming)
         if request["kind"] == "mat":
             import scipy.io  # noqa: F401 (before the time limit starts)
         elif request["kind"] == "hdf5":
             import h5py  # noqa: F401
         _limit_memory(request["size"])
         _limit(request["seconds"])
-        arrays: list[Any] = []
+        answer: Any
         try:
-            answer, arrays = _answer(request)
+            answer = _answer(request)
         except _RefusedError as error:
-            answer = _frame({"error": str(error)})
+            answer = str(error)
         except MemoryError:
-            answer = _frame({"error": f"it takes more than {_MEMORY >> 20} MiB of memory, the limit"})
+            answer = f"it takes more than {_MEMORY >> 20} MiB of memory, the limit"
         except Exception as error:
-            answer = _frame({"error": f"{type(error).__name__}: {error}"[:500]})
+            answer = f"{type(error).__name__}: {error}"[:500]
         _limit(0.0)
-        outgoing.write(answer)
-        for array in arrays:
-            outgoing.write(memoryview(array.reshape(-1).view(np.uint8)))
+        pickle.dump(answer, outgoing, protocol=5)
         outgoing.flush()
 
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import complex_values, make_coherence, make_frf, missing_phase_notes, sampling, to_si
+from receptance.io.build import complex_values, make, make_frf, missing_phase_notes, sampling, to_si
 from receptance.io.description import ABOUT, about_text, arrays_of, kind_of, measurement_of, parse_about
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import SI, ReadOptions, one_unit_message, resolve_frf
+from receptance.io.options import SI, ReadOptions, resolve_frf
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,10 +82,8 @@ def measurements_of(
             owner, _, last = name.rpartition(separator)
             about = parse_about(value) if last == ABOUT else None
             if about is not None:
-                try:
+                with placed(place=owner or "the file"):
                     found.append(measurement_of(owned.get(owner, {}), about, options))
-                except FileFormatError as error:
-                    raise FileFormatError(error.problem, place=owner or "the file") from None
         if found:
             return found
     arrays = {name: array for name, array in items.items() if isinstance(array, np.ndarray)}
@@ -179,7 +177,7 @@ def _external_frf(
             parts[role] = _by_line(_variable(arrays, chosen, role), lines.size, chosen[role], options)
     coherence = parts.pop("coherence", None)
     if not parts:
-        return make_coherence(frequency_hz=lines, values=coherence if coherence is not None else [])
+        return make(Coherence, frequency_hz=lines, values=coherence if coherence is not None else [])
     if set(parts) not in _PARTS:
         raise FileFormatError(
             f"variables names {', '.join(chosen)}, expected 'values', 'real' and 'imaginary', or 'magnitude' and "
@@ -258,16 +256,12 @@ def _external_time_series(
     sizes = {name: column.size for name, column in columns.items()}
     if len(set(sizes.values())) > 1:
         raise FileFormatError(f"the channels have different numbers of samples: {sizes}")
-    if isinstance(options.unit, str) and len(names) > 1:
-        raise FileFormatError(one_unit_message(names, options.unit))
-    units = []
-    for name in names:
-        unit = options.channel_unit(name)
+    units = options.channel_units(names)
+    for name, unit in zip(names, units, strict=True):
         if unit is None or unit == SI:
             raise FileFormatError(
                 f"the unit of channel {name!r} is unknown; give it, for example unit={{{name!r}: 'N'}}"
             )
-        units.append(unit)
     if "time_s" in chosen:
         seconds = _one_column(arrays, chosen, "time_s")
         if seconds.size != next(iter(sizes.values())):
@@ -279,6 +273,5 @@ def _external_time_series(
         rate, start = options.sample_rate_hz, 0.0
     else:
         raise FileFormatError("the sample rate is unknown; give 'time_s' in variables=, or sample_rate_hz=")
-    return TimeSeries(
-        values=np.stack(list(columns.values()), axis=1), channels=names, units=units, sample_rate_hz=rate, start_s=start
-    )
+    values = np.stack(list(columns.values()), axis=1)
+    return make(TimeSeries, values=values, channels=names, units=units, sample_rate_hz=rate, start_s=start)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
-from receptance.io.measurements import Coherence, low_coherence_note
+from receptance.io.measurements import Measurement, low_coherence_note
 from receptance.io.options import ReadOptions
 from receptance.model.coordinates import Coordinate
 
@@ -25,13 +23,14 @@ if TYPE_CHECKING:
 __all__ = [
     "complex_values",
     "file_coherence",
-    "make_coherence",
+    "make",
     "make_frf",
     "missing_phase_notes",
     "sampling",
     "to_si",
-    "warn_caller",
 ]
+
+_Measurement = TypeVar("_Measurement", bound=Measurement)
 
 _RATE_TOLERANCE = 1e-4
 """Largest relative difference of a given sample rate and that of a file, whose time step has six digits."""
@@ -70,7 +69,7 @@ def make_frf(
         low = low_coherence_note(coherence)
         if low:
             notes.append(low)
-            warn_caller(low)
+            warn_user(low)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),
@@ -80,18 +79,15 @@ def make_frf(
             fields[name] = given
         elif name not in fields:
             fields[name] = tuple(side)
-    try:
-        return FRF(
-            frequency_hz=frequency_hz, values=values, form=form, coherence=coherence, notes=tuple(notes), **fields
-        )
-    except (TypeError, ValueError) as error:
-        raise FileFormatError(str(error)) from None
+    return make(
+        FRF, frequency_hz=frequency_hz, values=values, form=form, coherence=coherence, notes=tuple(notes), **fields
+    )
 
 
-def make_coherence(**fields: Any) -> Coherence:
-    """Return a `Coherence`, with a FileFormatError where its fields are invalid."""
+def make(kind: type[_Measurement], **fields: Any) -> _Measurement:
+    """Return a measurement of a class, with a FileFormatError where its fields are invalid."""
     try:
-        return Coherence(**fields)
+        return kind(**fields)
     except (TypeError, ValueError) as error:
         raise FileFormatError(str(error)) from None
 
@@ -122,21 +118,13 @@ def missing_phase_notes(values: NDArray[Any]) -> list[str]:
     if np.iscomplexobj(values):
         return []
     note = "the values are real: without a phase this is a magnitude, or one part of the FRF"
-    warn_caller(note)
+    warn_user(note)
     return [note]
 
 
 def to_si(values: NDArray[Any], factor: float) -> NDArray[Any]:
     """Return values in SI; unchanged for a factor of 1, because a product loses the sign of complex zeros."""
     return values if factor == 1.0 else values * factor
-
-
-def warn_caller(text: str) -> None:
-    """Issue a ReceptanceWarning at the first frame outside of `receptance.io`."""
-    level, frame = 1, sys._getframe(1)
-    while frame is not None and frame.f_globals.get("__name__", "").startswith("receptance.io"):
-        level, frame = level + 1, frame.f_back  # type: ignore[assignment]
-    warnings.warn(text, ReceptanceWarning, stacklevel=level + 1)
 
 
 def _check_directions(name: str, given: tuple[Coordinate, ...], side: Sequence[str]) -> None:

@@ -10,11 +10,11 @@ import numpy as np
 
 from receptance._files import inert
 from receptance.frf import FRF
-from receptance.io.build import complex_values, make_coherence, make_frf, sampling, to_si
+from receptance.io.build import complex_values, make, make_frf, sampling, to_si
 from receptance.io.description import about_text, arrays_of, measurement_of
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import SI, ReadOptions, Resolved, one_unit_message, resolve_frf
+from receptance.io.options import SI, ReadOptions, Resolved, resolve_frf
 from receptance.io.table import EXAMPLE, MARK, QUALITIES, Table, column_in_unit, column_unit, read_table
 from receptance.io.text import check_ascending
 
@@ -36,13 +36,8 @@ def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
     """
     table = read_table(data, options)
     frequency, time = table.of("frequency"), table.of("time")
-    try:
-        if time:
-            return [_time_series(table, time[0], options)]
-        return [_by_frequency(table, frequency[0], options)]
-    except FileFormatError as error:
-        line = error.line if error.line is not None else table.header or None
-        raise FileFormatError(error.problem, line=line, place=error.place) from None
+    with placed(line=table.header or None):
+        return [_time_series(table, time[0], options) if time else _by_frequency(table, frequency[0], options)]
 
 
 def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
@@ -54,33 +49,28 @@ def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
         assert isinstance(made, TimeSeries)
         return made
     names = [table.columns[index].name for index in channels]
-    if isinstance(options.unit, str) and options.unit != SI and len(names) > 1:
-        raise FileFormatError(one_unit_message(names, options.unit))
     units, notes = [], list(table.notes)
-    for index in channels:
+    for index, given in zip(channels, options.channel_units(names), strict=True):
         column = table.columns[index]
-        given = options.channel_unit(column.name)
-        if (given is None or given == SI) and not column.unit:
+        unit = column.unit if given is None or given == SI else given
+        if not unit:
             raise FileFormatError(
                 f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
                 f"unit={{{column.name!r}: 'N'}}"
             )
-        unit = column.unit if given is None or given == SI else given
         if column.unit and unit != column.unit:
             notes.append(f"{column.name}: the unit in the file, {column.unit!r}, was overridden by {unit!r}")
-        units.append(unit or "")
+        units.append(unit)
     rate, start = sampling(column_in_unit(table, time, "s"), options)
-    try:
-        return TimeSeries(
-            values=table.values[:, channels],
-            channels=names,
-            units=units,
-            sample_rate_hz=rate,
-            start_s=start,
-            notes=notes,
-        )
-    except ValueError as error:
-        raise FileFormatError(str(error)) from None
+    return make(
+        TimeSeries,
+        values=table.values[:, channels],
+        channels=names,
+        units=units,
+        sample_rate_hz=rate,
+        start_s=start,
+        notes=notes,
+    )
 
 
 def _by_frequency(table: Table, frequency: int, options: ReadOptions) -> FRF | Coherence:
@@ -98,7 +88,7 @@ def _by_frequency(table: Table, frequency: int, options: ReadOptions) -> FRF | C
         made = measurement_of({"frequency_hz": lines, "values": values}, table.about, options)
         assert isinstance(made, Coherence)
         return made
-    return make_coherence(frequency_hz=lines, values=values[:, :, None], notes=_unread(table))
+    return make(Coherence, frequency_hz=lines, values=values[:, :, None], notes=_unread(table))
 
 
 def _coherence(table: Table, index: int) -> NDArray[np.float64]:

@@ -201,8 +201,7 @@ def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], o
     if values.ndim != 2 or values.shape[1] != len(channels):
         values = _shaped("values", values, (values.size // max(len(channels), 1), len(channels)))
     units = [str(unit) for unit in _list(about, "units")]
-    for name, unit in zip(channels, units, strict=False):
-        given = options.channel_unit(name)
+    for name, unit, given in zip(channels, units, options.channel_units(channels), strict=False):
         if given not in (None, SI, unit):
             raise FileFormatError(f"channel {name!r} of the file is in {unit!r}, but unit={given!r} was given")
     rate = about.get("sample_rate_hz", math.nan)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["FileFormatError"]
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+__all__ = ["FileFormatError", "placed"]
 
 
 class FileFormatError(ValueError):
@@ -59,10 +62,26 @@ class FileFormatError(ValueError):
         # The default pickling of exceptions loses keyword arguments.
         return _rebuilt_error, (self.problem, self.file, self.line, self.byte, self.place)
 
-    def with_file(self, file: str) -> FileFormatError:
-        """Return this error with the name of the file, unless it has one."""
-        return FileFormatError(self.problem, file=self.file or file, line=self.line, byte=self.byte, place=self.place)
-
 
 def _rebuilt_error(problem: str, file: str, line: int | None, byte: int | None, place: str) -> FileFormatError:
     return FileFormatError(problem, file=file, line=line, byte=byte, place=place)
+
+
+@contextmanager
+def placed(*, file: str = "", line: int | None = None, byte: int | None = None, place: str = "") -> Iterator[None]:
+    """Add the name of a file to the errors of the block, and a place to those without one.
+
+    Examples
+    --------
+    >>> from receptance.io.errors import FileFormatError, placed
+    >>> with placed(file="hit.uff", line=9):
+    ...     raise FileFormatError("the spacing is 3, expected 0 or 1")
+    Traceback (most recent call last):
+    receptance.io.errors.FileFormatError: hit.uff, line 9: the spacing is 3, expected 0 or 1
+    """
+    try:
+        yield
+    except FileFormatError as error:
+        if error.line is not None or error.byte is not None or error.place:
+            line, byte, place = error.line, error.byte, error.place
+        raise FileFormatError(error.problem, file=error.file or file, line=line, byte=byte, place=place) from None

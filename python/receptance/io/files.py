@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import gzip
 import tempfile
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from receptance import _checks
 from receptance._files import open_file, read_whole, write_whole
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.io.build import warn_caller
 from receptance.io.csv_files import csv_bytes, read_csv
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_lines, decompress, time_limit
 from receptance.io.mat_hdf5 import hdf5_bytes, mat_bytes, read_hdf5, read_mat
 from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_note
@@ -207,14 +206,12 @@ def read_all(
     checked = ReadOptions.checked(options)
     if format is not None and format not in FORMATS:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(FORMATS)}")
-    try:
+    with placed(file=path.name):
         found = _read(path, format, checked)
         if coherence_file is not None:
             if not any(isinstance(measurement, FRF) for measurement in found):
                 raise FileFormatError(f"coherence was given, but there is no FRF in the file: it holds {found[0]!r}")
             found = [_with_coherence(one, Path(coherence_file)) if isinstance(one, FRF) else one for one in found]
-    except FileFormatError as error:
-        raise error.with_file(path.name) from None
     return found
 
 
@@ -308,7 +305,7 @@ def _check_options_apply(found: Sequence[Measurement], kind: str, options: ReadO
 def _with_source(measurement: Measurement, source: str) -> Measurement:
     if not measurement.source:
         # The instance was created by the reader and is not shared yet.
-        object.__setattr__(measurement, "source", source)
+        _checks.set_fields(measurement, {"source": source})
     return measurement
 
 
@@ -316,10 +313,8 @@ def _with_coherence(frf: FRF, path: Path) -> FRF:
     """Return an FRF with the coherence of another file."""
     if frf.coherence is not None:
         raise FileFormatError(f"the file has its own coherence, but coherence={str(path)!r} was given")
-    try:
+    with placed(file=path.name):
         candidates = [one for one in _read(path, None, ReadOptions()) if isinstance(one, Coherence)]
-    except FileFormatError as error:
-        raise error.with_file(path.name) from None
     matching = [
         one
         for one in candidates
@@ -336,7 +331,7 @@ def _with_coherence(frf: FRF, path: Path) -> FRF:
         )
     low = low_coherence_note(matching[0].values)
     if low:
-        warn_caller(low)
+        warn_user(low)
     notes = (*frf.notes, f"coherence of {path.name}", *([low] if low else []))
     return frf.with_(coherence=matching[0].values, notes=notes)
 
@@ -405,11 +400,7 @@ def write(
         raise ValueError(f"binary applies to universal files, {path.name} is a {FORMATS[kind]}")
     content, lost = _content(many, kind, binary if binary is not None else ending == ".ufb")
     if lost:
-        warnings.warn(
-            f"{path.name}: a {FORMATS[kind]} does not hold {'; '.join(lost)} (.npz, .mat, .h5 and .csv do)",
-            ReceptanceWarning,
-            stacklevel=2,
-        )
+        warn_user(f"{path.name}: a {FORMATS[kind]} does not hold {'; '.join(lost)} (.npz, .mat, .h5 and .csv do)")
     write_whole({path: gzip.compress(content, 6, mtime=0) if compressed else content})
 
 

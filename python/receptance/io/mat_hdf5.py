@@ -8,22 +8,19 @@ process (`_worker.py`) with limits of processor time and memory, and its exit is
 from __future__ import annotations
 
 import atexit
+import contextlib
 import io
-import json
-import math
 import os
-import re
+import pickle
 import signal
 import struct
 import subprocess
 import sys
 import threading
-import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -34,9 +31,6 @@ from receptance.io.limits import BYTES_PER_SECOND, LARGEST, allowed_seconds, che
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = ["hdf5_bytes", "mat_bytes", "read_hdf5", "read_mat"]
 
 Kind = Literal["mat", "hdf5"]
@@ -46,7 +40,6 @@ _CRASH_SIGNALS = ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")
 _COMPRESSED_ELEMENT = 15
 """Type of a zlib-compressed element of a MAT file."""
 _PIECE = 1 << 18
-_DTYPE = re.compile(r"[<>|=][biufc][0-9]{1,2}")
 _NAMES = {"mat": "MAT", "hdf5": "HDF5"}
 _LIBRARIES = {"mat": "scipy.io", "hdf5": "libhdf5"}
 
@@ -79,117 +72,33 @@ def hdf5_bytes(measurements: Sequence[Measurement]) -> bytes:
 
 def read_mat(path: Path, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in a MAT file: those written by this library, else the variables of the options."""
-    contents = _load(path, "mat", requested_names(options))
-    return measurements_of(contents.arrays | contents.texts, options, separator=".", listed=contents.listed)
+    items, listed = _load(path, "mat", requested_names(options))
+    return measurements_of(items, options, separator=".", listed=listed)
 
 
 def read_hdf5(path: Path, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in an HDF5 file: those written by this library, else the data sets of the options."""
-    contents = _load(path, "hdf5", requested_names(options))
-    return measurements_of(contents.arrays | contents.texts, options, separator="/", listed=contents.listed)
-
-
-@dataclass(frozen=True)
-class _Contents:
-    """Loaded arrays and texts of a file, and shape and type of all its variables."""
-
-    arrays: dict[str, NDArray[Any]]
-    texts: dict[str, str]
-    listed: dict[str, str]
-
-
-class _ReaderExitError(Exception):
-    """The reading process ended, or sent an invalid answer."""
-
-
-class _Reader:
-    """The process that reads files."""
-
-    def __init__(self) -> None:
-        script = Path(__file__).with_name("_worker.py")
-        if not sys.executable or getattr(sys, "frozen", False):
-            # The executable of a frozen program is the program itself.
-            raise FileFormatError(
-                "MAT and HDF5 files are read in a second process, but there is no Python interpreter to start"
-            )
-        environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        # -P: modules in the folder of the script must not hide others.
-        command = [sys.executable, "-P", "-W", "ignore", str(script)]
-        self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
-        )
-
-    def ask(self, request: dict[str, Any], timeout: float) -> _Contents:
-        """Return the answer to a request, or raise _ReaderExitError; the process is killed after the timeout."""
-        requests = self.process.stdin
-        assert requests is not None
-        timer = threading.Timer(timeout, self.process.kill)
-        timer.daemon = True
-        timer.start()
-        try:
-            requests.write(json.dumps(request).encode() + b"\n")
-            requests.flush()
-            (length,) = struct.unpack("<Q", self._receive(8))
-            header = json.loads(self._receive(length))
-            if "error" in header:
-                raise FileFormatError(f"this {_NAMES[request['kind']]} file cannot be read: {header['error']}")
-            arrays = {name: self._receive_array(dtype, tuple(shape)) for name, dtype, shape in header["arrays"]}
-            return _Contents(arrays, dict(header["texts"]), dict(header["listed"]))
-        except FileFormatError:
-            raise
-        except (OSError, ValueError, KeyError, TypeError, MemoryError, struct.error) as error:
-            raise _ReaderExitError from error
-        finally:
-            timer.cancel()
-
-    def _receive(self, count: int) -> bytes:
-        answers = self.process.stdout
-        content = answers.read(count) if answers is not None and 0 <= count < 1 << 40 else b""
-        if len(content) != count:
-            raise _ReaderExitError
-        return content
-
-    def _receive_array(self, dtype: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        if not _DTYPE.fullmatch(dtype):
-            raise _ReaderExitError
-        kind = np.dtype(dtype)
-        return np.frombuffer(self._receive(math.prod(shape) * kind.itemsize), dtype=kind).reshape(shape)
-
-    def exit_code(self) -> int | None:
-        """Return the exit code of the process, None if it is still running."""
-        try:
-            return self.process.wait(timeout=0.1)
-        except subprocess.TimeoutExpired:
-            return None
-
-    def close(self) -> None:
-        """Kill the process."""
-        self.process.kill()
-        for stream in (self.process.stdin, self.process.stdout):
-            if stream is not None:
-                try:
-                    stream.close()
-                except OSError:
-                    continue
-        self.process.wait()
+    items, listed = _load(path, "hdf5", requested_names(options))
+    return measurements_of(items, options, separator="/", listed=listed)
 
 
 _lock = threading.Lock()
-_reader: _Reader | None = None
+_reader: subprocess.Popen[bytes] | None = None
+"""The process that reads files."""
 
 
-def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> _Contents:
-    """Return the named arrays of a MAT or HDF5 file; without names, those written by this library.
+def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the named contents of a MAT or HDF5 file, and shape and type of all its variables.
+
+    Without names, the measurements written by this library are loaded.
 
     Raises
     ------
     FileFormatError
         A file that cannot be read, with the message of scipy.io or h5py, or one on which the reading process ends.
     """
-    global _reader
     size = path.stat().st_size
     allowed = allowed_seconds(_expanded_mat_size(path) if kind == "mat" else size)
-    timeout = _WAIT_SECONDS + allowed_seconds(LARGEST)
     request = {
         "kind": kind,
         "path": str(path.resolve()),
@@ -199,43 +108,74 @@ def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> _Contents:
         "seconds": allowed,
         "bytes_per_second": BYTES_PER_SECOND,
     }
+    answer = _ask(request, _WAIT_SECONDS + allowed_seconds(LARGEST))
+    if isinstance(answer, str):
+        raise FileFormatError(f"this {_NAMES[kind]} file cannot be read: {answer}")
+    arrays, texts, listed = answer
+    return arrays | texts, listed
+
+
+def _ask(request: dict[str, Any], timeout: float) -> Any:
+    """Return the answer of the reading process, which is started if there is none, and killed after the timeout."""
     with _lock:
-        if _reader is not None and _reader.process.poll() is not None:
-            _close_reader()
-        if _reader is None:
-            _reader = _Reader()
-        begin = time.monotonic()
+        reader = _started_reader()
+        timer = threading.Timer(timeout, reader.kill)
+        timer.daemon = True
+        timer.start()
         try:
-            return _reader.ask(request, timeout)
-        except FileFormatError:
-            raise
-        except _ReaderExitError:
-            code, late = _reader.exit_code(), time.monotonic() - begin >= timeout
+            pickle.dump(request, reader.stdin)  # type: ignore[arg-type]
+            reader.stdin.flush()  # type: ignore[union-attr]
+            return pickle.load(reader.stdout)  # type: ignore[arg-type]
+        except Exception:
+            late = timer.finished.is_set()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                reader.wait(timeout=0.1)
+            code = reader.returncode
             _close_reader()
-            raise FileFormatError(_exit_message(kind, code, allowed, timeout if late else None)) from None
+            problem = (
+                f"{_LIBRARIES[request['kind']]} did not answer within {timeout:.0f} s and was stopped"
+                if late
+                else _exit_message(_LIBRARIES[request["kind"]], code, request["seconds"])
+            )
+            raise FileFormatError(problem) from None
         except BaseException:
             # After an interruption the rest of the answer would be taken for the next one.
             _close_reader()
             raise
+        finally:
+            timer.cancel()
 
 
-def _exit_message(kind: Kind, code: int | None, allowed: float, timeout: float | None) -> str:
+def _started_reader() -> subprocess.Popen[bytes]:
+    global _reader
+    if _reader is not None and _reader.poll() is None:
+        return _reader
+    _close_reader()
+    if not sys.executable or getattr(sys, "frozen", False):
+        # The executable of a frozen program is the program itself.
+        raise FileFormatError(
+            "MAT and HDF5 files are read in a second process, but there is no Python interpreter to start"
+        )
+    # -P: modules in the folder of the script must not hide others.
+    command = [sys.executable, "-P", "-W", "ignore", str(Path(__file__).with_name("_worker.py"))]
+    environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    _reader = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
+    )
+    return _reader
+
+
+def _exit_message(library: str, code: int | None, allowed: float) -> str:
     """Return the error message for a reading process that ended; the file is not always the cause."""
-    library = _LIBRARIES[kind]
-    if timeout is not None:
-        return f"{library} did not answer within {timeout:.0f} s and was stopped"
     if code is None or code >= 0:
         outcome = "sent an invalid answer" if code is None else f"ended with code {code}"
         return f"the process that read the file with {library} {outcome}; the file may be damaged"
-    if code == -getattr(signal, "SIGPROF", 0):
+    name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
+    if name == "SIGPROF":
         return (
             f"{library} did not finish within {allowed:.1f} s of processor time, the limit for a file of this size; "
             "the file may be damaged"
         )
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        name = f"signal {-code}"
     if name in _CRASH_SIGNALS:
         return f"{library} crashed on it ({name}): the file is damaged"
     return (
@@ -277,7 +217,9 @@ def _expanded_mat_size(path: Path) -> int:
 def _close_reader() -> None:
     global _reader
     if _reader is not None:
-        _reader.close()
+        _reader.kill()
+        with contextlib.suppress(OSError), _reader:
+            pass  # closes the pipes and waits
     _reader = None
 
 
@@ -286,7 +228,7 @@ def _leave_reader_to_parent() -> None:
     global _lock, _reader
     if _reader is not None:
         # Not a child of this process, so that it must neither be waited for nor reported as running.
-        _reader.process.returncode = 0
+        _reader.returncode = 0
     _lock, _reader = threading.Lock(), None
 
 

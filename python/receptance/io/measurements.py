@@ -236,11 +236,22 @@ class TimeSeries:
 
     def channel(self, which: str | int) -> NDArray[np.float64]:
         """Return the `(n_samples,)` values of one channel, by name or by number from 0."""
-        if isinstance(which, str):
-            if which not in self.channels:
-                raise ValueError(f"there is no channel {which!r}; the channels are {', '.join(self.channels)}")
-            which = self.channels.index(which)
-        return self.values[:, which]
+        return self.values[:, self.index(which)]
+
+    def index(self, which: str | int) -> int:
+        """Return the number of a channel, given by its name or number.
+
+        Raises
+        ------
+        ValueError
+            An unknown channel.
+        """
+        if which in self.channels:
+            return self.channels.index(str(which))
+        if isinstance(which, str) or not 0 <= which < len(self.channels):
+            listed = ", ".join(map(repr, self.channels))
+            raise ValueError(f"there is no channel {which!r}; the channels are {listed}")
+        return which
 
     def __repr__(self) -> str:
         listed = [f"{name} [{unit}]" for name, unit in zip(self.channels, self.units, strict=True)]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import io
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.io.arrays import measurements_of, named_items
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_size, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
@@ -54,7 +54,7 @@ def arrays_in(data: bytes) -> dict[str, Any]:
     FileFormatError
         A file that is damaged, too large, or holds Python objects.
     """
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, Any] = {}
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
@@ -62,27 +62,20 @@ def arrays_in(data: bytes) -> dict[str, Any]:
             check_size(sum(member.file_size for member in members), "the arrays")
             for member in members:
                 check_time()
-                arrays[member.filename.removesuffix(".npy")] = _array(archive, member)
+                name = member.filename.removesuffix(".npy")
+                with placed(place=f"array {name!r}"):
+                    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                        raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's")
+                    arrays[name] = _parse_npy(archive.read(member))
     except FileFormatError:
         raise
     except _BROKEN as error:
         raise FileFormatError(f"this is not a complete NPZ file: {error}") from None
-    return _texts_as_str(arrays)
+    return arrays
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
-    name = member.filename.removesuffix(".npy")
-    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's", place=f"array {name!r}")
-    content = archive.read(member)
-    try:
-        return _parse_npy(content)
-    except FileFormatError as error:
-        raise FileFormatError(error.problem, place=f"array {name!r}") from None
-
-
-def _parse_npy(content: bytes) -> NDArray[Any]:
-    """Return the array of an NPY file, after checking its declared size against that of the data."""
+def _parse_npy(content: bytes) -> NDArray[Any] | str:
+    """Return the array or text of an NPY file, after checking its declared size against that of the data."""
     stream = io.BytesIO(content)
     try:
         version = np.lib.format.read_magic(stream)
@@ -102,14 +95,8 @@ def _parse_npy(content: bytes) -> NDArray[Any]:
     if not size:
         return np.zeros(0)
     flat = np.frombuffer(content, dtype=dtype, count=count, offset=start)
-    return flat.reshape(shape, order="F" if by_column else "C")
-
-
-def _texts_as_str(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, array in arrays.items():
-        try:
-            found[name] = str(array[()]) if array.dtype.kind == "U" and array.ndim == 0 else array
-        except (UnicodeError, ValueError):
-            raise FileFormatError("the text is damaged", place=f"array {name!r}") from None
-    return found
+    array = flat.reshape(shape, order="F" if by_column else "C")
+    try:
+        return str(array[()]) if dtype.kind == "U" and not shape else array
+    except (UnicodeError, ValueError):
+        raise FileFormatError("the text is damaged") from None

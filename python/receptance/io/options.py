@@ -12,7 +12,7 @@ from receptance.io.errors import FileFormatError
 from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
-__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "one_unit_message", "resolve_frf"]
+__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "resolve_frf"]
 
 SI = "SI"
 _GIVE_UNIT = (
@@ -82,12 +82,24 @@ class ReadOptions:
         options["ignore_coherence"] = bool(options.get("ignore_coherence", False))
         return ReadOptions(**options)
 
-    def channel_unit(self, name: str) -> str | None:
-        """Return the given unit of a channel, or None."""
-        unit = self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit
-        if unit is not None and unit != SI and frf_kind(parse_unit(unit)) is not None:
-            raise FileFormatError(f"{unit!r} is the unit of an FRF, but channel {name!r} is a time record")
-        return unit
+    def channel_units(self, names: Sequence[str]) -> list[str | None]:
+        """Return the given unit of each channel of a time series, or None.
+
+        Raises
+        ------
+        FileFormatError
+            One unit for several channels, or the unit of an FRF.
+        """
+        if isinstance(self.unit, str) and self.unit != SI and len(names) > 1:
+            example = ", ".join(f"{name!r}: {self.unit!r}" for name in names[:2])
+            raise FileFormatError(
+                f"one unit, {self.unit!r}, was given for {len(names)} channels; give one each: unit={{{example}}}"
+            )
+        units = [self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit for name in names]
+        for name, unit in zip(names, units, strict=True):
+            if unit is not None and unit != SI and frf_kind(parse_unit(unit)) is not None:
+                raise FileFormatError(f"{unit!r} is the unit of an FRF, but channel {name!r} is a time record")
+        return units
 
 
 @dataclass(frozen=True)
@@ -164,12 +176,6 @@ def resolve_frf(
     if given and declared and (declared.dimension, declared.factor) != (unit.dimension, unit.factor):
         notes.append(f"the unit in the file, {declared.text!r}, was overridden by {unit.text!r}")
     return Resolved(kind, unit.factor, tuple(notes))
-
-
-def one_unit_message(names: Sequence[str], unit: str) -> str:
-    """Return the message for one unit given for several channels."""
-    example = ", ".join(f"{name!r}: {unit!r}" for name in names[:2])
-    return f"one unit, {unit!r}, was given for {len(names)} channels; give one each: unit={{{example}}}"
 
 
 def _given_unit(

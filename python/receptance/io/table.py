@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.io.description import parse_about
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_fields, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
-from receptance.units import Form, Unit, UnitError, form_name, parse_unit
+from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +46,7 @@ _PARTS = {
     "magnitude": ("magnitude", "mag", "amplitude", "abs"),
     "phase": ("phase", "angle", "arg"),
 }
-_FORMS = r"receptance|compliance|mobility|accelerance|inertance"
+_FORMS = "|".join(FORM_NAMES)
 _PART = "|".join(word for words in _PARTS.values() for word in words)
 _FRF = re.compile(
     rf"(?:(?P<form>{_FORMS}|frf|h)\s+)?(?P<part>{_PART})(?:\s+part)?(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",
@@ -125,10 +125,6 @@ class Table:
         """Return the numbers of the columns with a role."""
         return [index for index, column in enumerate(self.columns) if column.role == role]
 
-    def error(self, problem: str) -> FileFormatError:
-        """Return an error at the line of the header."""
-        return FileFormatError(problem, line=self.header or None)
-
 
 def read_table(data: bytes, options: ReadOptions) -> Table:
     """Return the table in a file, with its header or that of the options."""
@@ -137,10 +133,8 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     about = None
     for line, text in lines:
         if text.startswith(MARK):
-            try:
+            with placed(line=line):
                 about = parse_about(text.removeprefix(MARK).strip())
-            except FileFormatError as error:
-                raise FileFormatError(error.problem, line=line) from None
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.io.build import warn_caller
+from receptance.errors import warn_user
 from receptance.io.errors import FileFormatError
 from receptance.io.limits import check_time
 
@@ -85,7 +85,7 @@ def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
     elif lengths_are_informative and len(last.rstrip()) < min(lengths):
         note = f"line {line}, the last one, is shorter than all others: if it is truncated, its last number is wrong"
     if note:
-        warn_caller(note)
+        warn_user(note)
     return [note] if note else []
 
 

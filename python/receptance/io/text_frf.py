@@ -13,7 +13,7 @@ import numpy as np
 
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make_frf, to_si
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
@@ -89,8 +89,7 @@ def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     if ":" in reference or (response + reference) != "".join((response + reference).split()):
         lost.append("labels with blanks or colons")
         response, reference = "", ""
-    motion, _, load = frf.unit.partition("/N") if frf.unit.endswith("/N") else frf.unit.partition("/(")
-    load = "N" if frf.unit.endswith("/N") else "N m"
+    motion, _, load = frf.unit.rpartition("/")
     header = [
         "Units: Ratio",
         f"{_EXPORT_CHANNELS}\t{reference}:{response}",
@@ -100,7 +99,7 @@ def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
         "\t ".join(_EXPORT_COLUMNS),
         "",
         "Units:",
-        f"Hz\t({motion.replace('^2', '²')})({load})\t ",
+        f"Hz\t({motion.replace('^2', '²')})({load.strip('()')})\t ",
     ]
     return "\r\n".join([*header, *_rows(frf), ""]).encode("latin-1", "replace"), lost
 
@@ -147,10 +146,8 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     if not rows:
         raise FileFormatError("there are no rows of numbers behind the header", line=_EXPORT_HEADER)
     table, notes = _read_rows(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]))
-    try:
+    with placed(line=9):
         resolved = resolve_frf(options, declared=unit, form=None, directions=None)
-    except FileFormatError as error:
-        raise FileFormatError(error.problem, line=9) from None
     label = lines[2].removeprefix("Channel Name").strip().rstrip(":").strip()
     channels = ((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None
     return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]

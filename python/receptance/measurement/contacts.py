@@ -10,8 +10,10 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Contact", "clipped_samples", "find_contacts", "noise_level", "second_contact"]
+__all__ = ["CLEAR", "Contact", "clipped_samples", "find_contacts", "noise_level", "second_contact"]
 
+CLEAR = 2
+"""Samples left out before a contact, whose rise begins before the detected edge."""
 _MAD = 1.4826
 """Ratio of standard deviation and median absolute deviation of Gaussian noise."""
 _EDGE_NOISE = 3.0

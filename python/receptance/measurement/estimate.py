@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
-from receptance.measurement.hits import Hits, Settings, find
-from receptance.measurement.records import HammerRecords
+from receptance.errors import warn_user
+from receptance.measurement.hits import Hits, find_hits
+from receptance.measurement.records import HammerRecords, Quantity
 from receptance.measurement.spectra import NEGLIGIBLE, Channel, Estimator, Exclusions, Limits, Reason, Spectra
 from receptance.measurement.windows import ExponentialOn, Windows, make_windows
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,11 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["estimate_frf"]
 
-_FORMS: dict[str, Literal["receptance", "mobility", "accelerance"]] = {
-    "displacement": "receptance",
-    "velocity": "mobility",
-    "acceleration": "accelerance",
-}
 _WARNING_SHARE = 0.01
 """Share of excluded lines in the band of the force above which a warning is issued."""
 _DECAYED = 0.1
@@ -142,9 +137,9 @@ def estimate_frf(
         _checks.positive("estimate_frf", "largest_deviation", largest_deviation),
         _half_width(pooled_lines),
     )
-    found = hits if isinstance(hits, Hits) else find(hits, Settings(), stacklevel=3)
+    found = hits if isinstance(hits, Hits) else find_hits(hits)
     if not found.kept:
-        raise ValueError(f"estimate_frf: all hits were dropped\n{found.table()}")
+        raise ValueError(f"estimate_frf: all hits were dropped\n{found.summary()}")
     windows = make_windows(found, decay_rate, force_window_s, exponential_on)
     spectra = Spectra(found, windows, low_hz, high_hz)
     channels = [spectra.channel(index, estimator, limits) for index in range(found.records[0].n_channels)]
@@ -155,7 +150,7 @@ def estimate_frf(
     messages = _warnings(spectra, channels, excluded, usable, estimator, limits, decay_rate)
     if messages:
         label = f"{found.records[0].label}: " if found.records[0].label else ""
-        warnings.warn(label + "; ".join(messages), ReceptanceWarning, stacklevel=2)
+        warn_user(label + "; ".join(messages))
     done = _processing_notes(found, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
     return _frf(
         found,
@@ -204,7 +199,7 @@ def _frf(
     return FRF(
         frequency_hz=spectra.frequency_hz,
         values=stacked([channel.values for channel in channels]),
-        form=_FORMS[records.quantity],
+        form=FORMS[get_args(Quantity).index(records.quantity)],
         responses=records.responses,
         excitations=(records.excitation,),
         decay_rate=decay_rate,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
@@ -10,14 +9,15 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
-from receptance.measurement.contacts import Contact, clipped_samples, find_contacts, noise_level, second_contact
+from receptance.errors import warn_user
+from receptance.measurement.contacts import CLEAR, Contact, clipped_samples, find_contacts, noise_level, second_contact
 from receptance.measurement.records import HammerRecords
+from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Hit", "Hits", "Settings", "find", "find_hits", "single_records"]
+__all__ = ["Hit", "Hits", "find_hits", "single_records"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Hit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Hits:
+class Hits(Renderable):
     """Hits found in records, each kept or dropped for a reason.
 
     Attributes
@@ -114,21 +114,32 @@ class Hits:
         added = tuple(f"hit {number} dropped: {reason}" for number in numbers)
         return replace(self, hits=tuple(changed), notes=(*self.notes, *added))
 
-    def table(self) -> str:
-        """Return one line of text for each hit."""
-        unit = "N" if self.records[0].excitation.direction == "y" else "N m"
-        lines = [f"{'hit':>4} {'record':>6} {'time [s]':>9} {'peak [' + unit + ']':>10} {'contact [ms]':>12}  use"]
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"{len(self.kept)} of {len(self.hits)} hits are kept"
+
+    def tables(self) -> list[Table]:
+        """Return the table of `summary`, with a row for each hit."""
+        columns = (
+            Column("hit", form="d"),
+            Column("record", form="d"),
+            Column("time", "s", ".4f"),
+            Column("peak", "N" if self.records[0].excitation.direction == "y" else "N m"),
+            Column("contact", "ms", ".3g"),
+            "use",
+        )
+        rows = []
         for hit in self.hits:
-            found = f"{hit.time_s:9.4f} {hit.peak:10.4g} {1e3 * hit.contact_s:12.3g}"
             use = f"dropped: {hit.reason}" if hit.reason else "kept" + (f" ({hit.remark})" if hit.remark else "")
-            lines.append(f"{hit.number:4d} {hit.record + 1:6d} {found}  {use}")
-        return "\n".join(lines)
+            rows.append((hit.number, hit.record + 1, hit.time_s, hit.peak, 1e3 * hit.contact_s, use))
+        return [Table("", columns, rows)]
 
     def __len__(self) -> int:
         return len(self.kept)
 
     def __str__(self) -> str:
-        return self.table()
+        return self.summary()
 
     def __repr__(self) -> str:
         dropped = "".join(f"; hit {hit.number} dropped: {hit.reason}" for hit in self.dropped)
@@ -154,8 +165,6 @@ _MIN_LAST_BLOCK = 0.8
 """Share of the usual block left after the last hit above which all blocks are shortened to it."""
 _LEAST_BEFORE = 8
 """Least samples before a hit for an estimate of the noise."""
-_CLEAR = 2
-"""Samples left out before a contact, whose rise begins before the detected edge."""
 _OVERLOAD = 0.98
 """Share of full scale that counts as an overload, because filters round off the corners of a clipped signal."""
 _RINGING = 3.0
@@ -223,43 +232,10 @@ def find_hits(
     >>> time = np.arange(3 * 8192) / 8192.0
     >>> force = sum(np.where(abs(time - t) < 1e-3, 80.0 * np.cos(500 * np.pi * (time - t)), 0.0) for t in (0.4, 1.5))
     >>> records = HammerRecords(force=force, response=np.sin(2e3 * time), sample_rate_hz=8192.0, quantity="velocity")
-    >>> print(find_hits(records, pre_trigger_s=0.1))
-     hit record  time [s]   peak [N] contact [ms]  use
-       1      1    0.3990      79.94         1.95  kept
-       2      1    1.4990         80         2.08  kept
+    >>> find_hits(records, pre_trigger_s=0.1)
+    Hits(2 of 2 kept, blocks of 1.09998 s)
     """
-    settings = Settings(trigger, duration_s, pre_trigger_s, one_per_record, double_hits, double_share, separation_s)
-    return find(records, settings, stacklevel=3)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Validated parameters of `find_hits`."""
-
-    trigger: float | None = None
-    duration_s: float | None = None
-    pre_trigger_s: float = 0.01
-    one_per_record: bool | None = None
-    double_hits: DoubleHits = "drop"
-    double_share: float = 0.02
-    separation_s: float = 0.1
-
-    def __post_init__(self) -> None:
-        for name in ("trigger", "duration_s", "double_share", "separation_s"):
-            if getattr(self, name) is not None:
-                _checks.positive("find_hits", name, getattr(self, name))
-        _checks.not_negative("find_hits", "pre_trigger_s", self.pre_trigger_s, unit="s")
-        if self.duration_s is not None and self.pre_trigger_s >= self.duration_s:
-            raise ValueError(
-                f"find_hits: pre_trigger_s is {self.pre_trigger_s:g} s, expected less than duration_s, "
-                f"{self.duration_s:g} s"
-            )
-        if self.double_hits not in get_args(DoubleHits):
-            raise ValueError(f"find_hits: double_hits is {self.double_hits!r}, expected one of drop, keep")
-
-
-def find(records: HammerRecords | Sequence[HammerRecords], settings: Settings, *, stacklevel: int) -> Hits:
-    """Find hits; see `find_hits`."""
+    settings = _Settings(trigger, duration_s, pre_trigger_s, one_per_record, double_hits, double_share, separation_s)
     together = _checked_records(records)
     search = _Search(together, settings)
     hits = tuple(search.judge(number, *found) for number, found in enumerate(search.candidates(), start=1))
@@ -275,14 +251,40 @@ def find(records: HammerRecords | Sequence[HammerRecords], settings: Settings, *
         label = f"{together[0].label}: " if together[0].label else ""
         more = len(messages) - _MAX_IN_WARNING
         shown = [*messages[:_MAX_IN_WARNING], f"and {more} more, see the notes"] if more > 0 else messages
-        warnings.warn(label + "; ".join(shown), ReceptanceWarning, stacklevel=stacklevel)
+        warn_user(label + "; ".join(shown))
     return Hits(together, hits, search.n_samples, search.noise, (*notes, *messages))
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """Validated parameters of `find_hits`."""
+
+    trigger: float | None
+    duration_s: float | None
+    pre_trigger_s: float
+    one_per_record: bool | None
+    double_hits: DoubleHits
+    double_share: float
+    separation_s: float
+
+    def __post_init__(self) -> None:
+        for name in ("trigger", "duration_s", "double_share", "separation_s"):
+            if getattr(self, name) is not None:
+                _checks.positive("find_hits", name, getattr(self, name))
+        _checks.not_negative("find_hits", "pre_trigger_s", self.pre_trigger_s, unit="s")
+        if self.duration_s is not None and self.pre_trigger_s >= self.duration_s:
+            raise ValueError(
+                f"find_hits: pre_trigger_s is {self.pre_trigger_s:g} s, expected less than duration_s, "
+                f"{self.duration_s:g} s"
+            )
+        if self.double_hits not in get_args(DoubleHits):
+            raise ValueError(f"find_hits: double_hits is {self.double_hits!r}, expected one of drop, keep")
 
 
 class _Search:
     """Records without offset and with positive pulses, and the contacts in them."""
 
-    def __init__(self, records: tuple[HammerRecords, ...], settings: Settings) -> None:
+    def __init__(self, records: tuple[HammerRecords, ...], settings: _Settings) -> None:
         self.settings = settings
         self.rate = records[0].sample_rate_hz
         self.owners = [one for one in records for _ in range(one.n_records)]
@@ -348,7 +350,7 @@ class _Search:
         return np.min(levels, axis=0) if levels else np.full(self.responses[0].shape[1], np.inf)
 
     def _pre_trigger(self, row: int, contact: Contact) -> NDArray[np.float64]:
-        return self.responses[row][self._start(contact.onset) : max(0, contact.onset - _CLEAR)]
+        return self.responses[row][self._start(contact.onset) : max(0, contact.onset - CLEAR)]
 
     def candidates(self) -> Iterator[tuple[int, int]]:
         """Yield record and number within the record of every hit; -1 for a record without hits."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks
 from receptance.model.coordinates import Coordinate, measured_coordinates
-from receptance.units import channel_factor
+from receptance.units import ROTATIONS, channel_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,6 @@ __all__ = ["HammerRecords", "Quantity"]
 
 Quantity = Literal["displacement", "velocity", "acceleration"]
 """Quantity of the response channels."""
-_ROTATIONS = {"displacement": "rotation", "velocity": "angular velocity", "acceleration": "angular acceleration"}
 _SMALLEST = 1e-30
 """Least and (inverse) largest magnitude of a channel, so that squares and quotients of two channels are finite."""
 _LEAST_SAMPLES = 16
@@ -199,13 +198,13 @@ class HammerRecords:
         """
         owner = f"HammerRecords from {series.source or series.label or 'a time series'}"
         wanted = [responses] if isinstance(responses, (str, int)) else list(responses)
-        rows = [_column(owner, series, name) for name in [force, *wanted]]
+        rows = [series.index(name) for name in [force, *wanted]]
         if series.quantities[rows[0]] not in ("force", "moment"):
             raise ValueError(
                 f"{owner}: channel {series.channels[rows[0]]!r} holds "
                 f"{series.quantities[rows[0]] or 'an unknown quantity'}, expected the force of the hammer"
             )
-        plain = {turned: name for name, turned in _ROTATIONS.items()} | {name: name for name in _ROTATIONS}
+        plain = {kind: name for name in get_args(Quantity) for kind in (name, ROTATIONS[name])}
         kinds = {plain.get(series.quantities[row], "unknown") for row in rows[1:]}
         if len(kinds) != 1 or "unknown" in kinds:
             found = ", ".join(f"{series.channels[row]!r}: {series.quantities[row] or 'unknown'}" for row in rows[1:])
@@ -213,7 +212,7 @@ class HammerRecords:
                 f"{owner}: the responses are {found}; expected displacement, velocity or acceleration, the same for "
                 "all (missing units are given to receptance.io.read)"
             )
-        turning = [series.quantities[row] in _ROTATIONS.values() for row in rows[1:]]
+        turning = [series.quantities[row] in ROTATIONS.values() for row in rows[1:]]
         where = measured_coordinates(
             owner, "at", ["theta" if turn else "y" for turn in turning] if at is None else at, len(turning)
         )
@@ -260,7 +259,7 @@ class HammerRecords:
         if not 0 <= index < self.n_channels:
             raise ValueError(f"{self!r}: there is no channel {index}, expected 0 to {self.n_channels - 1}")
         scale = None if self.full_scale_response is None else self.full_scale_response[[index]]
-        return _copy(
+        return replace(
             self, response=self.response[:, :, [index]], full_scale_response=scale, responses=(self.responses[index],)
         )
 
@@ -268,14 +267,6 @@ class HammerRecords:
         count = f"{self.n_records} record{'s' if self.n_records > 1 else ''} of {self.duration_s:g} s"
         channels = f"{self.n_channels} channel{'s' if self.n_channels > 1 else ''}"
         return f"HammerRecords({self.label!r}, {count} at {self.sample_rate_hz:g} Hz, {self.quantity}, {channels})"
-
-
-def _copy(records: HammerRecords, **fields: Any) -> HammerRecords:
-    """Return records with some attributes replaced, in SI units."""
-    other = object.__new__(HammerRecords)
-    kept = {name: getattr(records, name) for name in HammerRecords.__dataclass_fields__}
-    _checks.set_fields(other, kept | fields)
-    return other
 
 
 def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -321,7 +312,7 @@ def _factors(
 ) -> tuple[float, NDArray[np.float64]]:
     load = "force" if excitation.direction == "y" else "moment"
     force = 1.0 if force_unit is None else channel_factor(owner, "force_unit", load, force_unit)
-    kinds = [quantity if place.direction == "y" else _ROTATIONS[quantity] for place in responses]
+    kinds = [quantity if place.direction == "y" else ROTATIONS[quantity] for place in responses]
     if response_unit is None:
         return force, np.ones(len(kinds))
     factors = [channel_factor(owner, "response_unit", kind, response_unit) for kind in kinds]
@@ -334,13 +325,3 @@ def _full_scales(owner: str, value: ArrayLike, count: int) -> NDArray[np.float64
         raise ValueError(f"{owner}: full_scale_response has shape {given.shape}, expected one number or {(count,)}")
     name = "full_scale_response"
     return np.array([_checks.positive(owner, name, one) for one in np.broadcast_to(given, (count,)).tolist()])
-
-
-def _column(owner: str, series: TimeSeries, name: str | int) -> int:
-    if isinstance(name, str):
-        if name in series.channels:
-            return tuple(series.channels).index(name)
-    elif 0 <= name < len(series.channels):
-        return name
-    listed = ", ".join(repr(channel) for channel in series.channels)
-    raise ValueError(f"{owner}: there is no channel {name!r}; the channels are {listed}")

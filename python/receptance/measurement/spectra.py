@@ -11,6 +11,7 @@ import numpy as np
 from receptance import _checks
 from receptance.frf.variance import pool_variance
 from receptance.measurement.bias import force_noise_power, force_outside_window, truncation_error
+from receptance.measurement.contacts import CLEAR
 from receptance.measurement.windows import correlated_lines, noncircularity
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ _ALIAS_FREE = 1.0 / 2.56
 """Share of the sampling rate up to which recorders' filters prevent aliasing."""
 _OFFSET_SAMPLES = 32
 """Least samples before a hit for an estimate of the offset."""
-_CLEAR = 2
-"""Samples left out before a contact, whose rise begins before the detected edge."""
 _ROUNDING = 1e-28
 """Relative variance of the rounding of a transform, for records without noise."""
 
@@ -258,7 +257,7 @@ def _without_offset(hits: Hits) -> tuple[NDArray[np.float64], NDArray[np.float64
     force, response = hits.blocks()
     recorded = hits.records[0].response_decay_rate > 0.0
     for row, hit in enumerate(hits.kept):
-        before = max(0, hit.onset - hit.start - _CLEAR)
+        before = max(0, hit.onset - hit.start - CLEAR)
         enough = before >= _OFFSET_SAMPLES
         force[row] -= np.mean(force[row, :before]) if enough else np.median(force[row])
         if enough and not recorded:

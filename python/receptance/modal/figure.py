@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.frf.presentation import PHASE_FROM
+from receptance.report.figure import (
+    COLOURS,
+    PALE,
+    add_legend,
+    finished,
+    label_point,
+    phase_line,
+    set_up,
+    surface,
+    title_left,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,25 +96,18 @@ def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -
     top, least = np.abs(measured).max(), np.abs(measured).min()
     low = max(min(least, float(np.quantile(np.abs(left), 0.05))), 1e-3 * least)
     axes.set_ylim(0.5 * low, 12.0 * top)
-    axes.legend(frameon=False, fontsize=9, ncols=4, loc="upper left")
+    add_legend(axes, ncols=4, loc="upper left")
 
 
 def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
     set_up(axes, "", "frequency (Hz)", "phase (°)")
     lines, fitted = _curve(fit, response, excitation)
-    axes.plot(
-        fit.frf.frequency_hz,
-        np.degrees(np.angle(fit.frf.values[:, response, excitation])),
-        ".",
-        color=COLOURS[0],
-        markersize=4,
-    )
-    phase = np.degrees(np.angle(fitted))
-    # No line is drawn across a jump by a full turn.
-    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
-    axes.plot(np.insert(lines, jumps, np.nan), np.insert(phase, jumps, np.nan), color=COLOURS[1], linewidth=1.3)
+    lowest = PHASE_FROM[fit.frf.form]
+    measured = phase_line(fit.frf.frequency_hz, fit.frf.values[:, response, excitation], lowest)
+    axes.plot(*measured, ".", color=COLOURS[0], markersize=4)
+    axes.plot(*phase_line(lines, fitted, lowest), color=COLOURS[1], linewidth=1.3)
     axes.set_yticks([-180, -90, 0, 90, 180])
-    axes.set_ylim(-190.0, 190.0)
+    axes.set_ylim(lowest - 5.0, lowest + 365.0)
 
 
 def _draw_poles(axes: Axes, fit: ModalFit) -> None:
@@ -123,17 +127,12 @@ def _draw_poles(axes: Axes, fit: ModalFit) -> None:
         axes.set_ylim(values.min() / 12.0, values.max() * 40.0)
     axes.set_xlim(fit.frf.frequency_hz[0], fit.frf.frequency_hz[-1])
     for number in range(min(fit.frequency_hz.size, _NAMED)):
-        axes.annotate(
-            f"{fit.frequency_hz[number]:.5g} Hz\n{values[number]:.3g} %",
-            (fit.frequency_hz[number], values[number]),
-            # Labels of neighbouring modes are on opposite sides.
-            xytext=(-8, 8) if number % 2 == 0 else (8, -26),
-            ha="right" if number % 2 == 0 else "left",
-            textcoords="offset points",
-            fontsize=8,
-            color=INK,
-        )
-    axes.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
+        # Labels of neighbouring modes are on opposite sides.
+        even = number % 2 == 0
+        text = f"{fit.frequency_hz[number]:.5g} Hz\n{values[number]:.3g} %"
+        point = float(fit.frequency_hz[number]), float(values[number])
+        label_point(axes, text, point, left=even, offset=(8.0, 8.0 if even else -26.0))
+    add_legend(axes, loc="upper left", ncols=2)
 
 
 def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:

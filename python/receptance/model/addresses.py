@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from receptance import _checks
-from receptance.errors import GrossSlipError, SingularInterfaceError
 from receptance.model.beams import Part, Segment
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
@@ -18,48 +16,39 @@ from receptance.model.terminals import MeasuredPart, ModalPart
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
-    from receptance.model.tables import Flat
 
-Element = Part | PointJoint | ColletJoint | MicroslipJoint | SpreadJoint | MeasuredPart | ModalPart
-_JOINTS = (PointJoint, SpreadJoint, ColletJoint, MicroslipJoint)
-_TERMINALS = (MeasuredPart, ModalPart)
-_KIND: dict[type, str] = {
-    Part: "part",
-    **dict.fromkeys(_JOINTS, "joint"),
-    **dict.fromkeys(_TERMINALS, "spindle"),
-    PointMass: "mass",
-    GroundSpring: "ground",
-    Resonator: "resonator",
-}
+ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
+Attachment = PointMass | GroundSpring | Resonator
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
 def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
     """Raise if the elements are not a chain from the tip to the far end, or a point is not a point element."""
     for index, element in enumerate(elements):
-        if not isinstance(element, (Part, *_JOINTS, *_TERMINALS)):
-            *kinds, last = (kind.__name__ for kind in (*_JOINTS, *_TERMINALS))
+        if not isinstance(element, ChainElement):
+            *kinds, last = (kind.__name__ for kind in get_args(ChainElement)[1:])
             raise TypeError(
                 f"Assembly: chain[{index}] is {element!r}, expected a Part or one of {', '.join(kinds)} and {last}"
             )
-        if isinstance(element, _TERMINALS) and index != len(elements) - 1:
+        if element.role == "spindle" and index != len(elements) - 1:
             raise ValueError(
                 f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only; it must "
                 "be the last element"
             )
-        if motion != "bending" and isinstance(element, (*_JOINTS, *_TERMINALS)) and type(element) is not PointJoint:
+        if motion != "bending" and not isinstance(element, (Part, PointJoint)):
             raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which supports bending only")
     for index, point in enumerate(points):
-        if not isinstance(point, (PointMass, GroundSpring, Resonator)):
+        if not isinstance(point, Attachment):
             raise TypeError(
                 f"Assembly: attachments[{index}] is {point!r}, expected a PointMass, a GroundSpring or a Resonator"
             )
-    if not elements or not isinstance(elements[0], Part) or not isinstance(elements[-1], (Part, *_TERMINALS)):
+    roles = [element.role for element in elements]
+    if not roles or roles[0] != "part" or roles[-1] == "joint":
         raise ValueError(
             "Assembly: the chain must begin and end with a Part, or end with a MeasuredPart or a ModalPart"
         )
     for index in range(1, len(elements)):
-        if isinstance(elements[index - 1], _JOINTS) and isinstance(elements[index], _JOINTS):
+        if roles[index - 1] == roles[index] == "joint":
             raise ValueError(
                 f"Assembly: chain[{index - 1}] and chain[{index}] are both joints, expected a part between them; "
                 "combine springs in series into one PointJoint or a ColletJoint"
@@ -95,15 +84,15 @@ def names_of(elements: Sequence[Any]) -> list[str]:
     ValueError
         A name of two elements, or one that is not a word of letters, digits and underscores.
     """
-    kinds = [_KIND[type(element)] for element in elements if not element.name]
+    roles = [element.role for element in elements if not element.name]
     names: list[str] = []
     counter: dict[str, int] = {}
     for element in elements:
-        kind = _KIND[type(element)]
-        index = counter.setdefault(kind, 0)
-        if not element.name:
-            counter[kind] += 1
-        name = element.name or (kind if kinds.count(kind) == 1 else f"{kind}_{index}")
+        name = element.name
+        if not name:
+            index = counter.setdefault(element.role, 0)
+            counter[element.role] += 1
+            name = element.role if roles.count(element.role) == 1 else f"{element.role}_{index}"
         if re.fullmatch(r"[^\W\d]\w*", name) is None:
             raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
         if name in names:
@@ -139,9 +128,7 @@ def place_on(elements: Mapping[str, Any], what: str, part: str, position: float 
     return name, x
 
 
-def points_of(
-    elements: Mapping[str, Any], name: str, attachment: PointMass | GroundSpring | Resonator
-) -> tuple[str, list[float]]:
+def points_of(elements: Mapping[str, Any], name: str, attachment: Attachment) -> tuple[str, list[float]]:
     """Return the name of the part and the positions in m at which an attachment acts."""
     owner = f"attachment {name!r}"
     part, x = place_on(elements, owner, attachment.part, attachment.position)
@@ -175,28 +162,6 @@ class MovingCoordinate:
         return replace(self._coordinate, position=edges_of(assembly.elements[part])[self._edge])
 
 
-def named(element: Any, name: str) -> Any:
-    """Return an element with a name."""
-    if element.name == name:
-        return element
-    return Part(element.segments, name=name) if isinstance(element, Part) else replace(element, name=name)
-
-
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
     """Return addresses as a tuple; a single address becomes a tuple of one."""
     return (addresses,) if isinstance(addresses, str) else tuple(addresses)
-
-
-@contextmanager
-def interfaces_by_name(flat: Flat) -> Iterator[None]:
-    """Replace the row of a joint in errors of the core by its name."""
-    try:
-        yield
-    except (SingularInterfaceError, GrossSlipError) as error:
-        raise type(error)(interface_names(flat, str(error))) from None
-
-
-def interface_names(flat: Flat, text: str) -> str:
-    """Return an error of the core with the name of the joint instead of its row."""
-    titles = flat.titles
-    return re.sub(r"^(joint|overlap) (\d+)", lambda found: f"joint {titles[found[1], int(found[2])]!r}", text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import tau
@@ -12,39 +12,34 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
-    Element,
+    Attachment,
+    ChainElement,
     check_chain,
     edges_of,
-    interfaces_by_name,
     listed,
-    named,
     names_of,
     points_of,
     segment_fields,
 )
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate, as_coordinates
-from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.joints import PointJoint
 from receptance.model.tables import (
     MOTIONS,
     Flat,
     Motion,
-    by_line,
-    complex_modes,
+    Tied,
     distinct,
     flatten,
-    modes,
-    responses,
+    force_amplitudes,
     rows_of,
 )
-from receptance.model.terminals import MeasuredPart, Terminal
+from receptance.model.terminals import MeasuredPart
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Assembly"]
-
-Attachment = PointMass | GroundSpring | Resonator
 
 
 class Assembly:
@@ -85,12 +80,12 @@ class Assembly:
     """
 
     def __init__(
-        self, chain: Iterable[Element], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
+        self, chain: Iterable[ChainElement], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
     ) -> None:
         if motion not in MOTIONS:
             raise ValueError(f"Assembly: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
         self.motion = motion
-        elements = tuple(chain) if not isinstance(chain, Element) else (chain,)
+        elements = tuple(chain) if not isinstance(chain, ChainElement) else (chain,)
         points = tuple(attachments)
         check_chain(elements, points, motion)
         # An assembly is immutable, so it is flattened once per set of coordinates.
@@ -104,7 +99,7 @@ class Assembly:
             points_of(self._elements, name, attachment)
 
     @property
-    def elements(self) -> dict[str, Element]:
+    def elements(self) -> dict[str, ChainElement]:
         """Parts and joints by name, from the tip on."""
         return dict(self._elements)
 
@@ -121,7 +116,7 @@ class Assembly:
     @property
     def countable(self) -> bool:
         """Whether natural frequencies are available: not for an assembly with a `MeasuredPart` or a `ModalPart`."""
-        return not any(isinstance(element, Terminal) for element in self._elements.values())
+        return all(element.role != "spindle" for element in self._elements.values())
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
@@ -134,7 +129,7 @@ class Assembly:
         `<ground>.k_y` etc.; `<resonator>.mass`, `.k_y`, `.c_y`; `<spindle>.residual_y`, `.mode[i].frequency_hz` etc.
         `segment[*]` means all segments of a part.
         """
-        return tuple(self._flatten(()).entries)
+        return tuple(self.flat().entries)
 
     def receptance(
         self,
@@ -286,10 +281,11 @@ class Assembly:
         >>> round(float(found[0].imag / abs(found[0])), 5)  # half the loss factor
         0.001
         """
-        flat = self._flatten(())
+        flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
         near = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
-        angular, slope = complex_modes(flat, tau * near, rows, MOTIONS[self.motion])
+        with flat.joints_by_name():
+            angular, slope = flat.model.complex_frequencies(tau * near, rows)
         return angular / tau, slope @ matrix / tau
 
     def get(self, address: str) -> float:
@@ -306,7 +302,7 @@ class Assembly:
                 found = ", ".join(f"{value:g}" for value in sorted(values))
                 raise ValueError(f"{address!r} has different values in the segments: {found}")
             return values.pop()
-        self._entries(address, self._flatten(()))
+        self._entries(address, self.flat())
         return float(owner.value(rest))
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
@@ -329,13 +325,13 @@ class Assembly:
                 for i, field in segment_fields(address, owner, rest):
                     in_segments.setdefault((name, i), {})[field] = value
             else:
-                self._entries(address, self._flatten(()))
+                self._entries(address, self.flat())
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
         for (name, i), fields in in_segments.items():
             segments = list(elements[name].segments)
             segments[i] = segments[i].with_values(fields)
-            elements[name] = Part(segments, name=elements[name].name)
+            elements[name] = replace(elements[name], segments=tuple(segments))
         for name, fields in changes.items():
             elements[name] = elements[name].with_values(fields)
         for name, attachment in self._attachments.items():
@@ -347,7 +343,7 @@ class Assembly:
             shifts = [new[old.index(x)] - x for x in along]
             if max(shifts) - min(shifts) <= 1e-9 * old[-1]:
                 elements[name] = replace(elements[name], position=along[0] + shifts[0] - attachment.offsets[0])
-        full = {name: named(element, name) for name, element in elements.items()}
+        full = {name: one if one.name == name else replace(one, name=name) for name, one in elements.items()}
         points = [full[name] for name in self._attachments]
         return Assembly([full[name] for name in self._elements], points, motion=self.motion)
 
@@ -381,23 +377,82 @@ class Assembly:
         JointReduction
             A handle of the core for fits and sweeps of the joint.
         """
-        if not isinstance(self._elements.get(joint), PointJoint) or self._flatten(()).slips:
+        if not isinstance(self._elements.get(joint), PointJoint) or self.flat().rows["slips"]:
             raise ValueError(f"{self!r} has no PointJoint {joint!r}, or has a joint in micro-slip")
         if self.motion != "bending":
             raise ValueError(f"{self!r} is in {self.motion} motion, expected bending")
         lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
-        flat = self._flatten((sides[0][0], sides[1][0]))
+        flat = self.flat((sides[0][0], sides[1][0]))
         row = flat.entries[f"{joint}.k_y"][0][1]
         points = np.vstack([self._points(flat, side) for side in sides])
         count = _checks.thread_count(threads)
-        with interfaces_by_name(flat):
-            model = flat.model()
+        with flat.joints_by_name():
+            model = flat.model
             if at is not None:
                 joints = flat.tables.joints.copy()
                 joints[row, 2:] = at.columns()
                 model = flat.tables._replace(joints=joints).model()
-            return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, by_line(flat, lines), planes)
+            return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, flat.by_line(lines), planes)
+
+    def poles(
+        self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
+    ) -> tuple[NDArray[np.complex128], int]:
+        """Return complex natural frequencies in a sector; `damped_modes` chooses the arguments.
+
+        Parameters
+        ----------
+        starts : ndarray
+            Approximate complex frequencies in Hz.
+        radii, angles : pair of float
+            Limits of the sector: magnitudes in Hz and angles from the real axis in rad.
+
+        Returns
+        -------
+        frequency_hz : ndarray
+            Complex natural frequencies in Hz.
+        missed : int
+            Number of further ones that were counted by the argument principle and not found.
+        """
+        flat = self.flat()
+        with flat.joints_by_name():
+            found, missed = flat.model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
+        return found / tau, missed
+
+    def flat(self, points: tuple[Coordinate, ...] = ()) -> Flat:
+        """Return the tables of the core, with a node at each coordinate; they are computed once."""
+        if points not in self._flats:
+            self._flats[points] = flatten(self._elements, self._attachments, points, self.motion)
+        return self._flats[points]
+
+    def tied(
+        self, addresses: Sequence[str], points: tuple[Coordinate, ...] = (), *, others: Collection[str] = ()
+    ) -> Tied:
+        """Return the model of the core as a function of addresses.
+
+        Parameters
+        ----------
+        addresses : sequence of str
+            Addresses of parameters and of observations.
+        points : tuple of Coordinate, optional
+            Coordinates of responses and excitations.
+        others : collection of str, optional
+            The addresses of observations, which are in no table.
+        """
+        flat = self.flat(points)
+        rates = [
+            (*entry[:3], index, entry[3])
+            for index, address in enumerate(addresses)
+            if address not in others
+            for entry in self._entries(address, flat)
+        ]
+        present = [0.0 if address in others else self.get(address) for address in addresses]
+        return Tied(
+            flat=flat,
+            rates=np.array(rates, dtype=np.float64).reshape(-1, 5),
+            present=np.array(present, dtype=np.float64),
+            points=self._points(flat, points),
+        )
 
     def _evaluate(
         self,
@@ -410,11 +465,14 @@ class Assembly:
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         lines = _checks.frequencies(frequency_hz)
         sides = [as_coordinates(side) for side in (response, excitation)]
-        flat = self._flatten(tuple(point for side in sides for point in side))
+        flat = self.flat(tuple(point for side in sides for point in side))
         points = [self._points(flat, side) for side in sides]
         rows, matrix = self._weights(flat, addresses)
         count = _checks.thread_count(threads)
-        h, dh = responses(flat, lines, points, rows, count, force, MOTIONS[self.motion])
+        amplitudes = None if force is None else force_amplitudes(force, lines, len(points[1]))
+        properties = flat.by_line(lines, amplitudes)
+        with flat.joints_by_name():
+            h, dh = flat.model.receptance(_core.Lines(lines, tau), points[1], points[0], rows, count, properties)
         # The product costs as much as the derivatives, so it is skipped for an identity matrix.
         if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
             dh = dh @ matrix
@@ -425,25 +483,16 @@ class Assembly:
     def _modes(
         self, upper: float | None, most: int, addresses: tuple[str, ...]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        flat = self._flatten(())
+        flat = self.flat()
         rows, matrix = self._weights(flat, addresses)
-        angular, slope = modes(flat, upper, most, rows, MOTIONS[self.motion])
+        if not self.countable:
+            raise ValueError(
+                "natural frequencies are not available for an assembly with a MeasuredPart or a ModalPart; use the "
+                "peaks of a receptance"
+            )
+        with flat.joints_by_name():
+            angular, slope = flat.model.natural_frequencies(upper, most, rows)
         return angular / (2.0 * np.pi), slope @ matrix / (2.0 * np.pi)
-
-    def _poles(
-        self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
-    ) -> tuple[NDArray[np.complex128], int]:
-        """Complex natural frequencies in Hz between radii in Hz and angles, and how many were not found."""
-        flat = self._flatten(())
-        with interfaces_by_name(flat):
-            model = flat.model(MOTIONS[self.motion])
-            found, missed = model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
-        return found / tau, missed
-
-    def _flatten(self, points: tuple[Coordinate, ...]) -> Flat:
-        if points not in self._flats:
-            self._flats[points] = flatten(self._elements, self._attachments, points)
-        return self._flats[points]
 
     def _points(self, flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:
         if self.motion != "bending" and any(point.direction == "theta" for point in side):

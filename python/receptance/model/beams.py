@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks, _core, units
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.model.fields import Choice, Element, Field, Member, Number
 from receptance.model.joints import WIDTHS
+from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from receptance.model.tables import Flat
+
 __all__ = ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"]
 
 
+SEGMENTS = 0
+"""Number of the table of segments in the core."""
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
 
@@ -60,7 +65,7 @@ class Material(Element):
         if self.youngs_modulus < _SOFTEST:
             found = f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa"
             text = f"{found}, softer than rubber; give it in Pa, not in GPa"
-            warnings.warn(text, ReceptanceWarning, stacklevel=3)
+            warn_user(text)
 
     @property
     def shear_modulus(self) -> float:
@@ -115,7 +120,7 @@ class _Round(Element):
         for quantity, common in _COMMON.items():
             if (value := getattr(self, quantity, 0.0)) > common:
                 text = f"{self.owner}: {quantity} is {value:g} m; give lengths in metres, not in millimetres"
-                warnings.warn(text, ReceptanceWarning, stacklevel=3)
+                warn_user(text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +179,7 @@ class Segment(_Round, _Long):
 
 
 @dataclass(frozen=True)
-class Part:
+class Part(Renderable):
     """A part: rigidly connected segments along x, from the tip-side end to the far end.
 
     Parameters
@@ -194,20 +199,19 @@ class Part:
     """
 
     segments: tuple[Segment, ...]
-    name: str = field(default="", kw_only=True, compare=False)
+    name: str = field(default="", compare=False)
+
+    role: ClassVar[str] = "part"
 
     def __init__(self, segments: Iterable[Segment], *, name: str = "") -> None:
-        if isinstance(segments, Segment):
-            segments = (segments,)
-        segments = tuple(segments)
+        segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
         owner = f"Part {name!r}" if name else "Part"
         if not segments:
             raise ValueError(f"{owner}: segments is empty, expected at least one Segment")
         for index, segment in enumerate(segments):
             if not isinstance(segment, Segment):
                 raise TypeError(f"{owner}: segments[{index}] is {segment!r}, expected a Segment")
-        object.__setattr__(self, "segments", segments)
-        object.__setattr__(self, "name", name)
+        _checks.set_fields(self, {"segments": segments, "name": name})
 
     @property
     def length(self) -> float:
@@ -219,8 +223,38 @@ class Part:
         """Mass in kg."""
         return sum(segment.mass for segment in self.segments)
 
-    def table(self) -> NDArray[np.float64]:
-        """Return the table of segments `(n_segments, 14)` of the part alone, with nodes numbered along x."""
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of the segments; a segment is split at the positions inside it."""
+        start = 0.0
+        flat.nodes[name, start] = node
+        pieces: list[list[int]] = []
+        for segment in self.segments:
+            end = start + segment.length
+            inside = [x for x in flat.positions.get(name, ()) if start < x < end]
+            columns = list(segment.columns())
+            pieces.append([])
+            for left, right in pairwise([start, *inside, end]):
+                far = flat.new_node()
+                # The length of a segment that is not split is not rounded.
+                columns[0] = right - left if inside else segment.length
+                pieces[-1].append(flat.add("segments", (node, far), columns))
+                flat.nodes[name, right] = node = far
+            start = end
+        for i, segment in enumerate(self.segments):
+            for address, place in segment.places().items():
+                entries = [(SEGMENTS, row, 2 + place, 1.0) for row in pieces[i]]
+                if address == "length":
+                    # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
+                    # segment grows, and in each later segment the first piece shrinks and the last one grows.
+                    entries = entries[-1:]
+                    for later in pieces[i + 1 :]:
+                        if len(later) > 1:
+                            entries += [(SEGMENTS, later[0], 2 + place, -1.0), (SEGMENTS, later[-1], 2 + place, 1.0)]
+                flat.entries[f"{name}.segment[{i}].{address}"] = entries
+        return node
+
+    def segment_rows(self) -> NDArray[np.float64]:
+        """Return the segments in the form of the core, `(n_segments, 14)`, with nodes numbered along x."""
         rows = [(float(i), float(i + 1), *segment.columns()) for i, segment in enumerate(self.segments)]
         return np.array(rows)
 
@@ -266,7 +300,7 @@ class Part:
         return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
 
     def _model(self, motion: int = 0) -> _core.Model:
-        return _core.Model(motion, self.table(), *(np.zeros((0, width)) for width in WIDTHS))
+        return _core.Model(motion, self.segment_rows(), *(np.zeros((0, width)) for width in WIDTHS))
 
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Return the undamped bending frequencies of the free part up to `upper_hz` in Hz, without rigid-body modes.
@@ -282,10 +316,18 @@ class Part:
         angular, _ = self._model().natural_frequencies(upper, 2**31, np.zeros((0, 3)))
         return angular / (2.0 * np.pi)
 
-    def _repr_html_(self) -> str:
-        from receptance.report import Column, Table
-        from receptance.report.html import table_html
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"Part {self.name}".rstrip()
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes for the user: none."""
+        return ()
+
+    def tables(self) -> list[Table]:
+        """Return the table of `summary`: dimensions and material of the segments."""
         columns = (
             Column("segment", form="d"),
             Column("length", "mm"),
@@ -305,7 +347,4 @@ class Part:
             )
             for index, one in enumerate(self.segments)
         ]
-        return table_html(Table(f"Part {self.name}".rstrip(), columns, rows))
-
-    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        return (self.segments,), {"name": self.name}
+        return [Table("", columns, rows)]

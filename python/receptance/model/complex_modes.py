@@ -135,7 +135,7 @@ def damped_modes(
     wanted = listed(parameters)
     starts = _starts(assembly, _REACH * limit)
     lowest = _LOWEST * float(np.abs(starts).min(initial=limit))
-    poles, missed = assembly._poles(starts, (lowest, limit), (_BELOW, float(np.arcsin(_LARGEST_RATIO))))
+    poles, missed = assembly.poles(starts, (lowest, limit), (_BELOW, float(np.arcsin(_LARGEST_RATIO))))
     return _described(assembly, poles, wanted, (response, excitation), threads, missed)
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from receptance import units
 from receptance.model.beams import Section
 from receptance.model.fields import Count, Element, Field, Member, Number
+
+if TYPE_CHECKING:
+    from receptance.model.tables import Flat
 
 __all__ = ["SpreadJoint"]
 
@@ -78,6 +81,8 @@ class SpreadJoint(Element):
         str, Field("first word of the addresses of its parameters, as in `joint.k_y` or `joint.shank.outer_diameter`")
     ] = field(default="", compare=False)
 
+    role = "joint"
+
     def __post_init__(self) -> None:
         self.check()
         owner, points = self.owner, self.points
@@ -95,3 +100,10 @@ class SpreadJoint(Element):
                 f"{owner}: k_theta and c_theta are both zero, so the rotation about the one point is free; "
                 "give k_theta or c_theta, or more points"
             )
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the row of the two beams and the layer."""
+        far = flat.new_node()
+        columns = {f"{name}.{address}": column for address, column in self.places().items()}
+        flat.titles["overlap", flat.add("overlaps", (node, far), self.columns(), columns)] = name
+        return far

@@ -10,18 +10,31 @@ from __future__ import annotations
 import inspect
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self, get_args, get_type_hints
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
 
 import numpy as np
 
 from receptance import _checks
 from receptance.units import Quantity
 
-__all__ = ["Choice", "Column", "Count", "Element", "Field", "Member", "Number"]
+if TYPE_CHECKING:
+    from receptance.model.tables import Flat
+
+__all__ = [
+    "AttachedPart",
+    "AttachedPosition",
+    "Choice",
+    "Column",
+    "Count",
+    "Element",
+    "Field",
+    "Member",
+    "Name",
+    "Number",
+]
 
 
-@dataclass(frozen=True)
 class Field:
     """A field that is not passed to the core.
 
@@ -32,6 +45,16 @@ class Field:
     """
 
     doc: str
+
+    def __init__(self, doc: str) -> None:
+        self.doc = doc
+
+
+Name = Annotated[str, Field("first word of the addresses of its parameters")]
+AttachedPart = Annotated[str, Field("name of the part to which it is attached; by default the first part")]
+AttachedPosition = Annotated[
+    float | Literal["end"], Field("distance in m from the tip-side end of the part, or its far end")
+]
 
 
 @dataclass(frozen=True)
@@ -49,18 +72,16 @@ class Number(Field):
     """
 
     quantity: Quantity
+    doc: str
+    _: KW_ONLY
     parameter: bool = True
-
-    def __init__(self, quantity: Quantity, doc: str, *, parameter: bool = True) -> None:
-        object.__setattr__(self, "doc", doc)
-        object.__setattr__(self, "quantity", quantity)
-        object.__setattr__(self, "parameter", parameter)
 
 
 @dataclass(frozen=True)
 class Count(Field):
     """An integer within bounds, or None if that is the default; passed to the core if `column`."""
 
+    doc: str
     least: int = 1
     most: int = 1000
     column: bool = False
@@ -70,7 +91,8 @@ class Count(Field):
 class Choice(Field):
     """One of several words, passed to the core as its index."""
 
-    words: tuple[str, ...] = ()
+    doc: str
+    words: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -86,12 +108,9 @@ class Member(Field):
     """
 
     kind: type[Element]
+    doc: str
+    _: KW_ONLY
     prefix: str
-
-    def __init__(self, kind: type[Element], doc: str, *, prefix: str) -> None:
-        object.__setattr__(self, "doc", doc)
-        object.__setattr__(self, "kind", kind)
-        object.__setattr__(self, "prefix", prefix)
 
 
 @dataclass(frozen=True)
@@ -168,6 +187,8 @@ class Element:
     """Names of the parameters that are direct fields of the class."""
     toleranced: ClassVar[bool] = True
     """Whether a campaign can state tolerances of its parameters."""
+    role: ClassVar[str] = ""
+    """Default name of an element of an assembly: "part", "joint", "spindle", "mass", "ground" or "resonator"."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -194,8 +215,7 @@ class Element:
         for name, field in self.declared.items():
             value = getattr(self, name)
             if isinstance(field, Number):
-                checked = _checks.quantity(self.owner, name, value, field.quantity)
-                object.__setattr__(self, name, checked)
+                _checks.set_fields(self, {name: _checks.quantity(self.owner, name, value, field.quantity)})
             elif isinstance(field, Choice):
                 if value not in field.words:
                     raise ValueError(f"{self.owner}: {name} is {value!r}, expected one of {', '.join(field.words)}")
@@ -228,6 +248,10 @@ class Element:
             for index, column in enumerate(self.layout)
             if column.address and _is_present(self, column.path)
         }
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of an element of a chain, which begins at a node, to the tables; return the node at its end."""
+        raise NotImplementedError
 
     def value(self, address: str) -> float:
         """Return the value of a parameter by its address within the element."""

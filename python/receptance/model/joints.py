@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, units
-from receptance.model.fields import Count, Element, Field, Member, Number
+from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number
+
+if TYPE_CHECKING:
+    from receptance.model.tables import Flat
 
 __all__ = ["ColletJoint", "GroundSpring", "MicroslipJoint", "PointJoint", "PointMass", "Resonator"]
-
-
-Position = float | Literal["end"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +51,22 @@ class _Spring(Element):
         return result
 
 
+class _Interface(_Spring):
+    """A spring between two parts."""
+
+    role = "joint"
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the row of the joint."""
+        far = flat.new_node()
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(_Spring.columns_of)}
+        row = flat.add("joints", (node, far), self.columns()[: len(columns)], columns)
+        flat.titles["joint", row] = name
+        return far
+
+
 @dataclass(frozen=True, kw_only=True)
-class PointJoint(_Spring):
+class PointJoint(_Interface):
     """A joint at a point: full, symmetric, complex stiffness between two facing ends.
 
     The stiffness is K(w) = (1 + i loss_factor) [[k_y, k_ytheta], [k_ytheta, k_theta]]
@@ -76,7 +91,7 @@ class PointJoint(_Spring):
     (1, 2, 2)
     """
 
-    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
+    name: Name = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,8 +136,8 @@ class GroundSpring(_Spring):
     10000000.0
     """
 
-    part: Annotated[str, Field("name of the part to which it is attached; by default the first part")] = ""
-    position: Annotated[Position, Field("distance in m from the tip-side end of the part, or its far end")] = 0.0
+    part: AttachedPart = ""
+    position: AttachedPosition = 0.0
     length: Annotated[
         float,
         Number(
@@ -135,7 +150,9 @@ class GroundSpring(_Spring):
     weights: Annotated[
         tuple[float, ...], Field("relative weights of the points, from the tip on; by default equal")
     ] = ()
-    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
+    name: Name = field(default="", compare=False)
+
+    role = "ground"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -147,8 +164,7 @@ class GroundSpring(_Spring):
         weights = tuple(_checks.not_negative(self.owner, f"weights[{i}]", value) for i, value in numbered)
         if weights and sum(weights) == 0.0:
             raise ValueError(f"{self.owner}: weights are all zero, expected at least one above zero")
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "points", len(weights) or self.points)
+        _checks.set_fields(self, {"weights": weights, "points": len(weights) or self.points})
 
     @property
     def offsets(self) -> tuple[float, ...]:
@@ -164,6 +180,13 @@ class GroundSpring(_Spring):
             return (1.0,)
         weights = self.weights or (1.0,) * self.points
         return tuple(weight / sum(weights) for weight in weights)
+
+    def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
+        """Add a row for each point, with its share of the spring; the loss factor is that of the whole."""
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
+        for node, share in zip(nodes, self.shares, strict=True):
+            rates = [1.0 if quantity == "loss_factor" else share for quantity in self.columns_of]
+            flat.add("grounds", (node,), self.columns(), columns, rates)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,15 +205,20 @@ class PointMass(Element):
 
     mass: Annotated[float, Number(units.MASS, "mass")]
     inertia: Annotated[float, Number(units.INERTIA, "moment of inertia about its centre in the plane of bending")] = 0.0
-    part: Annotated[str, Field("name of the part to which it is attached; by default the first part")] = ""
-    position: Annotated[Position, Field("distance in m from the tip-side end of the part, or its far end")] = 0.0
-    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
+    part: AttachedPart = ""
+    position: AttachedPosition = 0.0
+    name: Name = field(default="", compare=False)
 
+    role = "mass"
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
-    shares: ClassVar[tuple[float, ...]] = (1.0,)
 
     def __post_init__(self) -> None:
         self.check()
+
+    def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
+        """Add the row of the mass."""
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
+        flat.add("masses", nodes, self.columns(), columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,14 +246,24 @@ class Resonator(Element):
     mass: Annotated[float, Number(units.MASS, "mass")]
     k_y: Annotated[float, Number(units.SPRING_STIFFNESS, "stiffness")]
     c_y: Annotated[float, Number(units.DAMPING, "viscous damping")] = 0.0
-    part: Annotated[str, Field("name of the part to which it is attached; by default the first part")] = ""
-    position: Annotated[Position, Field("distance in m from the tip-side end of the part, or its far end")] = 0.0
-    name: Annotated[str, Field("first word of the addresses of its parameters")] = field(default="", compare=False)
+    part: AttachedPart = ""
+    position: AttachedPosition = 0.0
+    name: Name = field(default="", compare=False)
 
+    role = "resonator"
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
 
     def __post_init__(self) -> None:
         self.check()
+
+    def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
+        """Add a joint to a new node, and the mass at that node."""
+        # The mass has no moment of inertia, so the rotational stiffness transmits no moment; its value is arbitrary.
+        joint = PointJoint(k_y=self.k_y, k_theta=1.0, c_y=self.c_y)
+        far = flat.new_node()
+        columns = {f"{name}.{quantity}": PointJoint.columns_of.index(quantity) for quantity in ("k_y", "c_y")}
+        flat.titles["joint", flat.add("joints", (*nodes, far), joint.columns(), columns)] = name
+        flat.add("masses", (far,), (self.mass, 0.0), {f"{name}.mass": 0})
 
 
 WIDTHS = tuple(nodes + len(kind.layout) for nodes, kind in ((2, PointJoint), (1, PointMass), (1, GroundSpring)))
@@ -274,13 +312,19 @@ class ColletJoint(Element):
         str, Field("first word of the addresses of its parameters, as in `joint.inner.k_y` or `joint.mass`")
     ] = field(default="", compare=False)
 
-    joints_of: ClassVar[tuple[str, ...]] = ("inner", "outer")
+    role = "joint"
 
     def __post_init__(self) -> None:
         self.check()
-        for which in self.joints_of:
-            # Addresses use the name of the field.
-            object.__setattr__(self, which, replace(getattr(self, which), name=""))
+        # Addresses use the name of the field.
+        _checks.set_fields(self, {which: replace(getattr(self, which), name="") for which in ("inner", "outer")})
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of both springs and of the mass between them."""
+        middle = self.inner.add_to(flat, f"{name}.inner", node)
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
+        flat.add("masses", (middle,), (self.mass, self.inertia), columns)
+        return self.outer.add_to(flat, f"{name}.outer", middle)
 
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the dynamic stiffness `(n, 2, 2)` over (y, theta) of both springs in series, without the mass.
@@ -315,7 +359,7 @@ def _sine_integral(exponent: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MicroslipJoint(_Spring):
+class MicroslipJoint(_Interface):
     """A joint in micro-slip: the sliding share of the interface grows with the amplitude.
 
     Each direction is an Iwan element of power-law distribution, whose loop follows Masing's rules from the backbone
@@ -407,6 +451,14 @@ class MicroslipJoint(_Spring):
         factor = -(1.0 - 1j * loss_ratio(self.exponent))
         result: NDArray[np.complex128] = factor * np.array(self.shares) * np.array([self.k_y, self.k_theta])
         return result
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of the spring and of its slip."""
+        row = len(flat.rows["joints"])
+        far = super().add_to(flat, name, node)
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.amplitude_of)}
+        flat.add("slips", (row,), [getattr(self, quantity) for quantity in self.amplitude_of], columns)
+        return far
 
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the dynamic stiffness `(n, 2, 2)` over (y, theta) at the stated level."""

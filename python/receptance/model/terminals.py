@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from receptance.frf import FRF
+    from receptance.model.tables import Flat
 
 __all__ = ["ModalPart", "Mode"]
 
@@ -34,6 +35,7 @@ class Terminal(Element, ABC):
     """A substructure described by its receptances at one plane; the last element of an assembly."""
 
     toleranced = False
+    role = "spindle"
 
     residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
     residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
@@ -64,6 +66,12 @@ class Terminal(Element, ABC):
     @abstractmethod
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the row of the residuals."""
+        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(RESIDUALS)}
+        flat.add("terminals", (node,), [getattr(self, quantity) for quantity in RESIDUALS], columns)
+        return node
 
     def _residual(self) -> NDArray[np.complex128]:
         return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
@@ -121,7 +129,7 @@ class MeasuredPart(Terminal):
         lines = _checks.frequencies(self.frequency_hz)
         if lines.dtype.kind == "c":
             raise TypeError(f"{owner}: frequency_hz is complex, expected real lines and decay_rate")
-        matrix = _checks.unmasked(owner, "matrix", self.matrix, np.complex128).copy()
+        matrix = _checks.unmasked(owner, "matrix", self.matrix, np.complex128)
         if matrix.shape != (lines.size, 2, 2):
             raise ValueError(f"{owner}: matrix has shape {matrix.shape}, expected ({lines.size}, 2, 2)")
         _check_finite(owner, "matrix", matrix)
@@ -135,15 +143,12 @@ class MeasuredPart(Terminal):
             )
         arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines.astype(np.float64), "matrix": matrix}
         if self.covariance is not None:
-            arrays["covariance"] = _checks.unmasked(owner, "covariance", self.covariance, np.complex128).copy()
-            if arrays["covariance"].shape != (lines.size, 3, 3):
-                raise ValueError(
-                    f"{owner}: covariance has shape {arrays['covariance'].shape}, expected ({lines.size}, 3, 3)"
-                )
-            _check_finite(owner, "covariance", arrays["covariance"])
-        for quantity, array in arrays.items():
-            array.flags.writeable = False
-            object.__setattr__(self, quantity, array)
+            covariance = _checks.unmasked(owner, "covariance", self.covariance, np.complex128)
+            if covariance.shape != (lines.size, 3, 3):
+                raise ValueError(f"{owner}: covariance has shape {covariance.shape}, expected ({lines.size}, 3, 3)")
+            _check_finite(owner, "covariance", covariance)
+            arrays["covariance"] = covariance
+        _checks.set_fields(self, arrays)
         self.check()
 
     @classmethod
@@ -162,6 +167,11 @@ class MeasuredPart(Terminal):
         usable = frf.to("receptance").masked()
         mean = 0.5 * (usable.values + usable.values.transpose(0, 2, 1))
         return cls(frequency_hz=usable.frequency_hz, matrix=mean, decay_rate=usable.decay_rate, name=name)
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the row of the residuals, and the table."""
+        flat.tabled.append((len(flat.rows["terminals"]), self))
+        return super().add_to(flat, name, node)
 
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
@@ -418,19 +428,29 @@ class ModalPart(Terminal):
                 raise TypeError(f"{self.owner}: modes[{index}] is {mode!r}, expected a Mode")
         if not modes:
             raise ValueError(f"{self.owner}: modes is empty, expected at least one")
-        object.__setattr__(self, "modes", modes)
+        _checks.set_fields(self, {"modes": modes})
         self.check()
         if self.band_hz is not None:
             low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
             if not low < high:
                 raise ValueError(f"{self.owner}: band_hz is {low:g} to {high:g} Hz, expected an ascending pair")
-            object.__setattr__(self, "band_hz", (low, high))
+            _checks.set_fields(self, {"band_hz": (low, high)})
 
     @property
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters within the element."""
         own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
         return (*own, *RESIDUALS)
+
+    def add_to(self, flat: Flat, name: str, node: int) -> int:
+        """Add the rows of the modes and of the residuals."""
+        flat.banded.append(self)
+        rates = [tau if quantity == "frequency_hz" else 1.0 for quantity in Mode.columns_of]
+        for index, mode in enumerate(self.modes):
+            columns = {f"{name}.mode[{index}].{quantity}": i for i, quantity in enumerate(Mode.columns_of)}
+            values = [getattr(mode, quantity) for quantity in Mode.columns_of]
+            flat.add("modes", (len(flat.rows["terminals"]),), values, columns, rates)
+        return super().add_to(flat, name, node)
 
     def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""

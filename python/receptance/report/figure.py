@@ -4,26 +4,34 @@ from __future__ import annotations
 
 import functools
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from receptance._text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+    from numpy.typing import NDArray
 
 __all__ = [
     "BAD",
+    "BAND",
     "COLOURS",
     "INK",
+    "NORMAL_95",
     "PALE",
+    "add_legend",
     "as_image",
+    "draw_condition",
     "finished",
     "image_formats",
     "keep_clear",
     "label_point",
     "new_figure",
     "panels",
+    "phase_line",
     "set_up",
     "surface",
     "title_left",
@@ -34,6 +42,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 INK = "#222222"
 PALE = "#9A9A9A"
 BAD = "#B2182B"
+BAND = "#BBD9EC"
+_GRID = "#E6E6E6"
+NORMAL_95 = 1.96
+"""Half width of a 95 % interval in standard deviations."""
 _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
@@ -151,30 +163,66 @@ def keep_clear(figure: Figure, top: float) -> None:
     figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, top), w_pad=0.08, h_pad=0.08))
 
 
-def set_up(axes: Axes, title: str, x: str = "", y: str = "") -> None:
-    """Set title and labels of axes, and remove the upper and the right part of the frame."""
+def set_up(axes: Axes, title: str, x: str = "", y: str = "", *, grid: Literal["x", "y", "both", "none"] = "y") -> None:
+    """Set title, labels and grid lines of axes, and remove the upper and the right part of the frame."""
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
     axes.set_xlabel(x, color=INK)
     axes.set_ylabel(y, color=INK)
     axes.tick_params(labelsize=9, colors=INK)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    axes.grid(visible=True, axis="y", color="#E6E6E6", linewidth=0.8)
+    axes.grid(visible=False)
+    if grid != "none":
+        axes.grid(visible=True, axis=grid, color=_GRID, linewidth=0.8)
     axes.set_axisbelow(True)
 
 
-def label_point(axes: Axes, text: str, point: tuple[float, float], *, left: bool, offset: float = 7.0) -> None:
-    """Write a text to the left or to the right of a point, with a distance in points."""
+def add_legend(place: Axes | Figure | SubFigure, *entries: Any, **options: Any) -> None:
+    """Add a legend without frame to axes, or to a figure: then below the axes; options as in `matplotlib`."""
+    from matplotlib.axes import Axes
+
+    if not isinstance(place, Axes):
+        options = {"loc": "outside lower center", **options}
+    place.legend(*entries, **{"frameon": False, "fontsize": 9, **options})
+
+
+def label_point(
+    axes: Axes,
+    text: str,
+    point: tuple[float, float],
+    *,
+    left: bool = False,
+    offset: tuple[float, float] = (7.0, 0.0),
+    colour: str = INK,
+) -> None:
+    """Write a text to the left or to the right of a point, with horizontal and vertical distances in points."""
     axes.annotate(
         text,
         point,
-        xytext=(-offset if left else offset, 0),
+        xytext=(-offset[0] if left else offset[0], offset[1]),
         textcoords="offset points",
         ha="right" if left else "left",
         fontsize=8.5,
-        color=INK,
+        color=colour,
         bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
     )
+
+
+def phase_line(
+    lines: NDArray[np.float64], values: NDArray[np.complex128], lowest: float = -180.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return lines and phases in degrees, from `lowest` over a full turn, with a gap at each jump by a turn."""
+    phase = (np.degrees(np.angle(values)) - lowest) % 360.0 + lowest
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
+    return np.insert(lines, jumps, np.nan), np.insert(phase, jumps, np.nan)
+
+
+def draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[np.float64]) -> None:
+    """Draw the condition number of a system of equations over the frequency lines."""
+    set_up(axes, "Condition number: amplification of relative errors", "frequency (Hz)", "")
+    axes.semilogy(lines, condition, color=COLOURS[0], linewidth=1.0)
+    axes.axhline(1.0, color=PALE, linewidth=0.8)
+    axes.set_xlim(lines[0], lines[-1])
 
 
 def as_image(figure: Figure, kind: str) -> bytes:

@@ -11,25 +11,25 @@ from receptance.report.notes import grouped
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from receptance.report.result import Result
+    from receptance.report.result import Renderable
     from receptance.report.table import Table
 
-__all__ = ["as_html", "table_html"]
+__all__ = ["as_html"]
 
 
-def as_html(result: Result) -> str:
-    """Return a result as an HTML fragment."""
-    texts = [*filter(None, [result.provenance.description]), *result.sentences()]
-    parts = [f"<p><b>{_shown(result.title)}</b></p>", *(f"<p>{_shown(text)}</p>" for text in texts)]
-    parts += [table_html(table) for table in result.tables()]
-    parts += _list("Advice", result.warnings())
-    parts += _list("Notes", grouped(result.notes))
-    if result.provenance.file:
-        parts.append(f"<p><small>{_shown(result.provenance.sentence())}</small></p>")
+def as_html(content: Renderable) -> str:
+    """Return a result or another renderable as an HTML fragment."""
+    texts = [*filter(None, [content.description]), *content.sentences()]
+    parts = [f"<p><b>{_shown(content.title)}</b></p>", *(f"<p>{_shown(text)}</p>" for text in texts)]
+    parts += [_table(table) for table in content.tables()]
+    parts += _list("Advice", content.warnings())
+    parts += _list("Notes", grouped(content.notes))
+    if content.origin:
+        parts.append(f"<p><small>{_shown(content.origin)}</small></p>")
     return "\n".join(parts)
 
 
-def table_html(table: Table) -> str:
+def _table(table: Table) -> str:
     """Return a table as HTML, with text aligned left and numbers aligned right."""
     sides = ["left" if isinstance(column, str) else "right" for column in table.columns]
     head = "".join(_cell("th", text, side) for text, side in zip(table.headings, sides, strict=True))

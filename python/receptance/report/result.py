@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Provenance", "Result", "Results"]
+__all__ = ["Provenance", "Renderable", "Result", "Results"]
 
 _versions = cache(provenance.versions)
 
@@ -50,8 +50,66 @@ class Provenance:
         return seed + ", ".join(f"{name} {value}" for name, value in self.versions.items())
 
 
-class Result(ABC):
-    """Base of all results: a subclass defines tables, sentences and data, which this class renders.
+class Renderable(ABC):
+    """Base of everything that is shown as text and as HTML: a subclass defines the content, which is rendered here.
+
+    A subclass has the attribute `notes` (sentences for the user), defines `title`, and overrides the other methods that
+    apply to it.
+    """
+
+    if TYPE_CHECKING:
+
+        @property
+        def notes(self) -> Sequence[str]:
+            """Notes for the user, a sentence each."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """Title."""
+
+    @property
+    def description(self) -> str:
+        """Text below the title."""
+        return ""
+
+    @property
+    def origin(self) -> str:
+        """Last line: seed and versions of the software."""
+        return ""
+
+    def tables(self) -> list[Table]:
+        """Return the tables."""
+        return []
+
+    def sentences(self) -> list[str]:
+        """Return the findings, a sentence each."""
+        return []
+
+    def warnings(self) -> Sequence[str]:
+        """Return recommendations for the user, a sentence each."""
+        return ()
+
+    def summary(self, width: int = 100) -> str:
+        """Return the content as text: findings, tables, warnings and notes.
+
+        Parameters
+        ----------
+        width : int, optional
+            Number of characters per line, at least 40. Numbers are never cut; wide tables are split.
+        """
+        from receptance.report.terminal import as_text
+
+        return as_text(self, width)
+
+    def _repr_html_(self) -> str:
+        from receptance.report.html import as_html
+
+        return as_html(self)
+
+
+class Result(Renderable):
+    """Base of all results: a subclass defines tables, sentences and data, which are rendered here.
 
     A subclass has the attributes `provenance` and `notes` (sentences for the user), defines `data` and `plot`, and
     overrides `tables`, `sentences`, and `warnings` if the user should act on something.
@@ -66,26 +124,20 @@ class Result(ABC):
         def provenance(self) -> Provenance:
             """Source of the result."""
 
-        @property
-        def notes(self) -> Sequence[str]:
-            """Notes for the user, a sentence each."""
-
     @property
     def title(self) -> str:
         """Title of the campaign, if there is one, and type of the result."""
         return f"{self.provenance.title}: {self.heading.lower()}" if self.provenance.title else self.heading
 
-    def tables(self) -> list[Table]:
-        """Return the tables of the result."""
-        return []
+    @property
+    def description(self) -> str:
+        """Description of the campaign."""
+        return self.provenance.description
 
-    def sentences(self) -> list[str]:
-        """Return the findings, a sentence each."""
-        return []
-
-    def warnings(self) -> Sequence[str]:
-        """Return recommendations for the user, a sentence each."""
-        return ()
+    @property
+    def origin(self) -> str:
+        """Seed and versions of the software; empty without a campaign."""
+        return self.provenance.sentence() if self.provenance.file else ""
 
     @abstractmethod
     def data(self) -> dict[str, Any]:
@@ -117,23 +169,6 @@ class Result(ABC):
             found["seed"] = origin.seed
         whole: dict[str, Any] = plain({**found, "versions": origin.versions})
         return whole
-
-    def summary(self, width: int = 100) -> str:
-        """Return the result as text: findings, tables, warnings and notes.
-
-        Parameters
-        ----------
-        width : int, optional
-            Number of characters per line, at least 40. Numbers are never cut; wide tables are split.
-        """
-        from receptance.report.terminal import as_text
-
-        return as_text(self, width)
-
-    def _repr_html_(self) -> str:
-        from receptance.report.html import as_html
-
-        return as_html(self)
 
 
 _Inner = TypeVar("_Inner", bound=Result)

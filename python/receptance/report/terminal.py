@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import rich.table
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console, Group
+from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
@@ -21,12 +21,12 @@ from receptance._text import printable
 from receptance.report.notes import grouped
 
 if TYPE_CHECKING:
-    from rich.console import ConsoleOptions, RenderableType, RenderResult
+    from rich.console import ConsoleOptions, RenderResult
 
-    from receptance.report.result import Result
+    from receptance.report.result import Renderable
     from receptance.report.table import Table
 
-__all__ = ["LEAST_WIDTH", "as_text", "print_result", "print_sentences", "print_table", "print_title", "rendered"]
+__all__ = ["LEAST_WIDTH", "as_text", "print_result", "print_sentences", "print_table", "print_title"]
 
 LEAST_WIDTH = 40
 """Smallest width in characters that fits every interval with its name."""
@@ -34,32 +34,30 @@ _LEAST_TEXT = 8
 """Smallest width of a text column whose words are broken."""
 
 
-def as_text(result: Result, width: int = 100) -> str:
-    """Return a result as plain text with tables of at most `width` characters."""
+def as_text(content: Renderable, width: int = 100) -> str:
+    """Return a result or another renderable as plain text with tables of at most `width` characters."""
     buffer = io.StringIO()
     console = Console(file=buffer, width=max(width, LEAST_WIDTH), color_system=None, highlight=False, markup=False)
-    print_result(console, result)
+    print_result(console, content)
     return "\n".join(printable(line).rstrip() for line in buffer.getvalue().split("\n")).rstrip()
 
 
-def print_result(console: Console, result: Result, measured: Sequence[Table] = ()) -> None:
-    """Print a result: findings, tables, warnings and notes; for a campaign also data, seed and versions."""
-    print_title(console, result.title)
-    if result.provenance.description:
-        print_sentences(console, [result.provenance.description])
+def print_result(console: Console, content: Renderable, measured: Sequence[Table] = ()) -> None:
+    """Print findings, tables, warnings and notes; for the result of a campaign also data, seed and versions."""
+    print_title(console, content.title)
+    if content.description:
+        print_sentences(console, [content.description])
     for table in measured:
         print_table(console, table)
-    print_sentences(console, result.sentences())
-    for table in result.tables():
+    print_sentences(console, content.sentences())
+    for table in content.tables():
         print_table(console, table)
-    if result.warnings():
-        console.print(Text("Advice", style="bold"))
-        print_sentences(console, result.warnings())
-    if result.notes:
-        console.print(Text("Notes", style="bold"))
-        print_sentences(console, grouped(result.notes))
-    if result.provenance.file:
-        console.print(Text(result.provenance.sentence()))
+    for title, texts in (("Advice", content.warnings()), ("Notes", list(grouped(content.notes)))):
+        if texts:
+            console.print(Text(title, style="bold"))
+            print_sentences(console, texts)
+    if content.origin:
+        console.print(Text(content.origin))
 
 
 def print_title(console: Console, text: str) -> None:
@@ -83,15 +81,11 @@ def print_sentences(console: Console, sentences: Iterable[str]) -> None:
 
 def print_table(console: Console, table: Table) -> None:
     """Print a table with its title and its note."""
-    console.print(rendered(table))
-
-
-def rendered(table: Table) -> Group:
-    """Return a table with its title and its note as a renderable of `rich`."""
-    shown: list[RenderableType] = [Text(table.title, style="bold"), _Columns(table)]
+    if table.title:
+        console.print(Text(table.title, style="bold"))
+    console.print(_Columns(table))
     if table.note:
-        shown.append(Padding(Text(table.note), (0, 0, 1, 2), expand=False))
-    return Group(*shown)
+        console.print(Padding(Text(table.note), (0, 0, 1, 2), expand=False))
 
 
 class _Columns:
@@ -133,15 +127,15 @@ class _Columns:
 
     def _naming(self) -> int:
         """Return the number of first columns that identify the rows; an empty first cell repeats the one above."""
-        seen: list[tuple[str, ...]] = []
+        rows: list[tuple[str, ...]] = []
         first = ""
         for row in self._rows:
             first = row[0] or first
-            seen.append((first, *row[1:]))
-        count = 1
-        while count < len(self._heads) - 1 and len({row[:count] for row in seen}) < len(seen):
-            count += 1
-        return count if len({row[:count] for row in seen}) == len(seen) else 1
+            rows.append((first, *row[1:]))
+        for count in range(1, len(self._heads)):
+            if len({row[:count] for row in rows}) == len(rows):
+                return count
+        return 1
 
     def _needed(self, chosen: Sequence[int], *, fold: bool = False) -> int:
         """Return the smallest width of a table of some columns; with `fold`, words of text columns may be broken."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.model.terminals import ENTRIES
-from receptance.report.figure import COLOURS, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import COLOURS, NORMAL_95, PALE, draw_condition, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_spindle"]
 
-_TITLES = ("y/F [m/N]", "θ/M [rad/(N m)]", "y/M [m/(N m)]")
-_REACH = 1.96
+_TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 
 
 def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: Axes | None = None) -> Figure:
@@ -40,7 +39,7 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: A
         The figure.
     """
     figure = surface(ax, 11.0, 8.5)
-    text = f"Spindle line by line, from {', '.join(found.labels)}"
+    text = f"Spindle line by line: {', '.join(found.labels)}"
     legend = (
         f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: others"
     )
@@ -52,19 +51,16 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: A
     for number, (i, j) in enumerate(ENTRIES):
         axes = figure.add_subplot(grid[divmod(number, 2)])
         size, deviation = np.abs(found.matrix[:, i, j]), found.standard_deviation[:, i, j]
-        set_up(axes, _TITLES[number], "frequency [Hz]" if number == 2 else "", "")
+        set_up(axes, _TITLES[number], "frequency (Hz)" if number == 2 else "", "")
         shown = np.where(found.usable, size, np.nan)
         axes.semilogy(lines, np.where(found.usable, np.nan, size), ".", color=PALE, markersize=2.5)
-        low = np.maximum(shown - _REACH * deviation, 0.05 * shown)
-        axes.fill_between(lines, low, shown + _REACH * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
+        low = np.maximum(shown - NORMAL_95 * deviation, 0.05 * shown)
+        axes.fill_between(lines, low, shown + NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
         axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
         if curve is not None:
             axes.semilogy(lines, np.abs(curve[:, i, j]), color=COLOURS[1], linewidth=1.2)
         if found.usable.any():
             axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
         axes.set_xlim(lines[0], lines[-1])
-    axes = figure.add_subplot(grid[1, 1])
-    set_up(axes, "Condition number: amplification of relative errors", "frequency [Hz]", "")
-    axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
-    axes.set_xlim(lines[0], lines[-1])
+    draw_condition(figure.add_subplot(grid[1, 1]), lines, found.condition)
     return finished(figure)

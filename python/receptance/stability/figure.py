@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, PALE, finished, label_point, set_up, surface
+from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, set_up, surface
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,7 @@ def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) ->
     figure = surface(ax, 9.0, 5.8 if shown else 4.6)
     rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if shown else [figure.subplots()]
     draw_lobes_on(rows[0], lobes, recommended=recommended)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    add_legend(figure, ncols=4)
     set_up(rows[0], lobes.title_of_cut(), "" if shown else "spindle speed (1000 rpm)", "depth of cut (mm)")
     if shown:
         rows[1].plot(1e-3 * lobes.speeds_rpm, lobes.chatter_hz, ".", color=_LIMIT, ms=1.5)
@@ -69,7 +69,7 @@ def draw_several_lobes(several: Stability, ax: Axes | None = None, *, recommende
         set_up(axes, lobes.title_of_cut(), "spindle speed (1000 rpm)", "depth of cut (mm)")
         axes.set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
     handles = {text: line for axes in figure.axes for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    add_legend(figure, handles.values(), handles.keys(), ncols=4)
     return finished(figure)
 
 

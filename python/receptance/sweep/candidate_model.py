@@ -16,7 +16,6 @@ import numpy as np
 from receptance import _checks, _core
 from receptance.model.coordinates import as_coordinates
 from receptance.model.joints import PointJoint
-from receptance.model.tables import by_line, tie
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -225,12 +224,12 @@ def candidate_model(
     points = [as_coordinates(side)[0] for side in (response, excitation)]
     owners = {name.split(".", 1)[0] for name in names}
     owner = next(iter(owners))
-    reducible = assembly.motion == "bending" and not assembly._flatten(()).slips
+    reducible = assembly.motion == "bending" and not assembly.flat().rows["slips"]
     if reducible and len(owners) == 1 and type(assembly.elements.get(owner)) is PointJoint:
         return _Joint(assembly, owner, names, lines, points, count)
-    tied = tie(assembly, names, tuple(points))
+    tied = assembly.tied(names, tuple(points))
     model = tied.model(_identity_map(len(names)), np.empty((0, 2)))
-    properties = by_line(tied.flat, lines)
+    properties = tied.flat.by_line(lines)
     return _Models(model.sweep(_core.Lines(lines, tau), tied.points, properties), names, count)
 
 

@@ -183,7 +183,7 @@ def _content(assembly: Assembly) -> list[Any]:
     """Return the values and types of an assembly."""
     elements = {**assembly.elements, **assembly.attachments}
     values = [[address, assembly.get(address)] for address in assembly.parameters]
-    flat = assembly._flatten(())
+    flat = assembly.flat()
     kinds = {name: type(one).__name__ for name, one in elements.items()}
     tables = [array for _, part in flat.tabled for array in (part.frequency_hz, part.matrix)]
     return [assembly.motion, kinds, values, *flat.tables, *tables]

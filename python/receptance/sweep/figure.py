@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, keep_clear, new_figure, set_up
+from receptance.report.figure import COLOURS, INK, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +26,7 @@ _MOST = 4
 """Largest number of parameters in a figure."""
 
 
-def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
+def draw_misfit(results: xr.Dataset, variable: str = "misfit", ax: Axes | None = None) -> Figure:
     """Draw the smallest misfit over each parameter and each pair, minimised over the others.
 
     Parameters
@@ -35,6 +35,8 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
         From `receptance.sweep.sweep`, with at most four parameters.
     variable : str, optional
         Name of the misfit.
+    ax : Axes, optional
+        As in `Result.plot`.
 
     Returns
     -------
@@ -69,11 +71,8 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
     columns = [results[name].values[good] for name in names]
     misfit = results[variable].values[good]
     count = len(names)
-    figure = new_figure(max(3.4 * count, 6.4), max(2.9 * count, 4.2))
-    keep_clear(figure, 0.93)
-    figure.suptitle(
-        f"Smallest {variable}, minimised over the other parameters", x=0.02, ha="left", fontsize=13, fontweight="bold"
-    )
+    figure = surface(ax, max(3.4 * count, 6.4), max(2.9 * count, 4.2))
+    title_left(figure, f"Smallest {variable}, minimised over the other parameters")
     grid = figure.subplots(count, count, squeeze=False)
     best = int(np.argmin(misfit))
     image = None
@@ -90,7 +89,7 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit") -> Figure:
     if image is not None:
         bar = figure.colorbar(image, ax=grid[:, -1].tolist(), shrink=0.7)
         bar.set_label(f"log10 of the smallest {variable}", color=INK)
-    return figure
+    return finished(figure)
 
 
 def _over_one(axes: Axes, name: str, column: NDArray[np.float64], misfit: NDArray[np.float64], best: int) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, finished, set_up, surface
+from receptance.report.figure import COLOURS, NORMAL_95, add_legend, finished, set_up, surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["axis_unit", "draw_force_series", "draw_over_levels", "draw_with_law"]
 
-_NORMAL = 1.96
 _RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 _LAWS = {"constant": "constant", "linear": "K\u2080 + a F", "power": "K\u2080 + a F\u207f"}
 
@@ -34,7 +33,7 @@ def draw_with_law(axes: Axes, series: ForceSeries, factor: float, over: str, lab
     """Draw a parameter over its levels and its law, with titles and a legend."""
     set_up(axes, series.name, over, label)
     draw_over_levels(axes, series, factor, COLOURS[0] if ".k_" in series.name else COLOURS[1], "identified, 95 %")
-    _legend(axes, series)
+    _add_law(axes, series)
 
 
 def draw_over_levels(
@@ -47,7 +46,7 @@ def draw_over_levels(
     axes.errorbar(
         series.force,
         factor * series.values,
-        _NORMAL * factor * series.standard_errors,
+        NORMAL_95 * factor * series.standard_errors,
         fmt=marker,
         color=colour,
         markersize=4,
@@ -65,10 +64,10 @@ def axis_unit(unit: str, series: ForceSeries) -> tuple[float, str]:
     return 10.0**-power, f"10{str(power).translate(_RAISED)} {unit}"
 
 
-def _legend(axes: Axes, series: ForceSeries) -> None:
+def _add_law(axes: Axes, series: ForceSeries) -> None:
     low, high = series.exponent_interval
     law = _LAWS[series.law.name]
     text = f"{law}, n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})" if series.law.name == "power" else law
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.3 * (top - bottom))
-    axes.legend(frameon=False, fontsize=9, loc="upper left", title=text, title_fontsize=9, alignment="left")
+    add_legend(axes, loc="upper left", title=text, title_fontsize=9, alignment="left")

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.diagnosis.wording import remarks
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from receptance.diagnosis import Candidate, Verdict
     from receptance.diagnosis.by_mode import Curve
 
-__all__ = ["alike_figure", "curve_figure", "evidence_figure", "frequencies_figure"]
+__all__ = ["curve_figure", "evidence_figure", "frequencies_figure", "similarity_figure"]
 
 MEASURED, BEFORE, AFTER = "#c9ced3", "#d95f02", "#1b7f79"
 _LINE = "rgba(0,0,0,0.12)"
@@ -34,17 +36,17 @@ def curve_figure(before: Curve, after: Curve | None) -> Any:
     for name, lines, values, colour, width in sets:
         line = {"color": colour, "width": width, "dash": "dash" if name == "model as given" else "solid"}
         own: dict[str, Any] = {"name": name, "legendgroup": name, "line": line, "mode": "lines"}
-        figure.add_scatter(x=_few(lines), y=_few(np.abs(values)), row=1, col=1, **own)
+        figure.add_scatter(x=_five_digits(lines), y=_five_digits(np.abs(values)), row=1, col=1, **own)
         # From -270 to 90 degrees: a drive point lies between -180 and 0 and does not jump from end to end.
         phase = np.degrees(np.angle(1j * values)) - 90.0
-        figure.add_scatter(x=_few(lines), y=_few(phase), row=2, col=1, showlegend=False, **own)
+        figure.add_scatter(x=_five_digits(lines), y=_five_digits(phase), row=2, col=1, showlegend=False, **own)
     for name, curve, colour in (("model as given", before, BEFORE), ("model extended", after, AFTER)):
         if curve is not None:
             size = np.sqrt(np.mean(curve.residual**2, axis=0))
             line = {"color": colour, "width": 1.0}
             figure.add_scatter(
-                x=_few(curve.frequency_hz),
-                y=_few(size),
+                x=_five_digits(curve.frequency_hz),
+                y=_five_digits(size),
                 row=3,
                 col=1,
                 name=name,
@@ -58,7 +60,7 @@ def curve_figure(before: Curve, after: Curve | None) -> Any:
     figure.update_yaxes(title="phase (°)", tickvals=[-270, -180, -90, 0, 90], row=2, col=1)
     figure.update_yaxes(type="log", title="residual (s.d.)", row=3, col=1)
     figure.update_xaxes(title="frequency (Hz)", row=3, col=1)
-    return _finished(figure, 620)
+    return _with_layout(figure, 620)
 
 
 def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Any:
@@ -74,14 +76,14 @@ def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Any:
                 [f"{f:.0f} Hz" for c in some for f in c.frequency_hz],
             ]
             errors = [100.0 * (m - f) / f for c in some for f, m in zip(c.measured.real, c.modelled.real, strict=True)]
-            figure.add_bar(x=names, y=_few(np.array(errors)), name=name, marker={"color": colour})
+            figure.add_bar(x=names, y=_five_digits(np.array(errors)), name=name, marker={"color": colour})
     figure.update_yaxes(title="modelled less measured (%)")
     figure.update_layout(barmode="group")
-    return _finished(figure, 420)
+    return _with_layout(figure, 420)
 
 
 def evidence_figure(verdict: Verdict) -> Any:
-    """Return the evidence of the candidates, each alone, and what chance reaches."""
+    """Return the evidence of the candidates, each alone, and the detection threshold."""
     from plotly.graph_objects import Figure
 
     shown = list(verdict.candidates[:_SHOWN])[::-1]
@@ -93,7 +95,7 @@ def evidence_figure(verdict: Verdict) -> Any:
         y=[one.id for one in shown],
         orientation="h",
         marker={"color": [AFTER if one.id in reported else "#b8c4cc" for one in shown]},
-        text=[_said(one) for one in shown],
+        text=[_bar_label(one) for one in shown],
         textposition="outside",
         cliponaxis=False,
         hovertext=[f"{one.evidence:+.1f}" for one in shown],
@@ -102,21 +104,16 @@ def evidence_figure(verdict: Verdict) -> Any:
     # Room for the text beside the longest bar.
     figure.update_xaxes(range=[0.0, 1.4 * most])
     figure.add_vline(x=verdict.threshold, line={"color": BEFORE, "dash": "dash", "width": 1.5})
-    figure.update_xaxes(title="evidence (twice the logarithm of odds); dashed: reached by chance once in a thousand")
-    return _finished(figure, 120 + 26 * len(shown))
+    figure.update_xaxes(title="evidence (twice the logarithm of odds); dashed: detection threshold")
+    return _with_layout(figure, 120 + 26 * len(shown))
 
 
-def _said(one: Candidate) -> str:
-    words = [f"misfit left {one.misfit:.2f}"]
-    if not one.plausible:
-        words.append("not plausible")
-    if not one.converged:
-        words.append("not converged")
-    return ", ".join(words)
+def _bar_label(one: Candidate) -> str:
+    return ", ".join(text for text in (f"misfit {one.misfit:.2f}", remarks(one)) if text)
 
 
-def alike_figure(names: Sequence[str], cosines: Any) -> Any:
-    """Return which causes do the same to these data."""
+def similarity_figure(names: Sequence[str], cosines: Any) -> Any:
+    """Return the cosines between the effects of causes on these data."""
     from plotly.graph_objects import Figure
 
     figure = Figure()
@@ -127,19 +124,19 @@ def alike_figure(names: Sequence[str], cosines: Any) -> Any:
         zmin=0.0,
         zmax=1.0,
         colorscale="Teal",
-        colorbar={"title": {"text": "1: the same"}},
+        colorbar={"title": {"text": "1: same effect"}},
     )
     figure.update_yaxes(autorange="reversed")
     figure.update_xaxes(tickangle=40)
-    return _finished(figure, 160 + 28 * len(names))
+    return _with_layout(figure, 160 + 28 * len(names))
 
 
-def _few(values: Any) -> list[float]:
-    """Five digits are more than a screen shows, and keep the file small."""
+def _five_digits(values: Any) -> list[float]:
+    """Return numbers with five digits, which are more than a screen shows and keep the file small."""
     return [float(f"{value:.5g}") for value in np.asarray(values, dtype=np.float64)]
 
 
-def _finished(figure: Any, height: int) -> Any:
+def _with_layout(figure: Any, height: int) -> Any:
     figure.update_layout(
         height=height,
         font=_FONT,

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one HTML file with its figures, their code and the story in plain sentences."""
+"""The report of a diagnosis: one HTML file with a summary in sentences, figures and their code."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from receptance import _files
 from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
 from receptance.diagnosis.report import figures
-from receptance.diagnosis.report.story import story
 from receptance.diagnosis.screening import look_alike
-from receptance.diagnosis.wording import improved, sentence, sizes
+from receptance.diagnosis.wording import improvement_interval, remarks, report_sentences, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["diagnosis_html", "write_diagnosis"]
 
-_ALIKE = 12
+_SIMILAR = 12
 """Number of causes in the figure of similar causes."""
 
 
@@ -61,18 +60,19 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         title=title,
         verdict=verdict,
         sentence=sentence(verdict),
-        story=story(verdict, before, after),
+        sentences=report_sentences(verdict, before, after),
+        remarks=remarks,
         curves=_curves(verdict),
         modes=[(one, rows.get((one.label, one.mode))) for one in before],
         columns=_columns([*before, *after]),
         extended=explanation is not None,
         receptances=any(isinstance(one, MeasuredFRF) for one in base.model.observations),
-        unseen=_unseen(verdict),
+        held_out_modes=_held_out_modes(verdict),
         # Of a cause that is reported together with another one its size there.
         sizes={one.id: sizes(one) for one in (*verdict.candidates, *verdict.causes)},
-        evidence=_shown(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
-        alike=_alike(verdict),
-        interval=improved,
+        evidence=_html(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
+        similar=_similarity(verdict),
+        interval=improvement_interval,
         settings=_rows({**settings, "versions": dict(verdict.provenance.versions)}),
         library=get_plotlyjs(),
     )
@@ -110,13 +110,13 @@ def _columns(modes: Sequence[ModeResidual]) -> list[tuple[str, str, str]]:
     return [one for one in every if any(math.isfinite(getattr(mode, one[0])) for mode in modes)]
 
 
-def _unseen(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual | None]]:
+def _held_out_modes(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual | None]]:
     """Return held-out modes before and after."""
     after = {(one.label, one.mode): one for one in verdict.held_out_modes_after}
     return [(one, after.get((one.label, one.mode))) for one in verdict.held_out_modes]
 
 
-def _shown(figure: Any, name: str) -> str:
+def _html(figure: Any, name: str) -> str:
     from plotly.io import to_html
 
     config = {"displaylogo": False, "responsive": True, "scrollZoom": True, "showSendToCloud": False}
@@ -124,7 +124,7 @@ def _shown(figure: Any, name: str) -> str:
 
 
 def _curves(verdict: Verdict) -> list[tuple[str, str]]:
-    """Each receptance with its figure, and all natural frequencies in one."""
+    """Return each receptance with its figure, and all natural frequencies in one."""
     base, explanation = verdict.selection.base, verdict.explanation
     before = curves(base)
     after: list[Curve | None] = list(curves(explanation.fit)) if explanation is not None else [None] * len(before)
@@ -132,33 +132,29 @@ def _curves(verdict: Verdict) -> list[tuple[str, str]]:
     frequencies = []
     for number, one in enumerate(base.model.observations):
         if isinstance(one, MeasuredFRF):
-            html = _shown(figures.curve_figure(before[number], after[number]), f"curve-{number}")
+            html = _html(figures.curve_figure(before[number], after[number]), f"curve-{number}")
             complete.append((before[number].label or f"receptance {number + 1}", html))
         else:
             frequencies.append(number)
     if frequencies:
         extended = [curve for i in frequencies if (curve := after[i]) is not None]
         figure = figures.frequencies_figure([before[i] for i in frequencies], extended)
-        complete.append(("natural frequencies", _shown(figure, "frequencies")))
+        complete.append(("natural frequencies", _html(figure, "frequencies")))
     return complete
 
 
-def _alike(verdict: Verdict) -> str:
-    """The best candidates against each other."""
+def _similarity(verdict: Verdict) -> str:
+    """Return the similarity of the effects of the best candidates."""
     best: dict[str, Any] = {}
     for one in verdict.candidates:
-        own = [
-            d
-            for d in verdict.selection.found
-            if d.cause.id == one.id and d.variant.name == one.variant and d.slopes.shape[1]
-        ]
-        if own and one.id not in best:
-            best[one.id] = own[0]
-    names = list(best)[:_ALIKE]
+        own = [d for d in verdict.selection.directions if d.is_of(one.id, one.variant) and d.slopes.shape[1]]
+        if own:
+            best.setdefault(one.id, own[0])
+    names = list(best)[:_SIMILAR]
     if len(names) < 2:
         return ""
     cosines = [[look_alike(best[a], best[b]) for b in names] for a in names]
-    return _shown(figures.alike_figure(names, cosines), "alike")
+    return _html(figures.similarity_figure(names, cosines), "similar")
 
 
 def _rows(settings: dict[str, Any]) -> list[tuple[str, str]]:

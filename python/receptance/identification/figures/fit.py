@@ -11,17 +11,29 @@ import numpy as np
 from receptance._text import printable
 from receptance.identification import MeasuredFRF
 from receptance.identification.prediction import DECIBEL
-from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import (
+    BAD,
+    BAND,
+    COLOURS,
+    INK,
+    PALE,
+    add_legend,
+    finished,
+    label_point,
+    set_up,
+    surface,
+    title_left,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-    from receptance.campaign import PredictedFrequencies, Prediction
+    from receptance.campaign import Prediction
     from receptance.identification import Identification, PredictedFRF
 
-__all__ = ["BAND_COLOUR", "draw_identification", "draw_prediction"]
+__all__ = ["draw_identification", "draw_prediction"]
 
 _ROW = 4.4
 """Height of a row of panels in inches."""
@@ -30,7 +42,6 @@ _STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Distances of ticks on an axis of factors."""
 _MAX_BAND = 3.0
 """Largest half width of a band that is drawn, as natural logarithm."""
-BAND_COLOUR = "#BBD9EC"
 _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N", ("theta", "theta"): "rad/(N m)"}
 
 
@@ -41,18 +52,20 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
     shown = frfs[:_MOST_FRFS]
     lists = [(label, one, assembly) for label, one, assembly in everything if not isinstance(one, MeasuredFRF)]
     figure, cells = _grid(ax, len(shown) + bool(lists) + 1, f"{found.title}{_left_out(frfs, shown)}")
-    for (label, frf, assembly), cell in zip(shown, cells, strict=False):
-        model = assembly.receptance(frf.frequency_hz, response=frf.response, excitation=frf.excitation, force=frf.force)
+    for (label, seen, assembly), cell in zip(shown, cells, strict=False):
+        model = assembly.receptance(
+            seen.frequency_hz, response=seen.response, excitation=seen.excitation, force=seen.force
+        )
         top, below = _pair(cell)
-        _magnitude(top, label, _FORMS[frf.response.direction, frf.excitation.direction])
-        lines = frf.frequency_hz.real
-        top.plot(lines, np.abs(frf.receptance), ".", color=PALE, markersize=2.5, label="measured")
+        _magnitude(top, label, _FORMS[seen.response.direction, seen.excitation.direction])
+        lines = seen.frequency_hz.real
+        top.plot(lines, np.abs(seen.receptance), ".", color=PALE, markersize=2.5, label="measured")
         top.plot(lines, np.abs(model), color=COLOURS[0], linewidth=1.3, label="fitted")
         low, high = top.get_ylim()
         top.set_ylim(low, 30.0 * high)
-        _legend(top, frf.standard_deviation)
-        ratio = np.log(np.abs(frf.receptance / model))
-        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, frf.standard_deviation)
+        _legend(top, seen.standard_deviation)
+        ratio = np.log(np.abs(seen.receptance / model))
+        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, seen.standard_deviation)
     if lists:
         axes = cells[len(shown)].subplots()
         rows = []
@@ -74,8 +87,15 @@ def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
         _predicted_frf(cell, frf, found)
     if compared:
         rows = [
-            (p.name, p.modes, p.measured_hz, p.predicted_hz, found.reach * p.scatter.total, p.measured_deviation_hz)
-            for p in compared
+            (
+                one.name,
+                [mode.mode for mode in one.modes],
+                one.measured_hz,
+                one.predicted_hz,
+                found.reach * one.scatter.total,
+                np.array([mode.measured_deviation_hz for mode in one.modes]),
+            )
+            for one in compared
         ]
         title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
         _frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
@@ -122,7 +142,7 @@ def _ratio(
     if band is not None:
         # The band is infinite if a relevant parameter is not determined.
         band = np.minimum(band, _MAX_BAND)
-        axes.fill_between(lines, -DECIBEL * band, DECIBEL * band, color=BAND_COLOUR, linewidth=0)
+        axes.fill_between(lines, -DECIBEL * band, DECIBEL * band, color=BAND, linewidth=0)
         most = max(most, 1.5 * DECIBEL * float(np.percentile(band, 98)))
     if log_ratio is not None:
         axes.plot(lines, DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
@@ -138,7 +158,7 @@ def _ratio(
 def _legend(axes: Axes, noise: NDArray[np.float64] | None) -> None:
     if noise is not None:
         axes.plot([], [], color=BAD, linewidth=0.8, alpha=0.7, label="noise, two standard deviations (below)")
-    axes.legend(frameon=False, fontsize=9, loc="upper right", markerscale=4)
+    add_legend(axes, loc="upper right", markerscale=4)
 
 
 def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> None:
@@ -152,24 +172,24 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> Non
     limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
     low, high = frf.band(found.level)
     low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
-    top.fill_between(lines, low, high, color=BAND_COLOUR, linewidth=0, label=f"{100.0 * found.level:g} % band")
+    top.fill_between(lines, low, high, color=BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
     if frf.measured is not None:
         top.plot(lines, np.abs(frf.measured), ".", color=PALE, markersize=2.5, label="measured")
     top.plot(lines, size, color=COLOURS[0], linewidth=1.3, label="predicted")
     top.set_ylim(*limits)
     if not measured:
-        _name_modes(top, next((one for one in found.frequencies if one.name == frf.name), None), found.reach)
+        for one in found.frequencies:
+            if one.name == frf.name:
+                _name_modes(top, one.predicted_hz, found.reach * one.scatter.total)
     _legend(top, frf.measured_deviation)
     label = "measured over\npredicted (dB)" if measured else "band (dB)"
     log_ratio = frf.log_ratio.real if measured else None
     _ratio(below, label, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
 
 
-def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) -> None:
+def _name_modes(axes: Axes, frequency_hz: NDArray[np.float64], half_hz: NDArray[np.float64]) -> None:
     """Annotate natural frequencies with their intervals."""
-    if modes is None:
-        return
-    for frequency, half in zip(modes.predicted_hz, reach * modes.scatter.total, strict=True):
+    for frequency, half in zip(frequency_hz, half_hz, strict=True):
         text = f"{frequency:.0f} ± {half:.0f} Hz" if np.isfinite(half) else f"{frequency:.0f} Hz, open"
         axes.axvline(frequency, color=PALE, linewidth=0.7, linestyle=":")
         axes.annotate(
@@ -181,25 +201,25 @@ def _name_modes(axes: Axes, modes: PredictedFrequencies | None, reach: float) ->
 def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, ...]]) -> None:
     """Draw errors of calculated natural frequencies in percent, grouped by measurement."""
     set_up(axes, title, "", "against measured (%)")
-    left = 0.0
+    place = 0.0
     ticks: list[tuple[float, str]] = []
     for name, modes, measured, calculated, half, spread in rows:
-        x = left + np.arange(len(modes))
+        x = place + np.arange(len(modes))
         error = 100.0 * (calculated / measured - 1.0)
-        if spread is not None:
-            label = None if left else "reading, two standard deviations"
+        if spread is not None and spread.any():
+            label = None if place else "reading, two standard deviations"
             half_reading = 200.0 * spread / measured
             axes.errorbar(x, np.zeros(len(x)), half_reading, fmt="none", ecolor=PALE, capsize=5, label=label)
         bars = None if half is None else 100.0 * half / measured
-        label = None if left else series
+        label = None if place else series
         axes.errorbar(x, error, bars, fmt="o", color=COLOURS[0], capsize=3, markersize=5, label=label)
         if len(rows) * len(modes) <= 24:
             for at, value, mode in zip(x, error, modes, strict=True):
-                axes.annotate(f"{mode}", (at, value), xytext=(6, 3), textcoords="offset points", fontsize=8, color=INK)
+                label_point(axes, f"{mode}", (at, value), offset=(6.0, 3.0))
         ticks.append((float(x.mean()), name))
-        left = float(x[-1]) + 1.8
+        place = float(x[-1]) + 1.8
         if len(rows) > 1 and name is not rows[-1][0]:
-            axes.axvline(left - 0.9, color="#E6E6E6", linewidth=0.8)
+            axes.axvline(place - 0.9, color="#E6E6E6", linewidth=0.8)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     tilted = sum(len(name) for _, name in ticks) > 50
     axes.set_xticks(
@@ -213,14 +233,14 @@ def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, 
     low, high = axes.get_ylim()
     most = max(abs(low), abs(high), 0.05)
     axes.set_ylim(-most, 1.25 * most)
-    axes.set_xlim(-1.2, left - 0.6)
-    axes.legend(frameon=False, fontsize=9, loc="upper right", ncols=2)
+    axes.set_xlim(-1.2, place - 0.6)
+    add_legend(axes, loc="upper right", ncols=2)
 
 
 def _parameters(axes: Axes, found: Identification) -> None:
     """Draw the 95 % interval of every parameter relative to its value."""
-    set_up(axes, "95 % intervals of the parameters", "relative to the value", "")
-    styles = [(BAND_COLOUR, 12.0, "with tolerances")] if found.errors else []
+    set_up(axes, "95 % intervals of the parameters", "relative to the value", grid="both")
+    styles = [(BAND, 12.0, "with tolerances")] if found.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
@@ -243,8 +263,7 @@ def _parameters(axes: Axes, found: Identification) -> None:
     axes.set_ylim(-len(labels) + 0.4, 0.6)
     axes.set_xscale("log")
     _factors(axes)
-    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
-    axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+    add_legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
 
 def _factors(axes: Axes) -> None:

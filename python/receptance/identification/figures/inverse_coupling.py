@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.identification.pointwise_joint import TERMS
-from receptance.report.figure import BAD, COLOURS, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import (
+    BAD,
+    COLOURS,
+    NORMAL_95,
+    PALE,
+    draw_condition,
+    finished,
+    set_up,
+    surface,
+    title_left,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +30,6 @@ __all__ = ["draw_inverse_coupling"]
 
 _UNITS = {"k_y": "N/m", "k_theta": "N m/rad", "k_ytheta": "N/rad"}
 _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
-_NORMAL_95 = 1.96
 
 
 def draw_inverse_coupling(found: InverseCouplings, ax: Axes | None = None) -> Figure:
@@ -55,17 +64,13 @@ def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
         for column, part in enumerate((value.real, value.imag)):
             axes = figure.add_subplot(grid[row, column])
             symbol = f"{'Re' if column == 0 else 'Im'} {_SYMBOLS[term]}"
-            set_up(axes, f"{symbol} [{_UNITS[term]}]", "frequency [Hz]" if row == rows - 1 else "", "")
+            set_up(axes, f"{symbol} ({_UNITS[term]})", "frequency (Hz)" if row == rows - 1 else "", "")
             constant = None
             if joint is not None:
                 constant = np.full(lines.size, joint[0]) if column == 0 else 2.0 * np.pi * lines * joint[1]
             _draw_part(axes, lines, part, deviation, usable, constant)
             axes.set_xlim(lines[0], lines[-1])
-    axes = figure.add_subplot(grid[rows, :])
-    set_up(axes, "Condition number: amplification of relative errors", "frequency [Hz]", "")
-    axes.semilogy(lines, found.condition, color=COLOURS[0], linewidth=1.0)
-    axes.axhline(1.0, color=PALE, linewidth=0.8)
-    axes.set_xlim(lines[0], lines[-1])
+    draw_condition(figure.add_subplot(grid[rows, :]), lines, found.condition)
 
 
 def _draw_part(
@@ -82,7 +87,7 @@ def _draw_part(
     axes.set_ylim(*_limits(part[chosen], part[shown], constant))
     axes.plot(lines[shown & ~chosen], part[shown & ~chosen], ".", color=PALE, markersize=2.5, alpha=0.5)
     if chosen.any():
-        half = np.where(chosen, _NORMAL_95 * deviation, np.nan)
+        half = np.where(chosen, NORMAL_95 * deviation, np.nan)
         axes.fill_between(lines, part - half, part + half, color=COLOURS[0], alpha=0.2, linewidth=0)
         axes.plot(lines[chosen], part[chosen], ".", color=COLOURS[0], markersize=2.5)
     else:

@@ -8,8 +8,19 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification.covariance import UNINFORMATIVE
-from receptance.identification.figures.fit import BAND_COLOUR
-from receptance.report.figure import BAD, COLOURS, INK, PALE, finished, set_up, surface, title_left
+from receptance.report.figure import (
+    BAD,
+    BAND,
+    COLOURS,
+    INK,
+    PALE,
+    add_legend,
+    finished,
+    label_point,
+    set_up,
+    surface,
+    title_left,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,37 +60,34 @@ def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
 
 
 def _draw_modes(axes: Axes, found: Transfer) -> None:
-    set_up(axes, "Held out", "predicted against measured (%)")
-    axes.grid(visible=False, axis="y")
-    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
+    set_up(axes, "Held out", "predicted against measured (%)", grid="x")
     axes.axvline(0.0, color=INK, linewidth=1.0)
     labels, before, several = [], "", len({mode.configuration for mode in found.modes}) > 1
     for row, mode in enumerate(found.modes):
         text = f"{mode.measured_hz:.0f} Hz" + ("" if mode.mode is None else f"  mode {mode.mode}")
         labels.append(f"{mode.configuration}   {text}" if mode.configuration != before and several else text)
         before = mode.configuration
-        if mode.error_percent is None or mode.interval_hz is None:
+        interval = mode.interval_hz(found.level, mode.measured_deviation_hz)
+        if mode.measured_hz is None or mode.error_percent is None or interval is None:
             axes.plot(0.0, row, "x", color=BAD, markersize=7)
-            axes.annotate(
-                "no prediction", (0.0, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=BAD
-            )
+            label_point(axes, "no prediction", (0.0, row), offset=(6.0, -3.0), colour=BAD)
             continue
-        if mode.uninformative:
+        if mode.uninformative(found.level):
             axes.plot(mode.error_percent, row, "o", color=PALE, markerfacecolor="white", markersize=5)
-            place, offset = (mode.error_percent, row), (6, -3)
-            text = f"interval {UNINFORMATIVE}"
-            axes.annotate(text, place, xytext=offset, textcoords="offset points", fontsize=8, color=PALE)
+            point = mode.error_percent, row
+            label_point(axes, f"interval {UNINFORMATIVE}", point, offset=(6.0, -3.0), colour=PALE)
             continue
-        low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in mode.interval_hz)
-        colour = COLOURS[0] if mode.inside else BAD
+        low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in interval)
+        inside = mode.within(found.level)
+        colour = COLOURS[0] if inside else BAD
         if np.isfinite(high):
             axes.plot([low, high], [row, row], color=colour, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
-        axes.plot(mode.error_percent, row, "o" if mode.inside else "D", color=colour, markersize=5)
+        axes.plot(mode.error_percent, row, "o" if inside else "D", color=colour, markersize=5)
     axes.set_yticks(range(len(labels)), list(map(printable, labels)), fontsize=8)
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.plot([], [], "o", color=COLOURS[0], markersize=5, label="measured is inside the interval")
     axes.plot([], [], "D", color=BAD, markersize=5, label="measured is outside the interval")
-    axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    add_legend(axes, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
 
 
 def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
@@ -96,14 +104,9 @@ def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
     size = np.abs(frf.receptance)
     low, high = frf.band(level)
     axes.fill_between(
-        lines,
-        np.maximum(low, size / _OPEN),
-        np.minimum(high, size * _OPEN),
-        color=BAND_COLOUR,
-        linewidth=0.0,
-        label="band",
+        lines, np.maximum(low, size / _OPEN), np.minimum(high, size * _OPEN), color=BAND, linewidth=0.0, label="band"
     )
     axes.plot(lines, np.abs(np.asarray(frf.measured)), ".", color=PALE, markersize=2.5, label="measured")
     axes.plot(lines, size, color=COLOURS[0], linewidth=1.2, label="predicted")
     axes.set_yscale("log")
-    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    add_legend(axes, fontsize=8, loc="upper right")

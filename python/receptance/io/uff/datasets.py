@@ -12,15 +12,18 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from receptance.io.build import complex_values
-from receptance.io.errors import FileFormatError
+from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_time
+from receptance.io.text import excerpt
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -60,10 +63,13 @@ class Line:
         """Return an error at this line, or at its first byte behind binary data."""
         return FileFormatError(problem, line=self.number, byte=self.byte if self.number is None else None)
 
+    def placed(self) -> AbstractContextManager[None]:
+        """Return a context that adds this line to errors without a place."""
+        return placed(line=self.number, byte=self.byte if self.number is None else None)
+
     def shown(self) -> str:
         """Return the beginning of the line for a message."""
-        text = self.content[:60].decode("latin-1")
-        return repr(text + ("..." if len(self.content) > 60 else ""))
+        return excerpt(self.content.decode("latin-1"))
 
 
 class Cursor:
@@ -73,23 +79,17 @@ class Cursor:
         self.data, self.byte = data, 0
         self.number: int | None = 1
 
-    def peek(self) -> Line | None:
-        """Return the next line without advancing, or None at the end."""
-        if self.byte >= len(self.data):
-            return None
-        end = self.data.find(b"\n", self.byte)
-        content = self.data[self.byte : len(self.data) if end < 0 else end]
-        return Line(content.removesuffix(b"\r"), self.number, self.byte)
-
     def next(self) -> Line | None:
         """Return the next line and advance past it, or None at the end."""
         check_time()
-        line = self.peek()
-        if line is not None:
-            end = self.data.find(b"\n", self.byte)
-            self.byte = len(self.data) if end < 0 else end + 1
-            if self.number is not None:
-                self.number += 1
+        if self.byte >= len(self.data):
+            return None
+        end = self.data.find(b"\n", self.byte)
+        end = len(self.data) if end < 0 else end
+        line = Line(self.data[self.byte : end].removesuffix(b"\r"), self.number, self.byte)
+        self.byte = min(end + 1, len(self.data))
+        if self.number is not None:
+            self.number += 1
         return line
 
     def expect(self, what: str) -> Line:
@@ -166,8 +166,9 @@ def text_values(cursor: Cursor, widths: tuple[int, ...], count: int, declared: L
         return _line_by_line(cursor, widths, count, declared), ""
     except FileFormatError as problem:
         cursor.byte, cursor.number = start, number
-        free = _separated(cursor, count)
-        if free is None:
+        try:
+            free = _line_by_line(cursor, (), count, declared)
+        except FileFormatError:
             raise problem from None
         return free, "the numbers are not in the columns of the format; they were read as separated by blanks"
 
@@ -210,41 +211,32 @@ def _full_lines(cursor: Cursor, widths: tuple[int, ...], count: int) -> NDArray[
     return flat
 
 
-def _line_by_line(cursor: Cursor, widths: tuple[int, ...], count: int, declared: Line) -> NDArray[np.float64]:
+def _line_by_line(cursor: Cursor, widths: Sequence[int], count: int, declared: Line) -> NDArray[np.float64]:
+    """Read numbers in columns, or without widths numbers separated by blanks.
+
+    The latter are equally many in all lines but the last.
+    """
     values: list[float] = []
-    promised = f"{count} numbers declared in line {declared.number}"
+    in_line = 0
+    expected = f"{count} numbers declared in line {declared.number}"
     while len(values) < count:
         line = cursor.next()
         if line is None:
-            cursor.fail(f"the file ends after {len(values)} of the {promised}")
+            cursor.fail(f"the file ends after {len(values)} of the {expected}")
         if is_delimiter(line.content):
-            raise line.error(f"the data set ends after {len(values)} of the {promised}")
-        content, start = line.content.rstrip(), 0
-        for width in widths:
-            if start >= len(content) or len(values) == count:
-                break
-            field = content[start : start + width].strip()
+            raise line.error(f"the data set ends after {len(values)} of the {expected}")
+        content = line.content.rstrip()
+        if widths:
+            starts = accumulate(widths[:-1], initial=0)
+            columns = [(start, width) for start, width in zip(starts, widths, strict=True) if start < len(content)]
+            fields = [(content[start : start + width].strip(), start, width) for start, width in columns]
+        else:
+            fields = [(field, 0, 0) for field in content.split()]
+            in_line = in_line or len(fields)
+            if not fields or len(fields) != min(in_line, count - len(values)):
+                raise line.error(f"there are {len(fields)} numbers, expected {in_line}")
+        for field, start, width in fields[: count - len(values)]:
             values.append(_number(line, field, f"number {len(values) + 1} of {count}", start, width))
-            start += width
-    return np.array(values)
-
-
-def _separated(cursor: Cursor, count: int) -> NDArray[np.float64] | None:
-    """Read numbers separated by blanks, equally many in all lines but the last; None if this does not match."""
-    values: list[float] = []
-    in_line = 0
-    while len(values) < count:
-        line = cursor.next()
-        if line is None or is_delimiter(line.content):
-            return None
-        fields = line.content.split()
-        in_line = in_line or len(fields)
-        if not fields or len(fields) != min(in_line, count - len(values)):
-            return None
-        try:
-            values.extend(_number(line, field, "", 0, 0) for field in fields)
-        except FileFormatError:
-            return None
     return np.array(values)
 
 
@@ -284,11 +276,8 @@ class UnitSystem:
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """One data set 58 without conversion."""
+    """Contents of one data set 58, without conversion."""
 
-    line: Line
-    """First line."""
-    binary: bool
     kind: int
     """Function type: 1 time response, 4 FRF, 6 coherence, ..."""
     response: Point
@@ -296,15 +285,18 @@ class Function:
     abscissa: NDArray[np.float64]
     ordinate: NDArray[Any]
     """Real or complex."""
-    step: float | None
-    """Declared abscissa increment; None for uneven spacing."""
     axes: tuple[Axis, Axis, Axis]
     """Abscissa, ordinate numerator, ordinate denominator."""
-    texts: tuple[str, ...]
+    texts: Sequence[str]
     """The five ID lines; empty for NONE."""
-    units: UnitSystem | None
+    line: Line = Line(b"", None, 0)
+    """First line in the file."""
+    binary: bool = False
+    step: float | None = None
+    """Abscissa increment in the file; None for uneven spacing."""
+    units: UnitSystem | None = None
     """The preceding data set 164."""
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -426,16 +418,16 @@ def _function(cursor: Cursor, identity: Line, units: UnitSystem | None) -> Funct
         )
     texts = tuple(columns_of_text(record.content).strip() for record in records[:5])
     return Function(
-        line=identity,
-        binary=binary,
         kind=kind,
         response=response,
         reference=reference,
         abscissa=abscissa,
         ordinate=ordinate,
-        step=form.step if form.even else None,
         axes=(axes[0], axes[1], axes[2]),
         texts=tuple("" if text == "NONE" else text for text in texts),
+        line=identity,
+        binary=binary,
+        step=form.step if form.even else None,
         units=units,
         notes=tuple(notes),
     )

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,23 @@ from receptance.io.errors import FileFormatError
 from receptance.io.options import SI, ReadOptions
 from receptance.io.uff.datasets import Function
 from receptance.model.coordinates import Coordinate
-from receptance.units import CHANNEL_UNITS, FORMS, Form, FRFKind, Unit, UnitError, channel_kind, frf_unit, parse_unit
+from receptance.units import (
+    CHANNEL_UNITS,
+    FORM_NAMES,
+    ROTATIONS,
+    Form,
+    FRFKind,
+    Unit,
+    UnitError,
+    channel_kind,
+    frf_unit,
+    parse_unit,
+)
 
 __all__ = [
     "LOADS",
-    "MOTIONS",
+    "MOTION_CODES",
     "QUANTITIES",
-    "IdLines",
     "channel_unit",
     "code_of",
     "coordinates_line",
@@ -35,20 +44,13 @@ __all__ = [
     "declared_unit",
     "directions",
     "expect_abscissa",
-    "parse_id_lines",
+    "stored_coordinates",
+    "stored_values",
     "values_line",
 ]
 
 _MARK = "receptance "
 WIDTH = 80
-
-
-@dataclass(frozen=True)
-class IdLines:
-    """Fields of this library in the ID lines of a data set."""
-
-    coordinates: tuple[Coordinate, Coordinate] | None = None
-    values: Mapping[str, Any] = field(default_factory=dict)
 
 
 def coordinates_line(response: Coordinate, excitation: Coordinate) -> str | None:
@@ -63,24 +65,28 @@ def values_line(values: Mapping[str, Any]) -> str:
     return line if len(line) <= WIDTH else values_line({k: v for k, v in values.items() if k != "lines"})
 
 
-def parse_id_lines(texts: Sequence[str]) -> IdLines:
-    """Return the contents of the five ID lines; lines of other programs, and damaged ones, are ignored.
+def stored_coordinates(texts: Sequence[str]) -> tuple[Coordinate, Coordinate] | None:
+    """Return response and excitation from the ID lines; None for lines of other programs and damaged ones."""
+    places = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
+    if not isinstance(places, list) or len(places) != 2:
+        return None
+    try:
+        return coordinate_from_list(places[0]), coordinate_from_list(places[1])
+    except ValueError:
+        return None
+
+
+def stored_values(texts: Sequence[str]) -> dict[str, Any]:
+    """Return the values in the ID lines by name; lines of other programs, and damaged values, are ignored.
 
     Examples
     --------
-    >>> from receptance.io.uff.header import parse_id_lines
-    >>> parse_id_lines(["hit 3", "", "", "", 'receptance {"averages":10}']).values
+    >>> from receptance.io.uff.header import stored_values
+    >>> stored_values(["hit 3", "", "", "", 'receptance {"averages":10}'])
     {'averages': 10}
     """
-    positions = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
     values = _parse_json(texts[4], "{}") if texts[4].startswith(_MARK) else None
-    coordinates = None
-    if isinstance(positions, list) and len(positions) == 2:
-        try:
-            coordinates = (coordinate_from_list(positions[0]), coordinate_from_list(positions[1]))
-        except ValueError:
-            coordinates = None
-    return IdLines(coordinates, _valid_values(values) if isinstance(values, dict) else {})
+    return _valid_values(values) if isinstance(values, dict) else {}
 
 
 def _parse_json(line: str, form: str) -> Any:
@@ -109,16 +115,11 @@ def _valid_values(values: dict[str, Any]) -> dict[str, Any]:
 
 MOTIONS: dict[int, Form] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 """Form of an FRF by the specific data type of its numerator."""
+MOTION_CODES = {form: code for code, form in MOTIONS.items()}
 LOADS = (9, 13)
 """Specific data types of loads: reaction force and excitation force."""
 QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
 _ABSCISSAE = {17: ("time", "s"), 18: ("frequency", "Hz")}
-_WITH_ROTATION = {
-    "force": "moment",
-    "displacement": "rotation",
-    "velocity": "angular velocity",
-    "acceleration": "angular acceleration",
-}
 _UNIT_TOLERANCE = 1e-4
 """Largest relative difference of two statements of the same unit; labels are rounded."""
 
@@ -154,8 +155,7 @@ def declared_form(function: Function) -> Form | None:
     if numerator.kind in MOTIONS:
         return MOTIONS[numerator.kind]
     label = numerator.label.lower()
-    names: dict[str, Form] = {"compliance": FORMS[0], "inertance": FORMS[2]} | {form: form for form in FORMS}
-    return next((form for word, form in names.items() if word in label), None)
+    return next((form for word, form in FORM_NAMES.items() if word in label), None)
 
 
 def directions(function: Function) -> tuple[str, str] | None:
@@ -213,14 +213,16 @@ def _label_unit(function: Function) -> Unit | None:
     return unit
 
 
-def channel_unit(function: Function, name: str, options: ReadOptions) -> tuple[str, float, str]:
-    """Return the unit of a time series, the factor of its numbers to this unit, and a note or an empty text."""
+def channel_unit(function: Function, name: str, given: str | None) -> tuple[str, float, str]:
+    """Return the unit of a time series, the factor of its numbers to this unit, and a note or an empty text.
+
+    `given` is the unit in the options, or None.
+    """
     axis = function.axes[1]
     quantity = QUANTITIES.get(axis.kind, "")
     if abs(function.response.direction) > 3:
-        quantity = _WITH_ROTATION.get(quantity, quantity)
+        quantity = ROTATIONS.get(quantity, quantity)
     system = _system_factor(function, quantity)
-    given = options.channel_unit(name)
     if given is not None:
         if given == SI and not quantity:
             raise FileFormatError(
@@ -276,6 +278,6 @@ def _system_factor(function: Function, quantity: str) -> float | None:
 def code_of(quantity: str, *, rotation: bool) -> int:
     """Return the specific data type of a quantity at a point of translation or rotation, 0 if there is none."""
     for code, name in QUANTITIES.items():
-        if code != LOADS[0] and quantity == (_WITH_ROTATION[name] if rotation else name):
+        if code != LOADS[0] and quantity == (ROTATIONS[name] if rotation else name):
             return code
     return 0

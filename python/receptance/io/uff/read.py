@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.build import make_frf, missing_phase_notes, sampling, to_si
+from receptance.io.build import make, make_frf, missing_phase_notes, sampling, to_si
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import SI, ReadOptions, one_unit_message, resolve_frf
+from receptance.io.options import ReadOptions, resolve_frf
 from receptance.io.uff.datasets import Function, Other, Point, data_sets
 from receptance.io.uff.header import (
     channel_unit,
@@ -21,7 +21,8 @@ from receptance.io.uff.header import (
     declared_unit,
     directions,
     expect_abscissa,
-    parse_id_lines,
+    stored_coordinates,
+    stored_values,
 )
 
 if TYPE_CHECKING:
@@ -86,12 +87,17 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
     others = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
     notes = [f"not read: {name} ({count} in the file)" for name, count in others.items()]
     found: list[Measurement] = []
-    pool = _CoherencePool(by_kind[_COHERENCE])
+    coherences: dict[_Key, list[Function]] = {}  # the first one in the file is last
+    for function in reversed(by_kind[_COHERENCE]):
+        coherences.setdefault(_key(function), []).append(function)
     for matrix in _matrices([_entry(function, options) for function in by_kind[_FRF]]):
-        found.append(_frf(matrix, pool, notes, options))
+        found.append(_frf(matrix, coherences, notes, options))
     if not (options.ignore_coherence and found):
+        left = {id(function) for functions in coherences.values() for function in functions}
         alone = [
-            _Entry(function, "receptance", ("y", "y"), _real(function), function.notes) for function in pool.functions()
+            _Entry(function, "receptance", ("y", "y"), _real(function), function.notes)
+            for function in by_kind[_COHERENCE]
+            if id(function) in left
         ]
         found.extend(_coherence(matrix, notes) for matrix in _matrices(alone))
     found.extend(_time_series(cycle, notes, options) for cycle in _sampling_groups(by_kind[_TIME]))
@@ -106,7 +112,7 @@ def _describe_item(item: Function | Other) -> str:
 
 def _entry(function: Function, options: ReadOptions) -> _Entry:
     """Return one FRF in SI."""
-    try:
+    with function.line.placed():
         expect_abscissa(function, 18)
         form = declared_form(function)
         resolved = resolve_frf(
@@ -116,8 +122,6 @@ def _entry(function: Function, options: ReadOptions) -> _Entry:
             directions=directions(function),
             undeclared="neither a data set 164 nor axis labels state the unit of the FRF",
         )
-    except FileFormatError as error:
-        raise function.line.error(error.problem) from None
     notes = [*function.notes, *resolved.notes, *missing_phase_notes(function.ordinate)]
     values = to_si(function.ordinate, resolved.factor)
     kind = resolved.kind
@@ -164,51 +168,35 @@ def _lines_key(function: Function) -> bytes:
     return (function.abscissa + 0.0).tobytes()
 
 
-class _CoherencePool:
-    """Coherences by points and lines, in the order of the file."""
-
-    def __init__(self, functions: Sequence[Function]) -> None:
-        self._waiting: dict[tuple[Point, Point, bytes], deque[Function]] = {}
-        self._all = list(functions)
-        for function in functions:
-            self._waiting.setdefault(self._key(function), deque()).append(function)
-
-    @staticmethod
-    def _key(function: Function) -> tuple[Point, Point, bytes]:
-        return function.response, function.reference, _lines_key(function)
-
-    def take(self, functions: Sequence[Function]) -> list[Function] | None:
-        """Remove and return the coherences of all of these FRFs; None if one is missing."""
-        keys = [self._key(function) for function in functions]
-        if any(len(self._waiting.get(key, ())) < count for key, count in Counter(keys).items()):
-            return None
-        return [self._waiting[key].popleft() for key in keys]
-
-    def functions(self) -> list[Function]:
-        """Return the remaining coherences."""
-        left = {id(function) for waiting in self._waiting.values() for function in waiting}
-        return [function for function in self._all if id(function) in left]
+_Key: TypeAlias = tuple[Point, Point, bytes]
 
 
-def _frf(matrix: list[list[_Entry]], pool: _CoherencePool, notes: Sequence[str], options: ReadOptions) -> FRF:
-    """Return the FRF of a matrix, with its coherences removed from the pool."""
+def _key(function: Function) -> _Key:
+    """Return a key of the points and lines of a function."""
+    return function.response, function.reference, _lines_key(function)
+
+
+def _frf(
+    matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]], notes: Sequence[str], options: ReadOptions
+) -> FRF:
+    """Return the FRF of a matrix; its coherences are removed from those of the file."""
     first = matrix[0][0].function
     values = np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1)
-    coherence = _coherences(matrix, pool)
+    coherence = _taken_coherence(matrix, coherences)
     rows, columns = [row[0] for row in matrix], matrix[0]
     labels = tuple(e.function.response.label for e in rows), tuple(e.function.reference.label for e in columns)
-    known: dict[str, Any] = dict(parse_id_lines(first.texts).values)
+    known = stored_values(first.texts)
     known.pop("sample_rate_hz", None)
     lines = _lines(first, known.pop("lines", None))
     labelled = known.pop("labels", 1) and (any(labels[0]) or any(labels[1]))
     for name, side, entries in (("responses", 0, rows), ("excitations", 1, columns)):
-        places = [parse_id_lines(entry.function.texts).coordinates for entry in entries]
+        places = [stored_coordinates(entry.function.texts) for entry in entries]
         if all(
             place is not None and place[side].direction == e.directions[side]
             for place, e in zip(places, entries, strict=True)
         ):
             known[name] = tuple(place[side] for place in places if place is not None)
-    try:
+    with first.line.placed():
         return make_frf(
             frequency_hz=lines,
             values=values,
@@ -221,8 +209,6 @@ def _frf(matrix: list[list[_Entry]], pool: _CoherencePool, notes: Sequence[str],
             options=options,
             **known,
         )
-    except FileFormatError as error:
-        raise first.line.error(error.problem) from None
 
 
 def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.float64]:
@@ -234,11 +220,12 @@ def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.
     return function.abscissa
 
 
-def _coherences(matrix: list[list[_Entry]], pool: _CoherencePool) -> NDArray[np.float64] | None:
-    """Take the coherences of all entries from the pool, or none of them."""
-    taken = pool.take([entry.function for row in matrix for entry in row])
-    if taken is None:
+def _taken_coherence(matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]]) -> NDArray[np.float64] | None:
+    """Remove the coherences of all entries from those of the file and return them; None if one is missing."""
+    keys = [_key(entry.function) for row in matrix for entry in row]
+    if any(len(coherences.get(key, ())) < count for key, count in Counter(keys).items()):
         return None
+    taken = [coherences[key].pop() for key in keys]
     return np.stack([_real(f) for f in taken], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
 
 
@@ -255,18 +242,16 @@ def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
     first = matrix[0][0].function
     labels = tuple(row[0].pair[0] for row in matrix), tuple(entry.pair[1] for entry in matrix[0])
     remarks = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
-    try:
+    with first.line.placed():
         expect_abscissa(first, 18)
-        return Coherence(
+        return make(
+            Coherence,
             frequency_hz=first.abscissa,
             values=np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1),
             labels=labels if any(labels[0]) or any(labels[1]) else None,
             label=first.texts[0],
             notes=(*remarks, *notes),
         )
-    except ValueError as error:
-        problem = error.problem if isinstance(error, FileFormatError) else str(error)
-        raise first.line.error(problem) from None
 
 
 def _sampling_groups(functions: Sequence[Function]) -> list[list[Function]]:
@@ -280,52 +265,37 @@ def _sampling_groups(functions: Sequence[Function]) -> list[list[Function]]:
     found: list[list[Function]] = []
     for group in groups:
         names = [function.response.label for function in group]
-        period = _period(names)
-        if len(names) % period or not all(names):
-            period = len(names)
-        found.extend(group[k : k + period] for k in range(0, len(group), period))
+        count = len(names)
+        periods = (k for k in range(1, count) if count % k == 0 and names == names[:k] * (count // k))
+        period = next(periods, count) if all(names) else count
+        found.extend(group[k : k + period] for k in range(0, count, period))
     return found
-
-
-def _period(names: Sequence[str]) -> int:
-    """Return the period of a sequence of names, in linear time."""
-    # For each prefix of the list, the length of its longest border (Knuth, Morris and Pratt).
-    borders = [0] * len(names)
-    length = 0
-    for index in range(1, len(names)):
-        while length and names[index] != names[length]:
-            length = borders[length - 1]
-        length += names[index] == names[length]
-        borders[index] = length
-    return len(names) - borders[-1]
 
 
 def _time_series(functions: Sequence[Function], notes: Sequence[str], options: ReadOptions) -> TimeSeries:
     """Return a time series of channels that were sampled together."""
-    names = _names(functions)
-    if isinstance(options.unit, str) and options.unit != SI and len(names) > 1:
-        raise functions[0].line.error(one_unit_message(names, options.unit))
+    names, first = _names(functions), functions[0]
+    with first.line.placed():
+        given = options.channel_units(names)
     units: list[tuple[str, float]] = []
     remarks = list(notes)
-    for function, name in zip(functions, names, strict=True):
-        try:
+    for function, name, unit_in_options in zip(functions, names, given, strict=True):
+        with function.line.placed():
             expect_abscissa(function, 17)
-            unit, factor, note = channel_unit(function, name, options)
-        except FileFormatError as error:
-            raise function.line.error(error.problem) from None
+            unit, factor, note = channel_unit(function, name, unit_in_options)
         units.append((unit, factor))
         remarks.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
         if np.iscomplexobj(function.ordinate):
             raise function.line.error(f"the time series {name!r} is complex, expected real numbers")
-    first = functions[0]
-    exact: float | None = parse_id_lines(first.texts).values.get("sample_rate_hz")
-    try:
+    exact: float | None = stored_values(first.texts).get("sample_rate_hz")
+    with first.line.placed():
         # A single sample has no time step.
         step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
         rate, start = sampling(first.abscissa, options, step=step)
         if exact is not None and options.sample_rate_hz is None and abs(exact / rate - 1.0) < 1e-5:
             rate = exact
-        return TimeSeries(
+        return make(
+            TimeSeries,
             values=np.stack([f.ordinate * factor for f, (_, factor) in zip(functions, units, strict=True)], axis=1),
             channels=names,
             units=[unit for unit, _ in units],
@@ -334,9 +304,6 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
             label=first.texts[0],
             notes=remarks,
         )
-    except ValueError as error:
-        problem = error.problem if isinstance(error, FileFormatError) else str(error)
-        raise first.line.error(problem) from None
 
 
 def _names(functions: Sequence[Function]) -> list[str]:

@@ -8,16 +8,15 @@ by zero and shifts columns behind long names. The tests use it as a second reade
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.frf import FRF
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.uff.datasets import Point
-from receptance.io.uff.header import MOTIONS, WIDTH, code_of, coordinates_line, values_line
+from receptance.io.uff.datasets import Axis, Function, Point
+from receptance.io.uff.header import MOTION_CODES, WIDTH, code_of, coordinates_line, values_line
 from receptance.model.coordinates import Coordinate, Unplaced
 
 if TYPE_CHECKING:
@@ -30,20 +29,6 @@ _EXACT_TOLERANCE = 1e-9
 """Largest relative error of an abscissa that is not reported."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Record:
-    """Contents of one data set 58."""
-
-    kind: int
-    response: Point
-    reference: Point
-    abscissa: NDArray[np.float64]
-    ordinate: NDArray[Any]
-    axes: tuple[tuple[int, str, str], ...]
-    """Specific data type, label and unit of abscissa, numerator and denominator."""
-    texts: tuple[str, ...]
-
-
 def uff_bytes(measurements: Sequence[Measurement], *, binary: bool) -> tuple[bytes, list[str]]:
     """Return the contents of a universal file, and the fields that it does not store.
 
@@ -53,8 +38,11 @@ def uff_bytes(measurements: Sequence[Measurement], *, binary: bool) -> tuple[byt
     lost: list[str] = []
     parts = [_units()]
     for measurement in measurements:
-        for record in _records(measurement, lost):
-            parts.append(_data_set(record, binary, lost))
+        if isinstance(measurement, TimeSeries):
+            functions = _channels(measurement, lost)
+        else:
+            functions = _entries(measurement, lost)
+        parts += [_data_set(function, binary, lost) for function in functions]
     return b"".join(parts), list(dict.fromkeys(lost))
 
 
@@ -63,25 +51,34 @@ def _units() -> bytes:
     return f"    -1\n   164\n         1{'SI: metre, newton':<20}         2\n{factors}\n{0.0:25.17E}\n    -1\n".encode()
 
 
-def _records(measurement: Measurement, lost: list[str]) -> list[_Record]:
-    if isinstance(measurement, TimeSeries):
-        return _time_series_records(measurement, lost)
-    sides = (measurement.labels or (None, None)) if isinstance(measurement, (FRF, Coherence)) else (None, None)
-    shape = measurement.values.shape[1:]
-    coordinates = (measurement.responses, measurement.excitations) if isinstance(measurement, FRF) else (None, None)
+def _entries(measurement: FRF | Coherence, lost: list[str]) -> Iterator[Function]:
+    """Yield the functions of all responses and excitations: each FRF, and behind it its coherence."""
+    frf = measurement if isinstance(measurement, FRF) else None
+    coherence = frf.coherence if frf is not None else measurement.values
+    label = _short(measurement.label, WIDTH, "the label", lost)
+    sides = measurement.labels or (None, None)
+    places = (frf.responses, frf.excitations) if frf is not None else (None, None)
+    counts = measurement.values.shape[1:]
     numbers: dict[object, int] = {}
-    points = [_points(sides[k], coordinates[k], shape[k], numbers, lost) for k in (0, 1)]
-    texts = [_text(measurement.label, "the label", lost), "", "", "", ""]
-    if isinstance(measurement, Coherence):
-        pairs = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
-        return [
-            _coherence_record(measurement.frequency_hz, measurement.values, points, row, column, texts)
-            for row, column in pairs
-        ]
-    return _frf_records(measurement, points, texts, lost)
+    points = [_points(sides[k], places[k], counts[k], numbers, lost) for k in (0, 1)]
+    values_text = "" if frf is None else _values_text(frf, lost)
+    frequency, nothing = Axis(18, "Frequency", "Hz"), Axis(0, "", "")
+    for row, column in np.ndindex(*counts):
+        ends = points[0][row], points[1][column]
+        if frf is not None:
+            texts = (label, "", "", _coordinates_text(frf.responses[row], frf.excitations[column], lost), values_text)
+            motion, _, load = frf.units[row][column].rpartition("/")
+            numerator = Axis(MOTION_CODES[frf.form], frf.form.capitalize(), motion)
+            axes = (frequency, numerator, Axis(13, "", load.strip("()")))
+            yield Function(4, *ends, frf.frequency_hz, frf.values[:, row, column], axes, texts)
+        if coherence is not None:
+            axes = (frequency, Axis(0, "Coherence", "1"), nothing)
+            lines = measurement.frequency_hz
+            yield Function(6, *ends, lines, coherence[:, row, column], axes, (label, "", "", "", ""))
 
 
-def _frf_records(frf: FRF, points: list[list[Point]], texts: list[str], lost: list[str]) -> list[_Record]:
+def _values_text(frf: FRF, lost: list[str]) -> str:
+    """Return ID line 5 of an FRF."""
     for name, held in (
         ("log_variance", frf.log_variance is None),
         ("degrees_of_freedom", frf.degrees_of_freedom is None),
@@ -91,59 +88,37 @@ def _frf_records(frf: FRF, points: list[list[Point]], texts: list[str], lost: li
     ):
         if not held:
             lost.append(name)
-    values: dict[str, Any] = {"averages": frf.averages} if frf.averages is not None else {}
-    if frf.decay_rate:
-        values["decay_rate"] = frf.decay_rate
-    if frf.labels is None:
-        values["labels"] = 0
-    exact = _exact_lines(frf.frequency_hz)
-    if exact is not None:
-        values["lines"] = exact
-    code = next(code for code, form in MOTIONS.items() if form == frf.form)
-    records = []
-    for row, response in enumerate(frf.responses):
-        for column, excitation in enumerate(frf.excitations):
-            texts = [texts[0], "", "", "", values_line(values)]
-            if not (isinstance(response, Unplaced) and isinstance(excitation, Unplaced)):
-                line = coordinates_line(response, excitation)
-                if line is None:
-                    lost.append("coordinates with long names of parts")
-                texts[3] = line or ""
-            pair = points[0][row], points[1][column]
-            motion, load = frf.units[row][column].split("/", 1)[0], "N" if excitation.direction == "y" else "N m"
-            rate = ("", "/s", "/s^2")[list(MOTIONS.values()).index(frf.form)]
-            axes = ((18, "Frequency", "Hz"), (code, frf.form.capitalize(), motion + rate), (13, "", load))
-            records.append(_Record(4, *pair, frf.frequency_hz, frf.values[:, row, column], axes, tuple(texts)))
-            if frf.coherence is not None:
-                alone = [texts[0], "", "", "", ""]
-                records.append(_coherence_record(frf.frequency_hz, frf.coherence, points, row, column, alone))
-    return records
+    values = {
+        "averages": frf.averages,
+        "decay_rate": frf.decay_rate or None,
+        "labels": 0 if frf.labels is None else None,
+        "lines": _exact_lines(frf.frequency_hz),
+    }
+    return values_line({name: value for name, value in values.items() if value is not None})
 
 
-def _coherence_record(
-    lines: NDArray[np.float64],
-    values: NDArray[np.float64],
-    points: list[list[Point]],
-    row: int,
-    column: int,
-    texts: list[str],
-) -> _Record:
-    axes = ((18, "Frequency", "Hz"), (0, "Coherence", "1"), (0, "", ""))
-    return _Record(6, points[0][row], points[1][column], lines, values[:, row, column], axes, tuple(texts))
+def _coordinates_text(response: Coordinate, excitation: Coordinate, lost: list[str]) -> str:
+    """Return ID line 4 of an FRF; empty without positions."""
+    if isinstance(response, Unplaced) and isinstance(excitation, Unplaced):
+        return ""
+    line = coordinates_line(response, excitation)
+    if line is None:
+        lost.append("coordinates with long names of parts")
+    return line or ""
 
 
-def _time_series_records(series: TimeSeries, lost: list[str]) -> list[_Record]:
+def _channels(series: TimeSeries, lost: list[str]) -> Iterator[Function]:
+    """Yield the functions of the channels of a time series."""
     if series.notes:
         lost.append("notes")
-    texts = (_text(series.label, "the label", lost), "", "", "", values_line({"sample_rate_hz": series.sample_rate_hz}))
-    records = []
+    label = _short(series.label, WIDTH, "the label", lost)
+    texts = (label, "", "", "", values_line({"sample_rate_hz": series.sample_rate_hz}))
     for column, name in enumerate(series.channels):
-        point, label = _channel(name, lost)
-        quantity = series.quantities[column]
-        code = code_of(quantity, rotation=abs(point.direction) > 3)
-        axes = ((17, "Time", "s"), (code, label, _short(series.units[column], 20, "a unit", lost)), (0, "", ""))
-        records.append(_Record(1, point, Point("", 0, 0), series.time_s, series.values[:, column], axes, texts))
-    return records
+        point, title = _channel(name, lost)
+        code = code_of(series.quantities[column], rotation=abs(point.direction) > 3)
+        unit = _short(series.units[column], 20, "a unit", lost)
+        axes = (Axis(17, "Time", "s"), Axis(code, title, unit), Axis(0, "", ""))
+        yield Function(1, point, Point("", 0, 0), series.time_s, series.values[:, column], axes, texts)
 
 
 def _channel(name: str, lost: list[str]) -> tuple[Point, str]:
@@ -197,34 +172,30 @@ def _short(text: str, width: int, what: str, lost: list[str]) -> str:
     return short
 
 
-def _text(text: str, what: str, lost: list[str]) -> str:
-    return _short(text, WIDTH, what, lost)
-
-
-def _data_set(record: _Record, binary: bool, lost: list[str]) -> bytes:
-    even, first, step = _spacing(record, binary, lost)
-    n, is_complex = record.ordinate.size, np.iscomplexobj(record.ordinate)
-    body = _binary_body(record, even) if binary else _text_body(record, even)
+def _data_set(function: Function, binary: bool, lost: list[str]) -> bytes:
+    even, first, step = _spacing(function, binary, lost)
+    n, is_complex = function.ordinate.size, np.iscomplexobj(function.ordinate)
+    body = _binary_body(function, even) if binary else _text_body(function, even)
     identity = f"    58b{1:6d}{2:6d}{11:12d}{len(body):12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else "    58"
-    ends = record.response, record.reference
+    ends = function.response, function.reference
     points = "".join(f" {end.name or 'NONE':<10}{end.node:10d}{end.direction:4d}" for end in ends)
     lines = [
         f"{'    -1':<80}",
         f"{identity:<80}",
-        *(f"{text or 'NONE':<80}" for text in record.texts),
-        f"{record.kind:5d}{0:10d}{0:5d}{0:10d}{points}",
+        *(f"{text or 'NONE':<80}" for text in function.texts),
+        f"{function.kind:5d}{0:10d}{0:5d}{0:10d}{points}",
         f"{6 if is_complex else 4:10d}{n:10d}{int(even):10d}{first:>13}{step:>13}{'0.00000E+00':>13}",
         *(
-            f"{code:10d}{0:5d}{0:5d}{0:5d} {label or 'NONE':<20} {unit or 'NONE':<20}"
-            for code, label, unit in (*record.axes, (0, "", ""))
+            f"{axis.kind:10d}{0:5d}{0:5d}{0:5d} {axis.label or 'NONE':<20} {axis.unit or 'NONE':<20}"
+            for axis in (*function.axes, Axis(0, "", ""))
         ),
     ]
     return "\n".join(lines).encode() + b"\n" + body + f"{'    -1':<80}\n".encode()
 
 
-def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str, str]:
+def _spacing(function: Function, binary: bool, lost: list[str]) -> tuple[bool, str, str]:
     """Return whether the abscissa is written as evenly spaced, its first value and its increment."""
-    lines = record.abscissa
+    lines = function.abscissa
     n, scale = lines.size, float(np.max(np.abs(lines)))
     best: tuple[float, str, str] = (np.inf, "", "")
     for step in (float(lines[-1] - lines[0]) / max(n - 1, 1), float(lines[1] - lines[0]) if n > 1 else 0.0):
@@ -232,7 +203,7 @@ def _spacing(record: _Record, binary: bool, lost: list[str]) -> tuple[bool, str,
         wrong = float(np.max(np.abs(float(first) + float(increment) * np.arange(n) - lines)))
         if wrong < best[0] and (n == 1 or float(increment) > 0.0):
             best = (wrong, first, increment)
-    if record.kind == 1 or best[0] <= _EXACT_TOLERANCE * scale:
+    if function.kind == 1 or best[0] <= _EXACT_TOLERANCE * scale:
         # Time series are even; ID line 5 holds their sample rate with all digits.
         return True, *best[1:]
     held = lines.astype(np.float32) if binary else np.array([float(_in_13(x)) for x in lines.tolist()])
@@ -271,21 +242,23 @@ def _in_13(number: float) -> str:
     return min(fitting, key=lambda text: abs(float(text) - number))
 
 
-def _binary_body(record: _Record, even: bool) -> bytes:
-    parts = ["re", "im"] if np.iscomplexobj(record.ordinate) else ["re"]
+def _binary_body(function: Function, even: bool) -> bytes:
+    parts = ["re", "im"] if np.iscomplexobj(function.ordinate) else ["re"]
     # By the standard the abscissa always has single precision.
     fields = ([] if even else [("x", "<f4")]) + [(part, "<f8") for part in parts]
-    table = np.zeros(record.ordinate.size, dtype=fields)
+    table = np.zeros(function.ordinate.size, dtype=fields)
     if not even:
-        table["x"] = record.abscissa
-    table["re"] = record.ordinate.real
+        table["x"] = function.abscissa
+    table["re"] = function.ordinate.real
     if len(parts) == 2:
-        table["im"] = record.ordinate.imag
+        table["im"] = function.ordinate.imag
     return table.tobytes()
 
 
-def _text_body(record: _Record, even: bool) -> bytes:
-    numbers = [record.ordinate.real, record.ordinate.imag] if np.iscomplexobj(record.ordinate) else [record.ordinate]
+def _text_body(function: Function, even: bool) -> bytes:
+    numbers = (
+        [function.ordinate.real, function.ordinate.imag] if np.iscomplexobj(function.ordinate) else [function.ordinate]
+    )
     values = np.stack(numbers, axis=1)
     if even:
         flat = [f"{value:20.12E}" for value in values.ravel().tolist()]
@@ -293,7 +266,7 @@ def _text_body(record: _Record, even: bool) -> bytes:
     else:
         points = [
             f"{_in_13(x):>13}" + "".join(f"{value:20.12E}" for value in row)
-            for x, row in zip(record.abscissa.tolist(), values.tolist(), strict=True)
+            for x, row in zip(function.abscissa.tolist(), values.tolist(), strict=True)
         ]
         per_line = 1 if len(numbers) == 2 else 2
         rows = ["".join(points[k : k + per_line]) for k in range(0, len(points), per_line)]
