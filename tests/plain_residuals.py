@@ -8,32 +8,31 @@ import numpy as np
 
 from receptance import Assembly, MeasuredFrequencies, MeasuredFRF
 from receptance.errors import ReceptanceError
-from receptance.identification.factors import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN
+from receptance.identification.mapping import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN
 from receptance.identification.problem import Observed
 from receptance.model.addresses import MovingCoordinate
 
 
 def residual_and_jacobian(one: Observed, values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Return residuals and their derivatives by the values of the unknowns; None where the model has no value."""
-    placed, data = one.placed, one.observation
-    own = dict(zip(placed.addresses, placed.values(values).tolist(), strict=True))
+    mapping, data = one.mapping, one.observation
+    own = dict(zip(mapping.addresses, mapping.values(values).tolist(), strict=True))
     try:
-        assembly = placed.apply(data.assembly, values)
+        assembly = mapping.apply(data.assembly, values)
         make = of_receptance if isinstance(data, MeasuredFRF) else of_frequencies
         residual, slopes = make(one, assembly, own)
     except (ReceptanceError, ValueError):
         return None
-    return residual, slopes @ placed.jacobian(values)
+    return residual, slopes @ mapping.jacobian(values)
 
 
 def of_receptance(one: Observed, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     frf: Any = one.observation
-    select: Any = slice(None) if one.chosen is None else one.chosen
     places = [MovingCoordinate(frf.assembly, place).on(assembly) for place in (frf.response, frf.excitation)]
     options = {"response": places[0], "excitation": places[1], "threads": 1}
     if frf.force is not None:
-        options["force"] = frf.force[select]
-    f, structural = frf.frequency_hz[select], [name for name in own if name not in FACTORS]
+        options["force"] = frf.force
+    f, structural = frf.frequency_hz, [name for name in own if name not in FACTORS]
     rate, end = sum(own.get(name, 0.0) for name in DECAY_RATES), own.get(END, frf.ends)
 
     def columns_at(rate: float, end: float | None, by_end: bool = False) -> np.ndarray:
@@ -60,14 +59,14 @@ def of_receptance(one: Observed, assembly: Assembly, own: dict[str, float]) -> t
             slopes[name] = columns_at(rate, end, by_end=True)[:, 0]
         else:
             slopes[name] = h * (1.0 if name == LOG_GAIN else -2j * np.pi * f.real)
-    ratio = frf.receptance[select] / (h * factor)
+    ratio = frf.receptance / (h * factor)
     relative = -np.array([slopes[name] / h for name in own]).reshape(len(own), -1).T
     if one.unit == "percent":
         percent = 100.0 / np.abs(ratio)
         return percent - 100.0, -percent[:, None] * relative.real
     weight = np.ones(f.size)
     if one.unit == "standard deviations" and frf.standard_deviation is not None:
-        weight = 1.0 / frf.standard_deviation[select]
+        weight = 1.0 / frf.standard_deviation
     log = np.log(ratio) * weight
     relative = relative * weight[:, None]
     return np.concatenate([log.real, log.imag]), np.concatenate([relative.real, relative.imag])

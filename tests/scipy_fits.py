@@ -10,13 +10,13 @@ from scipy.optimize import least_squares
 import plain_residuals
 from receptance.identification.mapping import Parameters
 from receptance.identification.problem import Observed, prior_table
-from receptance.identification.task import Task, place_of
+from receptance.identification.task import Task
 
 
 def task_of(observations: Any, unknowns: Any, unit: str = "logarithm", tolerances: Any = (), **settings: Any) -> Task:
     """Return a task in which all observations have one unit."""
     observed = tuple(observations) if isinstance(observations, (list, tuple)) else (observations,)
-    parameters = Parameters(tuple(unknowns), tolerances, [place_of(one, i) for i, one in enumerate(observed)])
+    parameters = Parameters(tuple(unknowns), tolerances, [one.site(i) for i, one in enumerate(observed)])
     return Task(observed, parameters, (unit,) * len(observed), **{"threads": 1, **settings})
 
 
@@ -25,8 +25,8 @@ def residual_and_jacobian(task: Task, x: np.ndarray) -> tuple[np.ndarray, np.nda
     variables = task.variables
     values = variables.to_values(x)
     rows, slopes = [], []
-    for i, (one, placed, unit) in enumerate(zip(task.observed, task.placed, task.units, strict=True)):
-        found = plain_residuals.residual_and_jacobian(Observed(one, placed, unit, task.chosen(i)), values)
+    for one in zip(task.selected, task.mappings, task.units, strict=True):
+        found = plain_residuals.residual_and_jacobian(Observed(*one), values)
         # Without a value one infinite residual is sufficient.
         row, slope = (np.array([np.inf]), np.zeros((1, x.size))) if found is None else found
         rows.append(row)

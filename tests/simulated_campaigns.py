@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtr
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
-from receptance.identification import Tolerance
+from receptance.identification import Profile, Tolerance
 from receptance.identification.mapping import Parameters
-from receptance.identification.task import place_of
 
 LINES = 1000
 PARAMETERS = ("joint.k_y", "joint.k_theta", "joint.k_ytheta")
@@ -101,12 +101,12 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
     ]
     truth = {f"joint.{name}": float(value) for name, value in values.items()}
     unknowns = [Unknown(address=a, lower=b[0], upper=b[1]) for a, b in BOUNDS.items()]
-    parameters = Parameters(unknowns, tolerances, [place_of(o, i) for i, o in enumerate(nominal)])
+    parameters = Parameters(unknowns, tolerances, [o.site(i) for i, o in enumerate(nominal)])
     errors = {name: float(rng.standard_normal()) for name in parameters.errors}
     vector = np.array([*(truth[a] for a in BOUNDS), *errors.values()])
     observations = []
     for i, one in enumerate(nominal):
-        true = parameters.at(place_of(one, i)).apply(one.assembly, vector)
+        true = parameters.at(one.site(i)).apply(one.assembly, vector)
         scatter = noise * (rng.standard_normal(LINES) + 1j * rng.standard_normal(LINES))
         observations.append(
             MeasuredFRF(
@@ -118,3 +118,20 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
             )
         )
     return SimulatedCampaign(observations, tolerances, truth, errors, noise)
+
+
+def confidence(profile: Profile, value: float) -> float:
+    """Return the confidence that a parameter lies below a value in SI units, from the signed root of the rise.
+
+    The root is interpolated between the points of the profile and extrapolated linearly beyond them.
+    """
+    root = np.sqrt(profile.rise) * np.sign(np.arange(profile.rise.size) - int(np.argmin(profile.rise)))
+    scale = np.log10 if np.all(profile.values > 0.0) else np.asarray
+    if not profile.values[0] <= value <= profile.values[-1]:
+        # The root is nearly linear.
+        ends = slice(0, 2) if value < profile.values[0] else slice(-2, None)
+        if profile.values.size < 2 or (value <= 0.0 and scale is np.log10):
+            return 0.0 if value < profile.values[0] else 1.0
+        x, z = scale(profile.values[ends]), root[ends]
+        return float(ndtr(z[0] + (scale(value) - x[0]) * (z[1] - z[0]) / (x[1] - x[0])))
+    return float(ndtr(np.interp(scale(value), scale(profile.values), root)))

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.units import Quantity
+
+_T = TypeVar("_T")
 
 
 def number(owner: str, quantity: str, value: Any, *, unit: str = "") -> float:
@@ -61,6 +65,22 @@ def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: s
     if array.dtype.kind not in kinds:
         raise TypeError(f"{owner}: {quantity} has dtype {array.dtype}, expected {expected}")
     return array
+
+
+def items(name: str, given: _T | Iterable[_T], kind: type[_T], *, least: int = 1, text: str = "") -> tuple[_T, ...]:
+    """Return one object or several as a tuple; raise if one is not of the kind, or if there are too few.
+
+    `text` replaces the name of the kind in messages.
+    """
+    text = text or kind.__name__
+    found = (given,) if isinstance(given, kind) else tuple(cast("Iterable[_T]", given))
+    for index, one in enumerate(found):
+        if not isinstance(one, kind):
+            article = "an" if text[0] in "AEIOU" else "a"
+            raise TypeError(f"{name}[{index}] is {one!r}, expected {article} {text}")
+    if len(found) < least:
+        raise ValueError(f"{name} is empty, expected at least one {text}")
+    return found
 
 
 def quantity(owner: str, name: str, value: Any, of: Quantity) -> float:

@@ -248,7 +248,7 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     measured = replace(campaign, measurements=found)
     identified = measured.identify()
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
-    place = replace(campaign.place_of("long"), assembly=found["long"].observation.assembly)
+    place = replace(campaign.site("long"), assembly=found["long"].observation.assembly)
     forecast = forecast_of(campaign, identified, place, campaign.effects["long"], "long", [])
     drawn = [one for one in forecast.drawn(1500, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])

@@ -35,7 +35,7 @@ from receptance.diagnosis.report import diagnosis_html
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
-from receptance.identification.task import Task, place_of
+from receptance.identification.task import Task
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
@@ -464,7 +464,7 @@ def test_derivatives_of_gain_delay_window_moves_and_multiples() -> None:
             relative=True,
         ),
     ]
-    parameters = Parameters(unknowns, (), [place_of(one, i) for i, one in enumerate(observations)])
+    parameters = Parameters(unknowns, (), [one.site(i) for i, one in enumerate(observations)])
     problem = Task(tuple(observations), parameters, ("standard deviations",) * 2).problem()
     x = problem.variables.start
     slopes = problem.jacobian(x).copy()

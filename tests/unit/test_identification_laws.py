@@ -10,7 +10,7 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Prior, Tolerance, identify
-from receptance.identification.mapping import Parameters, Place
+from receptance.identification.mapping import Parameters, Site
 
 LINES = np.linspace(200.0, 6000.0, 150)
 
@@ -51,7 +51,7 @@ def test_the_map_and_its_derivatives():
         Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True),
         Tolerance(name="clamping a", moves={"tool.segment[0].length": 1e-4}, configurations="a"),
     ]
-    places = [Place(nominal, name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
+    places = [Site(nominal, name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
     parameters = Parameters(requested, tolerances, places)
     assert [unknown.name for unknown in parameters.unknowns] == [
         "joint.k_y",
@@ -94,7 +94,7 @@ def test_law_has_exponents_and_individual_deviations():
         Law(address="joint.k_theta", lower=1e3, upper=1e7, individual=0.05, follows=half),
         Unknown(address="joint.k_ytheta", lower=-1e7, upper=1e7, start=0.0),
     ]
-    places = [Place(make_assembly(), name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
+    places = [Site(make_assembly(), name, "", {"torque": t}) for name, t in (("a", 20.0), ("b", 40.0))]
     parameters = Parameters(requested, [], places)
     u = dict.fromkeys((unknown.name for unknown in parameters.unknowns), 0.0)
     u |= {"joint.k_y": 3e8, "joint.k_y ~ torque": 0.6, "joint.k_theta": 1e5, "joint.k_ytheta": -2e6}
@@ -300,18 +300,18 @@ def test_priors_need_standard_deviations():
 
 def test_a_free_law_has_a_value_between_those_of_neighbours_along_a_condition():
     law = Law(address="joint.k_y", lower=1e6, upper=1e10, free=True, along="force")
-    places = [Place(make_assembly(), f"{force:g} kN", conditions={"force": force}) for force in (10.0, 0.0, 20.0)]
+    places = [Site(make_assembly(), f"{force:g} kN", conditions={"force": force}) for force in (10.0, 0.0, 20.0)]
     parameters = Parameters([law], [], places)
     unknowns = np.array([3e8, 1e8, 4e8])  # in the order of the places
-    between = Place(make_assembly(), "5 kN", conditions={"force": 5.0})
+    between = Site(make_assembly(), "5 kN", conditions={"force": 5.0})
     placed = parameters.at(between)
     assert placed.values(unknowns) == pytest.approx([2e8])
     np.testing.assert_allclose(placed.jacobian(unknowns), [[0.5, 0.5, 0.0]])
-    again = Place(make_assembly(), "another 20 kN", conditions={"force": 20.0})
+    again = Site(make_assembly(), "another 20 kN", conditions={"force": 20.0})
     assert parameters.at(again).values(unknowns) == pytest.approx([4e8])
     with pytest.raises(ValueError, match="known for 'force' from 0 to 20"):
-        parameters.at(Place(make_assembly(), "25 kN", conditions={"force": 25.0}))
+        parameters.at(Site(make_assembly(), "25 kN", conditions={"force": 25.0}))
     with pytest.raises(ValueError, match="no condition 'force'"):
-        parameters.at(Place(make_assembly(), "unknown"))
+        parameters.at(Site(make_assembly(), "unknown"))
     with pytest.raises(ValueError, match="of a free law only"):
         Law(address="joint.k_y", lower=1e6, upper=1e10, along="force")

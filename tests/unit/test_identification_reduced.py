@@ -8,8 +8,7 @@ import pytest
 import scipy_fits
 from receptance import Coordinate, GroundSpring, MeasuredFRF, PointMass, Unknown, identify
 from receptance.identification import Prior
-from receptance.identification.problem import Observed
-from receptance.identification.residuals import InfeasibleError, only_joint
+from receptance.identification.problem import InfeasibleError, Observed, only_joint
 from receptance.identification.search import fit_direct
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, simulate
@@ -17,7 +16,7 @@ from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, si
 
 def joint_of(task):
     """Return the joint to which the first observation of a task is reduced."""
-    return only_joint(Observed(task.observed[0], task.placed[0], task.units[0]))
+    return only_joint(Observed(task.observed[0], task.mappings[0], task.units[0]))
 
 
 COUPLING = Unknown(address="joint.k_ytheta", lower=-1e9, upper=1e9)
@@ -47,12 +46,12 @@ def test_sum_of_squares_gradient_and_curvature_are_those_of_the_whole_model(plac
         values[2] = rng.uniform(-0.9, 0.9) * np.sqrt(values[0] * values[1])
         x = np.clip(task.variables.from_values(values), *task.variables.limits)
         residual, jacobian = scipy_fits.residual_and_jacobian(task, x)
-        normal = problem.normal(x)
-        assert 2.0 * normal.cost == pytest.approx(residual @ residual, rel=1e-9)
+        normal = problem.core.normal_matrix(x)
+        assert 2.0 * problem.cost(x) == pytest.approx(residual @ residual, rel=1e-9)
         size = np.linalg.norm(jacobian, axis=0)
-        gradient = np.abs(normal.slope - jacobian.T @ residual)
+        gradient = np.abs(normal[:-1, -1] - jacobian.T @ residual)
         assert np.all(gradient <= 1e-9 * size * np.linalg.norm(residual))
-        curvature = np.abs(normal.curvature - jacobian.T @ jacobian)
+        curvature = np.abs(normal[:-1, :-1] - jacobian.T @ jacobian)
         assert np.all(curvature <= 1e-9 * np.outer(size, size))
 
 

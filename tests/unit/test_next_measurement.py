@@ -351,7 +351,7 @@ def test_mistakes_give_messages(in_the_machine):
         Candidate(label="", assembly=make_assembly(), frequency_hz=WIDE)
     data = measure(make_assembly(), LINES, 0.01, np.random.default_rng(0), "tip")
     percent = identify(data, STIFFNESSES, objective="percentage", starts=1)
-    with pytest.raises(ValueError, match="not a likelihood"):
+    with pytest.raises(ValueError, match="no likelihood"):
         next_measurement(percent, options["nose"])
 
 

@@ -23,7 +23,7 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from receptance.identification import identify
-from simulated_campaigns import PARAMETERS, simulate_campaign
+from simulated_campaigns import PARAMETERS, confidence, simulate_campaign
 
 LEVEL = 0.95
 REJECTED_AT = 0.01
@@ -68,7 +68,7 @@ def measure(seed: int, case: int) -> list[Outcome]:
                 profile.value,
                 profile.lower,
                 profile.upper,
-                rank=profile.confidence(truth),
+                rank=confidence(profile, truth),
                 statement=profile.statement,
             )
         )

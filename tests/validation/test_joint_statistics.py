@@ -17,6 +17,7 @@ import joint_global_optimum
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Identification, Tolerance, identify
+from simulated_campaigns import confidence
 
 SEED = 20
 LINES = np.linspace(300.0, 6000.0, 40)
@@ -60,7 +61,7 @@ def test_profile_ranks_are_uniform_only_for_calibrated_profiles(stated, blank_dr
     ranks = []
     for _ in range(30):
         truth, found = drawn_from_the_prior(rng, stated, blank_drawn=blank_drawn)
-        ranks.append(found.profiles("joint.k_theta")["joint.k_theta"].confidence(truth))
+        ranks.append(confidence(found.profiles("joint.k_theta")["joint.k_theta"], truth))
     assert (stats.kstest(ranks, "uniform").pvalue > 0.01) == calibrated, ranks
 
 

@@ -24,7 +24,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from receptance import Assembly
 from receptance.identification import transfer
 from receptance.identification.mapping import Parameters
-from receptance.identification.task import place_of
 from simulated_campaigns import SimulatedCampaign, simulate_campaign
 
 LEVEL = 0.95
@@ -55,9 +54,9 @@ class Outcome:
 def true_assembly(campaign: SimulatedCampaign, index: int) -> Assembly:
     """Return what was measured, with its true joint and errors."""
     data = campaign.observations
-    parameters = Parameters(campaign.unknowns(), campaign.tolerances, [place_of(o, i) for i, o in enumerate(data)])
+    parameters = Parameters(campaign.unknowns(), campaign.tolerances, [o.site(i) for i, o in enumerate(data)])
     vector = [campaign.truth.get(u.name, campaign.errors.get(u.name)) for u in parameters.unknowns]
-    return parameters.at(place_of(data[index], index)).apply(data[index].assembly, np.array(vector))
+    return parameters.at(data[index].site(index)).apply(data[index].assembly, np.array(vector))
 
 
 def measure(seed: int, case: int, draws: int = 100) -> Outcome:

@@ -15,8 +15,8 @@ from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
 from receptance.identification import MeasuredFRF
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law, Move, Power
+from receptance.identification.mapping import FACTORS
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment
@@ -167,7 +167,7 @@ class Builder:
         table : ElementTable
             The table. A missing number that is unknown gets its start value.
         path : tuple
-            Place of the table in the file.
+            Site of the table in the file.
         address : str, optional
             Address of the element.
         **given
@@ -308,7 +308,7 @@ class Builder:
         claimed: dict[tuple[str, str], str] = {}
         for title, unknown in built.unknowns.items():
             owned = addresses_of(unknown)
-            for address in unknown.reached:
+            for address in unknown.addresses:
                 if address.split(".", 1)[0] in measured or address in FACTORS:
                     continue
                 found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
@@ -466,7 +466,7 @@ def _joint_value(address: str, campaign: CampaignTable) -> float | None:
 
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:
     """Return the addresses of an unknown; a `Move` has none of its own."""
-    return () if isinstance(unknown, Move) else unknown.reached
+    return () if isinstance(unknown, Move) else unknown.addresses
 
 
 def with_sensor(assembly: Assembly, sensor: PointMass, at: Coordinate) -> Assembly:

@@ -15,11 +15,10 @@ from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import kind_of
 from receptance.identification import Identification, MeasuredFrequencies, MeasuredFRF
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
+from receptance.identification.mapping import FACTORS
 from receptance.identification.observations import altered
 from receptance.identification.prediction import Forecast
-from receptance.identification.task import place_of
 from receptance.identification.unknowns import covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -260,7 +259,7 @@ def _observations(
         observation = altered(measured, assembly=assembly)
         if isinstance(measured, MeasuredFRF) and any(unknown.address in FACTORS for unknown in fit.unknowns):
             # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(fit, place_of(measured, 0), tolerances_of(measurements[name].effects))
+            forecast = Forecast(fit, measured.site(0), tolerances_of(measurements[name].effects))
             chain = forecast.recorded(measured) / assembly.receptance(
                 measured.frequency_hz, response=measured.response, excitation=measured.excitation
             )

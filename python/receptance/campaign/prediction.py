@@ -13,7 +13,7 @@ from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
-from receptance.identification.mapping import Place
+from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFrequencies, PredictedFRF
 from receptance.identification.unknowns import covered
 from receptance.report import Column, Provenance, Result, Table
@@ -266,7 +266,7 @@ def predict_campaign(
     for name, measured in held_out.items():
         say(f"predicting {name}")
         seen = measured.observation
-        place = Place(seen.assembly, seen.configuration, "", seen.conditions)
+        place = Site(seen.assembly, seen.configuration, "", seen.conditions)
         try:
             forecast = forecast_of(campaign, identified, place, measured.effects, name, notes)
         except CampaignError as error:
@@ -280,7 +280,7 @@ def predict_campaign(
         say(f"predicting {name}")
         try:
             forecast = forecast_of(
-                campaign, identified, campaign.place_of(name), campaign.effects.get(name, {}), name, notes
+                campaign, identified, campaign.site(name), campaign.effects.get(name, {}), name, notes
             )
         except CampaignError as error:
             reasons[name] = error.problems[0].text
@@ -309,7 +309,7 @@ def predict_campaign(
 
 
 def forecast_of(
-    campaign: Campaign, identified: Identification | None, place: Place, effects: Effects, name: str, notes: list[str]
+    campaign: Campaign, identified: Identification | None, place: Site, effects: Effects, name: str, notes: list[str]
 ) -> Forecast:
     """Return the forecast of an assembly, and add notes on parameters that are not identified or not in it.
 
@@ -319,7 +319,7 @@ def forecast_of(
         The campaign.
     identified : Identification or None
         The fit; None without unknowns.
-    place : Place
+    place : Site
         The assembly with its configuration and conditions.
     effects : dict
         Errors: by name and address the standard deviation in SI units.
@@ -341,10 +341,10 @@ def forecast_of(
         raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
     if identified is None:
         return found
-    identifiable = {address for unknown in identified.task.parameters.wanted for address in unknown.reached}
+    identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
     if not any(covered(address, place.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
-    asked = [address for unknown in campaign.unknowns for address in unknown.reached]
+    asked = [address for unknown in campaign.unknowns for address in unknown.addresses]
     rest = [address for address in asked if address not in identifiable and covered(address, place.assembly)]
     if rest:
         notes.append(f"{name}: not identified and at start values: {', '.join(rest)}")

@@ -32,9 +32,9 @@ from receptance.identification import (
     transfer,
 )
 from receptance.identification.laws import Law
-from receptance.identification.mapping import Place
+from receptance.identification.mapping import Site
+from receptance.identification.observations import Observation
 from receptance.identification.pointwise_joint import TERMS
-from receptance.identification.task import Observation, place_of
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
@@ -172,10 +172,10 @@ class Campaign:
         asked = self.table.prediction.upper
         return max(measured, default=None) if asked is None else asked
 
-    def place_of(self, name: str) -> Place:
+    def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
         conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
-        return Place(self.assemblies[name], name, "", conditions)
+        return Site(self.assemblies[name], name, "", conditions)
 
     def inherited_effects(self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]) -> Effects:
         """Return the errors of an assembly of elements of this campaign that is not in the file.
@@ -686,11 +686,11 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
 
 def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
     """Return the unknowns that some fitted measurement depends on, and notes on the others."""
-    places = [place_of(measured.observation, index) for index, measured in enumerate(seen.values())]
+    places = [measured.observation.site(index) for index, measured in enumerate(seen.values())]
     kept, notes = [], []
     for unknown in campaign.unknowns:
         own = [place for place in places if place.among(unknown.configurations)]
-        if any(place.covered(address) for place in own for address in unknown.reached):
+        if any(place.covered(address) for place in own for address in unknown.addresses):
             kept.append(unknown)
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
@@ -714,7 +714,7 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
             if not isinstance(one.observation.assembly.elements.get(owner), PointJoint):
                 continue
             ends = [name for name, end in one.observation.assembly.elements.items() if isinstance(end, ModalPart)]
-            if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.reached if ends):
+            if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
                 raise CampaignError.about(
                     campaign.file,
                     f"{ends[0]}, the modal part behind {owner}, has unknowns, but inverse coupling needs its "
@@ -773,7 +773,7 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
         text = f'the target "{name}" is neither an identified parameter nor an assembly, expected {one_of(choices)}'
         raise CampaignError.about(campaign.file, text + did_you_mean(name, choices))
     errors = tuple(tolerances_of(campaign.effects.get(name, {})))
-    conditions = campaign.place_of(name).conditions
+    conditions = campaign.site(name).conditions
     assembly = fit.apply(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
     upper = campaign.highest_frequency
     assert upper is not None  # a fit has measurements

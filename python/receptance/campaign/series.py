@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.campaign.schema import SeriesTable, SettingsTable
     from receptance.identification import Identification
-    from receptance.identification.task import Observation
+    from receptance.identification.observations import Observation
     from receptance.report.table import Cell
 
 __all__ = ["LEAST_LEVELS", "LevelSeries", "level_unit", "over_levels", "started_by_level"]
@@ -186,7 +186,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
     for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
         squares.setdefault(measured.assembly, []).extend(np.square(residual).tolist())
     found = {}
-    for law in fit.task.parameters.wanted:
+    for law in fit.task.parameters.given:
         if not isinstance(law, Law) or not law.free or law.along != table.over:
             continue
         rows = []

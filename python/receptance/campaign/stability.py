@@ -322,7 +322,7 @@ def _forecast_of_tip(
     if not tip.assembly:
         return None
     effects = campaign.effects.get(tip.assembly, {})
-    return forecast_of(campaign, identified, campaign.place_of(tip.assembly), effects, tip.assembly, notes)
+    return forecast_of(campaign, identified, campaign.site(tip.assembly), effects, tip.assembly, notes)
 
 
 class _PredictedTip:

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainVali
 
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
-from receptance.identification.factors import FACTORS
+from receptance.identification.mapping import FACTORS
 from receptance.identification.unknowns import Prior
 from receptance.model.beams import Material, Segment
 from receptance.model.distributed import SpreadJoint
@@ -349,7 +349,7 @@ _OBSERVATION = {
     "decay_rate_of_displacement": units.DECAY_RATE,
     "end": units.TIME,
 }
-"""Parameters of the measuring chain, see `receptance.identification.factors`."""
+"""Parameters of the measuring chain, see `receptance.identification.mapping`."""
 _ELEMENTS: tuple[type[Element], ...] = (
     PointJoint,
     MicroslipJoint,

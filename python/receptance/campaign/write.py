@@ -19,8 +19,7 @@ from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.identification.laws import Law, Move
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered, on_lines
-from receptance.identification.task import Observation, place_of
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import Prior, Unknown, covered
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
@@ -466,7 +465,7 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
         old = known.pop(unknown.name, None)
         key = unknown.name if isinstance(unknown, Move) else unknown.address
         raw = None if old is None else written.pop(old.name if isinstance(old, Move) else old.address, None)
-        same = old is not None and (old.reached, old.tied) == (unknown.reached, unknown.tied)
+        same = old is not None and (old.addresses, old.tied) == (unknown.addresses, unknown.tied)
         if raw is not None and same:
             tables[key] = _restarted(raw, unknown, values)
         elif raw is not None and isinstance(unknown, Law) and old is not None and not unknown.tied:
@@ -510,10 +509,10 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model) -> Model:
         other = seen.get(one.label)
         if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
             good = np.isin(one.frequency_hz, other.frequency_hz)
-            kept.append(on_lines(one, good))
+            kept.append(one.select(good))
         elif other is not None:
             kept.append(one)
-    places = [place_of(one, i) for i, one in enumerate(kept)]
+    places = [one.site(i) for i, one in enumerate(kept)]
     tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
     return replace(model, observations=tuple(kept), tolerances=tolerances)
 

@@ -14,7 +14,7 @@ from receptance._text import instead_of
 from receptance.campaign import CampaignError, Problem
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.identification.covariance import square_root
-from receptance.identification.mapping import Place
+from receptance.identification.mapping import Site
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
@@ -39,14 +39,14 @@ class ToolAssembly:
     ----------
     row : ToolRow
         The tool.
-    place : Place
+    place : Site
         The assembly with its name and its conditions; unknowns at their start values.
     effects : dict
         Errors: by name and address the standard deviation in SI units.
     """
 
     row: ToolRow
-    place: Place
+    place: Site
     effects: Effects
 
 
@@ -120,7 +120,7 @@ class Catalogue:
         assembly = Assembly(own if self.spindle is None else [*own, self.spindle], points)
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
         effects = self.campaign.inherited_effects(assembly, parts)
-        return ToolAssembly(row, Place(assembly, row.name, "", row.conditions), {**effects, **self.errors})
+        return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), {**effects, **self.errors})
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
         """Return the fluted part and the shank of a tool, and the standard deviations of their dimensions."""

@@ -109,7 +109,7 @@ def _candidates(
 ) -> Candidates:
     from scipy import stats
 
-    from receptance.identification.factors import FACTORS
+    from receptance.identification.mapping import FACTORS
     from receptance.sweep import Grid, Sampled
 
     if points is not None and sample is not None:

@@ -27,14 +27,12 @@ from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import MARGIN, SIMULATION_LINES
 from receptance.diagnosis.verdict import NextMeasurement
 from receptance.errors import ReceptanceError
-from receptance.identification.candidates import Candidate
 from receptance.identification.from_frf import Floor
 from receptance.identification.laws import Tolerance
-from receptance.identification.mapping import Place
-from receptance.identification.new_observations import NewObservations, information_root
+from receptance.identification.mapping import Site
+from receptance.identification.new_observations import Candidate, NewObservations, information_root
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.residuals import InfeasibleError
-from receptance.identification.task import place_of
+from receptance.identification.problem import InfeasibleError
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
@@ -292,7 +290,7 @@ def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | N
     ]
     assembly = with_points(Assembly([whole.elements[name] for name in names]), *own)
     frequencies = assembly.natural_frequencies(_HIGHEST)[:_MODES]
-    place = Place(assembly)
+    place = Site(assembly)
     tolerances = []
     for error in _tolerances_of_new(model, index):
         moves = {address: size for address, size in error.moves.items() if place.covered(address)}
@@ -334,7 +332,7 @@ def _frf(model: Model, index: int, **changes: Any) -> Candidate:
 
 def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:
     """Return the errors of an observation as those of the new measurement."""
-    place = place_of(model.observations[index], index)
+    place = model.observations[index].site(index)
     own = [one for one in model.tolerances if place.among(one.configurations, one.labels)]
     return tuple(
         one if one.configurations is None and one.labels is None else replace(one, configurations=(_NEW,), labels=None)

@@ -21,7 +21,7 @@ from receptance.modal import ModeEstimate, circle_fit, find_peaks
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.task import Observation
+    from receptance.identification.observations import Observation
 
 __all__ = [
     "Bias",

@@ -24,8 +24,7 @@ from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.identification.from_frf import UNUSED_COHERENCE
 from receptance.identification.laws import Tolerance
-from receptance.identification.observations import MeasuredFrequencies
-from receptance.identification.task import Observation
+from receptance.identification.observations import MeasuredFrequencies, Observation
 from receptance.identification.unknowns import Unknown
 
 __all__ = ["diagnose"]

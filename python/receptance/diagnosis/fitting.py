@@ -27,7 +27,7 @@ from receptance.diagnosis.thresholds import (
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
-from receptance.identification.conclusion import conclude
+from receptance.identification.fit import conclude
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import fit_direct, fit_staged
@@ -121,7 +121,7 @@ class Fit:
         if not self.model.joints:
             return False
         values = self.task.variables.to_values(self.x)
-        for one, placed in zip(self.model.observations, self.task.placed, strict=True):
+        for one, placed in zip(self.model.observations, self.task.mappings, strict=True):
             if not isinstance(one, MeasuredFRF):
                 if one.frequency_hz.size > 1:
                     return False

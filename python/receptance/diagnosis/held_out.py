@@ -22,11 +22,9 @@ from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION
 from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
-from receptance.identification.new_observations import NewObservations, information_root, standard_deviations
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.problem import End, Problem
-from receptance.identification.residuals import InfeasibleError
-from receptance.identification.task import Observation
+from receptance.identification.new_observations import NewObservations, information_root
+from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.problem import End, InfeasibleError, Problem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -134,7 +132,7 @@ class PosteriorPrediction:
     def assemblies(self) -> list[Assembly]:
         """The assemblies of `predicted`."""
         values = self._new.variables.to_values(self._with_own_errors.x)
-        pairs = zip(self.model.observations, self._new.placed, strict=True)
+        pairs = zip(self.model.observations, self._new.mappings, strict=True)
         return [own.apply(one.assembly, values) for one, own in pairs]
 
     @property
@@ -152,7 +150,7 @@ class PosteriorPrediction:
         jacobian, root = np.split(rows, [len(rows) - rows.shape[1]])
         wide = np.linalg.solve(root.T, jacobian.T)
         _, volume = np.linalg.slogdet(np.eye(len(root)) + wide @ wide.T)
-        spread = np.concatenate([standard_deviations(one) for one in self.model.observations])
+        spread = np.concatenate([one.standard_deviations for one in self.model.observations])
         return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))
 
 

@@ -12,8 +12,7 @@ from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, Un
 from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of
 from receptance.diagnosis.thresholds import COLLET_GYRATION, SAME_PLACE, SHORTEST_SPREAD, VARIED
 from receptance.identification.laws import Law, Move, Tolerance
-from receptance.identification.observations import MeasuredFRF, altered
-from receptance.identification.task import Observation
+from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section

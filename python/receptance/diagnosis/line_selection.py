@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISIEST_LINE, SHARED_LOSS
-from receptance.identification.observations import MeasuredFRF, on_lines
-from receptance.identification.task import Observation
+from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.model.coordinates import Coordinate
 
 __all__ = ["informative_lines", "select_lines", "thin"]
@@ -42,7 +41,7 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
         if count < min(FEWEST_LINES, good.size):
             dropped.append(f"{one.label or name} ({count} of {good.size})")
             continue
-        kept.append(one if good.all() else on_lines(one, good))
+        kept.append(one if good.all() else one.select(good))
     if lost:
         notes.append(
             f"{lost} of {total} lines are not used: the standard deviation of their logarithm, or of the same line in "
@@ -113,7 +112,7 @@ def thin(model: Model, lines: int = EXPLORING_LINES) -> Model:
     def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
         if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
             return one
-        return on_lines(one, chosen)
+        return one.select(chosen)
 
     pairs = zip(model.observations, informative_lines(model, lines), strict=True)
     return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))

@@ -23,9 +23,8 @@ from receptance.diagnosis.thresholds import (
     TRUNCATION_WINDOW,
     UNEVEN_LINES,
 )
-from receptance.identification.factors import DECAY_RATES, DELAY, END, LOG_GAIN
-from receptance.identification.observations import MeasuredFRF, altered
-from receptance.identification.task import Observation
+from receptance.identification.mapping import DECAY_RATES, DELAY, END, LOG_GAIN
+from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
 from receptance.units import FORMS

@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import Any
 
 from receptance.identification.laws import Law, Move, Tolerance
-from receptance.identification.mapping import Parameters, Place
-from receptance.identification.observations import MeasuredFRF, altered
-from receptance.identification.residuals import Unit
-from receptance.identification.task import Observation, Task, place_of
+from receptance.identification.mapping import Parameters, Site
+from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.problem import Unit
+from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly
@@ -106,8 +106,8 @@ class Model:
         return Task(self.observations, parameters, units, threads=self.threads)
 
     @cached_property
-    def _places_in_laws(self) -> list[Place]:
-        return [place_of(one, i) for i, one in enumerate(self.observations)]
+    def _places_in_laws(self) -> list[Site]:
+        return [one.site(i) for i, one in enumerate(self.observations)]
 
     @cached_property
     def configuration_of(self) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ class Model:
 
     def select(self, observations: Sequence[Observation]) -> Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
-        places = [place_of(one, i) for i, one in enumerate(observations)]
+        places = [one.site(i) for i, one in enumerate(observations)]
 
         def observed(
             addresses: Sequence[str],
@@ -201,7 +201,7 @@ class Model:
         return replace(
             self,
             observations=tuple(observations),
-            unknowns=tuple(u for u in self.unknowns if observed(u.reached, u.configurations)),
+            unknowns=tuple(u for u in self.unknowns if observed(u.addresses, u.configurations)),
             tolerances=tuple(t for t in self.tolerances if observed(tuple(t.moves), t.configurations, t.labels)),
         )
 

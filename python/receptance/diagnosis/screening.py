@@ -19,7 +19,7 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import CHANCE_DRAWS, CHANCE_LEVEL, INVISIBLE, OTHER_QUANTITY, VARIANTS_FITTED
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.residuals import InfeasibleError
+from receptance.identification.problem import InfeasibleError
 
 __all__ = ["Direction", "detection_threshold", "directions", "list_variants", "look_alike", "rank"]
 

@@ -18,8 +18,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEVEL
 from receptance.identification.laws import Law
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.task import Observation
+from receptance.identification.observations import MeasuredFRF, Observation
 
 __all__ = ["fit_again", "fit_levels", "has_levels", "starts_from_singles", "starts_of"]
 

@@ -179,7 +179,7 @@ def holder() -> Holder:
     >>> round(holder().body.mass, 2)
     5.33
     """
-    from receptance.campaign.loading import measured_structures
+    from receptance.campaign.read import measured_structures
     from receptance.examples import EXAMPLES
 
     assembly, _ = measured_structures(EXAMPLES["taper"].campaign)["axial 0 kN"]

@@ -1,11 +1,27 @@
-"""Joint parameters, or any others, from measured receptances and natural frequencies."""
+"""Identification of joint parameters, or any others, from measured receptances and natural frequencies.
 
-from receptance.identification.candidates import Candidate
+::
+
+    frf.FRF -> from_frf -> observations    MeasuredFRF, MeasuredFrequencies: data, standard deviations, assembly
+    unknowns, laws                         Unknown, Law, Tolerance: what is fitted, with bounds and priors
+       |  mapping                          Parameters: unknowns -> addresses of each assembly (Site -> ParameterMap)
+       v
+    task -> problem                        Task: input of a fit; Problem: residuals and fits, evaluated in the core
+       |  search                           direct and staged fits from several starts
+       v
+    fit -> result                          identify -> Identification: values, covariance, residuals, advice
+       |-- likelihood, profiles, sampling  constrained fits, intervals, draws from the posterior
+       |-- prediction -> transfer          other assemblies, with intervals; held-out measurements (peaks)
+       |-- new_observations -> next_measurement    hypothetical measurements and their information
+    common_lines, pointwise_joint -> inverse_coupling    the joint line by line, without a fit
+"""
+
 from receptance.identification.fit import identify
 from receptance.identification.from_frf import Floor
 from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings, invert_coupling
 from receptance.identification.laws import Law, Move, Power, Tolerance
 from receptance.identification.likelihood import ConstrainedFit, constrained_fit, log_evidence
+from receptance.identification.new_observations import Candidate
 from receptance.identification.next_measurement import (
     Expectation,
     NextMeasurement,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.identification.observations import MeasuredFRF, altered
 
@@ -29,12 +30,8 @@ _SHOWN = 5
 
 def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tuple[MeasuredFRF, ...]:
     """Return the observations as a tuple; raise unless all are receptances with standard deviations."""
-    found = (observations,) if isinstance(observations, MeasuredFRF) else tuple(observations)
-    if not found:
-        raise ValueError("observations is empty, expected at least one MeasuredFRF")
-    for index, one in enumerate(found):
-        if not isinstance(one, MeasuredFRF):
-            raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF")
+    found = _checks.items("observations", observations, MeasuredFRF)
+    for one in found:
         if one.standard_deviation is None:
             raise ValueError(
                 f"{one!r} has no standard deviation, which the uncertainty of the result needs; give it one"
@@ -121,17 +118,17 @@ def _resample(one: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> Mea
     owner = repr(one)
     own = one.frequency_hz.real
     # Lines on the edge of the band may lie outside by rounding.
-    place = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
-    values, bend = place.spline(one.receptance)
+    grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
+    values, bend = grid.spline(one.receptance)
     spread = one.standard_deviation
     fields = {
-        name: place.linear(value)
+        name: grid.linear(value)
         for name, value in vars(one).items()
         if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape and not np.iscomplexobj(value)
     }
     fields |= {"frequency_hz": lines, "receptance": values}
     notes = [*one.notes, f"{one.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}"]
-    sharp = curvature_warning(place, values, bend, None if spread is None else place.linear(spread**2))
+    sharp = curvature_warning(grid, values, bend, None if spread is None else grid.linear(spread**2))
     notes += [f"{one.label or owner}: {sharp}"] if sharp else []
     return altered(one, **fields, notes=tuple(notes))
 

@@ -160,7 +160,7 @@ def observe(
         least = floor
     else:
         least = Floor(relative=_checks.not_negative("MeasuredFRF.from_frf", "floor", floor), frequency=0.0)
-    entry, places, notes = _entry(frf, response, excitation)
+    entry, coordinates, notes = _entry(frf, response, excitation)
     entry = with_variance(entry)
     if entry.log_variance is None and entry.coherence is not None:
         notes.append(unused_coherence(entry.averages))
@@ -177,13 +177,13 @@ def observe(
         raise ValueError(f"{owner}: no line is left for {name or 'an observation'}: at 0 Hz, or of infinite variance")
     deviation = _standard_deviation(owner, entry, known, least, notes)
     notes += _low_frequency_notes(
-        entry.frequency_hz[known], entry.values[known, 0, 0], deviation, places[0] == places[1]
+        entry.frequency_hz[known], entry.values[known, 0, 0], deviation, coordinates[0] == coordinates[1]
     )
     return {
         "frequency_hz": entry.complex_frequency_hz[known],
         "receptance": entry.values[known, 0, 0],
-        "response": places[0],
-        "excitation": places[1],
+        "response": coordinates[0],
+        "excitation": coordinates[1],
         "standard_deviation": deviation,
         "correlated_lines": entry.correlated_lines[known],
         "label": name,
@@ -227,27 +227,27 @@ def _entry(
 ) -> tuple[FRF, list[Coordinate], list[str]]:
     """Return the selected entry, the coordinates of its response and excitation, and notes on them."""
     picks, notes = [], []
-    for name, wanted in (("responses", response), ("excitations", excitation)):
+    for name, given in (("responses", response), ("excitations", excitation)):
         side = getattr(frf, name)
-        if len(side) > 1 and wanted is None:
+        if len(side) > 1 and given is None:
             raise ValueError(f"{frf!r} has {len(side)} {name}: select one with {name[:-1]}=, a coordinate or a number")
-        picks.append(0 if len(side) == 1 and (wanted is None or isinstance(wanted, Coordinate)) else wanted)
+        picks.append(0 if len(side) == 1 and (given is None or isinstance(given, Coordinate)) else given)
     entry = frf.select(responses=picks[0], excitations=picks[1])
-    places = []
-    for name, wanted, found in (
+    coordinates = []
+    for name, given, found in (
         ("response", response, entry.responses[0]),
         ("excitation", excitation, entry.excitations[0]),
     ):
-        place = wanted if isinstance(wanted, Coordinate) else found
-        if place.direction != found.direction:
-            raise ValueError(f"{frf!r}: its {name} is in direction {found.direction!r}, and {place!r} is not")
-        if isinstance(place, Unplaced):
+        coordinate = given if isinstance(given, Coordinate) else found
+        if coordinate.direction != found.direction:
+            raise ValueError(f"{frf!r}: its {name} is in direction {found.direction!r}, and {coordinate!r} is not")
+        if isinstance(coordinate, Unplaced):
             notes.append(f"the coordinate of the {name} is unknown: taken at the tip")
-            place = Coordinate(direction=place.direction)
-        elif place != found and not isinstance(found, Unplaced):
-            notes.append(f"the {name} is taken at {place!r}; the FRF has {found!r}")
-        places.append(place)
-    return entry, places, notes
+            coordinate = Coordinate(direction=coordinate.direction)
+        elif coordinate != found and not isinstance(found, Unplaced):
+            notes.append(f"the {name} is taken at {coordinate!r}; the FRF has {found!r}")
+        coordinates.append(coordinate)
+    return entry, coordinates, notes
 
 
 def _standard_deviation(
@@ -260,8 +260,8 @@ def _standard_deviation(
             return None
         notes.append(f"the FRF has no variance: the floor of {floor} is its standard deviation")
         return np.sqrt(floor.variance(lines, values))
-    alike = entry.correlated_lines[known]
-    noise = smoothed_variance(lines, values, entry.log_variance[known, 0, 0], alike) * alike
+    correlated = entry.correlated_lines[known]
+    noise = smoothed_variance(lines, values, entry.log_variance[known, 0, 0], correlated) * correlated
     if entry.degrees_of_freedom is not None:
         noise *= few_degrees_factor(entry.degrees_of_freedom[known, 0, 0])
     deviation: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))

@@ -21,7 +21,6 @@ from receptance.identification.pointwise_joint import (
     join_names,
     solve_lines,
 )
-from receptance.identification.task import place_of
 from receptance.identification.unknowns import Unknown
 from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -327,22 +326,22 @@ def invert_coupling(
     {'joint.k_y': '1e+08', 'joint.k_theta': '1e+05'}
     """
     observed = check_observations(observations)
-    wanted = _check_terms(terms, len(observed))
-    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    names = _check_terms(terms, len(observed))
+    errors = _checks.items("tolerances", tolerances, Tolerance, least=0)
     share = _checks.positive("invert_coupling", "limit", limit)
-    _check_joint(observed, joint, wanted)
+    _check_joint(observed, joint, names)
     observed, lines, rows, dropped = common_lines(observed)
-    equations = _equations(observed, joint, wanted, lines, rows, threads)
+    equations = _equations(observed, joint, names, lines, rows, threads)
     x, ambiguous = solve_lines(equations)
     with np.errstate(all="ignore"):
         # A stiffness beyond that of the joint that represents a rigid one cannot be resolved.
         good = (np.abs(x) < _RIGID.k_y).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
         x = np.where(good[:, None], x, 0.0)
         rank = np.where(good, equations.rank(x), 0)
-    if rank.max(initial=0) < len(wanted):
-        raise ValueError(_rank_message(wanted, int(rank.max(initial=0)), observed))
+    if rank.max(initial=0) < len(names):
+        raise ValueError(_rank_message(names, int(rank.max(initial=0)), observed))
     with np.errstate(all="ignore"):
-        good &= rank == len(wanted)
+        good &= rank == len(names)
         scale = equations.scale(x)
         relative = equations.sensitivity(x) / scale[..., None]
         good &= np.isfinite(relative).all(axis=(1, 2))
@@ -351,7 +350,7 @@ def invert_coupling(
     typical, usable, rms = _fit_constant_joint(equations, x, good, share)
     model = np.zeros(x.shape)
     if errors:
-        moved = _moved_by_errors(observed, joint, wanted, lines, errors, typical, threads)
+        moved = _moved_by_errors(observed, joint, names, lines, errors, typical, threads)
         with np.errstate(all="ignore"):
             change = np.einsum("nmp,npt->nmt", relative * scale[..., None], moved)
             model = np.sqrt(np.sum(np.abs(change) ** 2, axis=2))
@@ -364,7 +363,7 @@ def invert_coupling(
     found = InverseCoupling(
         frequency_hz=lines,
         joint=joint,
-        terms=wanted,
+        terms=names,
         stiffness=np.where(good[:, None, None], equations.stiffness(x), np.nan),
         standard_deviation=matrices(np.where(good[:, None], noise, np.inf)),
         model_deviation=matrices(np.where(good[:, None], model, np.inf)),
@@ -374,12 +373,11 @@ def invert_coupling(
         ambiguous=ambiguous & good,
         typical=typical,
         rms=rms,
-        labels=tuple(o.label or f"observation {i}" for i, o in enumerate(observed)),
-        notes=tuple(_notes(wanted, usable, ambiguous & good, dropped, share, observed, joint, rms, lines[~good])),
+        labels=tuple(o.title(i) for i, o in enumerate(observed)),
     )
     for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
         getattr(found, name).setflags(write=False)
-    return found
+    return replace(found, notes=tuple(_notes(found, observed, dropped)))
 
 
 def _moved_by_errors(
@@ -402,23 +400,23 @@ def _moved_by_errors(
         values[name] = abs(values[name])
     most = 0.99 * float(np.sqrt(values["k_y"] * values["k_theta"]))
     values["k_ytheta"] = float(np.clip(values["k_ytheta"], -most, most))
-    places = [place_of(o, i) for i, o in enumerate(observed)]
+    sites = [o.site(i) for i, o in enumerate(observed)]
     # The parameter map needs an unknown; only its errors are used.
     some = Unknown(address=f"{joint}.{terms[0]}", lower=1.0, upper=2.0)
-    parameters = Parameters([some], errors, places)
+    parameters = Parameters([some], errors, sites)
     vector = np.array([unknown.start for unknown in parameters.unknowns], dtype=np.float64)
     result = []
-    for one, place in zip(observed, places, strict=True):
-        placed = parameters.at(place)
-        keep = [i for i, address in enumerate(placed.addresses) if not address.startswith(f"{joint}.")]
-        h, dh = place.assembly.replace({f"{joint}.{name}": value for name, value in values.items()}).derivatives(
+    for one, site in zip(observed, sites, strict=True):
+        mapping = parameters.at(site)
+        keep = [i for i, address in enumerate(mapping.addresses) if not address.startswith(f"{joint}.")]
+        h, dh = site.assembly.replace({f"{joint}.{name}": value for name, value in values.items()}).derivatives(
             lines,
-            [placed.addresses[i] for i in keep],
+            [mapping.addresses[i] for i in keep],
             response=one.response,
             excitation=one.excitation,
             threads=threads,
         )
-        result.append(dh @ placed.jacobian(vector)[keep][:, parameters.count :] / h[:, None])
+        result.append(dh @ mapping.jacobian(vector)[keep][:, parameters.count :] / h[:, None])
     return np.stack(result, axis=1)
 
 
@@ -547,11 +545,6 @@ def _check_terms(terms: Sequence[str] | None, count: int) -> tuple[str, ...]:
     return tuple(name for name in TERMS if name in given)
 
 
-def check_tolerances(tolerances: Tolerance | Sequence[Tolerance]) -> tuple[Tolerance, ...]:
-    """Return tolerances as a tuple."""
-    return (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
-
-
 def _joint_of(assembly: Assembly, joint: str) -> PointJoint:
     """Return the joint, which must be a `PointJoint`."""
     found = assembly.elements.get(joint)
@@ -593,43 +586,34 @@ def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF
     )
 
 
-def _notes(
-    terms: tuple[str, ...],
-    usable: NDArray[np.bool_],
-    ambiguous: NDArray[np.bool_],
-    dropped: int,
-    share: float,
-    observed: tuple[MeasuredFRF, ...],
-    joint: str,
-    rms: float,
-    masked: NDArray[Any],
-) -> list[str]:
-    """Return the notes for the user; `masked` are the lines without a solution."""
+def _notes(found: InverseCoupling, observed: tuple[MeasuredFRF, ...], dropped: int) -> list[str]:
+    """Return the notes for the user; `dropped` lines are not common to all observations."""
     notes = [note for one in observed for note in one.notes]
     if dropped:
         notes.append(f"{dropped} lines are left out because some measurements lack them")
+    count = len(found.frequency_hz)
+    masked = found.frequency_hz[np.isinf(found.condition)]
     if masked.size:
-        notes.append(masked_lines(masked, len(usable)))
-    known = [name for name in TERMS if name not in terms]
+        notes.append(masked_lines(masked, count))
+    known = [name for name in TERMS if name not in found.terms]
     if known:
-        held = ", ".join(f"{name} = {getattr(_joint_of(observed[0].assembly, joint), name):g}" for name in known)
+        held = ", ".join(f"{name} = {getattr(_joint_of(observed[0].assembly, found.joint), name):g}" for name in known)
         notes.append(f"taken as known: {held}, with their damping; errors of them cause errors of the other terms")
-    for column, term in enumerate(terms):
-        count = int(usable[:, column].sum())
-        if not count:
-            notes.append(f"no line is usable for {term}: its standard deviation is nowhere below {100.0 * share:g} %")
-        elif count < len(usable):
-            notes.append(
-                f"{count} of {len(usable)} lines are usable for {term} (standard deviation below {100.0 * share:g} %)"
-            )
-    if rms > _MISFIT_RMS:
+    limit = f"{100.0 * found.limit:g} %"
+    for term in found.terms:
+        usable = int(found.term(term)[2].sum())
+        if not usable:
+            notes.append(f"no line is usable for {term}: its standard deviation is nowhere below {limit}")
+        elif usable < count:
+            notes.append(f"{usable} of {count} lines are usable for {term} (standard deviation below {limit})")
+    if found.rms > _MISFIT_RMS:
         notes.append(
-            f"no k + i w c fits all lines: the rms is {rms:.3g} standard deviations; the parts or the known terms "
-            "differ from the model, and the start may be poor"
+            f"no k + i w c fits all lines: the rms is {found.rms:.3g} standard deviations; the parts or the known "
+            "terms differ from the model, and the start may be poor"
         )
-    if ambiguous.any():
+    if found.ambiguous.any():
         notes.append(
-            f"on {int(ambiguous.sum())} of {len(ambiguous)} lines two stiffnesses fit; the one closer to those of the "
+            f"on {int(found.ambiguous.sum())} of {count} lines two stiffnesses fit; the one closer to those of the "
             "other lines was selected"
         )
     return notes

@@ -279,6 +279,6 @@ class Move(Unknown):
         object.__setattr__(self, "reference", _checks.positive(owner, "reference", self.reference))
 
     @property
-    def reached(self) -> tuple[str, ...]:
+    def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters that it changes."""
         return tuple(self.moves)

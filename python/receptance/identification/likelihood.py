@@ -110,9 +110,7 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
     given = found.vector.copy()
     free = np.ones(given.size, dtype=np.bool_)
     for name, value in values.items():
-        if name not in found.values:
-            raise ValueError(f"{name!r} was not identified, only {', '.join(found.addresses)}")
-        index = found.addresses.index(name)
+        index = found.index(name)
         unknown = variables.unknowns[index]
         number = _checks.number("constrained_fit", name, value)
         if not unknown.lower <= number <= unknown.upper:
@@ -201,7 +199,7 @@ def log_evidence(found: Identification) -> float:
     problem = found.task.problem()
     residual = problem.residual(found.vector)
     # A factor on the standard deviations divides the density of each independent number.
-    total = -0.5 * float(residual @ residual) - sum(found.task.independent_numbers()) * math.log(found.noise_factor)
+    total = -0.5 * float(residual @ residual) - found.task.independent_values * math.log(found.noise_factor)
     low, high = problem.variables.limits
     for i, unknown in enumerate(found.unknowns):
         if unknown.prior is None:

@@ -3,6 +3,11 @@
 A parameter of an assembly is v = b exp(E u) + S u. Here u are the values of all unknowns, and b is one of them, a
 weighted mean of two, or the value of the assembly. E contains logarithms of conditions, for exponents, and standard
 deviations of relative errors; S contains standard deviations of absolute errors.
+
+A measured receptance is H(w - i sigma) (1 + sigma / (i w))^q exp(g - i w tau), with the parameters of its measuring
+chain: a calibration gain exp(g), a delay tau between the channels, and the rate sigma of an exponential window on both.
+The window acts on the recorded quantity; software that ignores it divides by (i w)^q instead of (i w + sigma)^q, where
+q is 2 for accelerations, 1 for velocities and 0 for displacements.
 """
 
 from __future__ import annotations
@@ -14,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.identification.factors import FACTORS
+from receptance import _checks
 from receptance.identification.laws import Law, Move, Tolerance, error_of
 from receptance.identification.unknowns import Unknown, covered
 
@@ -23,11 +28,26 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["Parameters", "Place", "Placed"]
+__all__ = ["DECAY_RATES", "DELAY", "END", "FACTORS", "LOG_GAIN", "ParameterMap", "Parameters", "Site"]
+
+LOG_GAIN = "observation.log_gain"
+"""Natural logarithm of measured over true magnitude."""
+DELAY = "observation.delay"
+"""Delay of the channel of the response in s."""
+DECAY_RATES = {
+    "observation.decay_rate": 2,
+    "observation.decay_rate_of_velocity": 1,
+    "observation.decay_rate_of_displacement": 0,
+}
+"""Rates in 1/s of an exponential window on both channels, and the number of integrations of the recorded quantity."""
+END = "observation.end"
+"""Time in s after the hit at which a truncated record ended."""
+FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES, END)
+"""Parameters of the measuring chain, in the order of the core; zero unless they are fitted."""
 
 
 @dataclass(frozen=True)
-class Place:
+class Site:
     """An assembly in a configuration under conditions, observed or predicted."""
 
     assembly: Assembly
@@ -68,7 +88,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Placed:
+class ParameterMap:
     """The parameters of one assembly as functions of all unknowns.
 
     Attributes
@@ -98,7 +118,7 @@ class Placed:
     share: NDArray[np.float64]
 
     @classmethod
-    def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> Placed:
+    def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> ParameterMap:
         """Return the parameters of addresses, each an unknown; the assemblies may lack some of them."""
         own = [(name, i) for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))]
         count, none = len(own), np.zeros((len(own), len(addresses)))
@@ -135,7 +155,7 @@ class Placed:
             result[own, column[own]] += factor[own] * scale[own]
         return result
 
-    def widened(self, count: int) -> Placed:
+    def widened(self, count: int) -> ParameterMap:
         """Return the same functions of more unknowns, `count` of them, of which the further ones have no effect."""
         more = ((0, 0), (0, count - self.exponents.shape[1]))
         return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
@@ -151,17 +171,17 @@ class Parameters:
 
     Parameters
     ----------
-    wanted : sequence of Unknown
+    given : sequence of Unknown
         Unknowns and laws; may be empty if there are tolerances.
     tolerances : sequence of Tolerance
         Errors.
-    places : sequence of Place
+    sites : sequence of Site
         The observed assemblies, one for each observation.
 
     Attributes
     ----------
     unknowns : tuple of Unknown
-        Values and exponents in the order of `wanted`, then errors: the fitted vector.
+        Values and exponents in the order of `given`, then errors: the fitted vector.
     count : int
         Number of unknowns that are not errors.
     notes : list of str
@@ -173,18 +193,20 @@ class Parameters:
         Unknowns or tolerances without an observation, two unknowns of one parameter, a missing condition.
     """
 
-    def __init__(self, wanted: Sequence[Unknown], tolerances: Sequence[Tolerance], places: Sequence[Place]) -> None:
-        self.wanted = tuple(wanted)
-        self.tolerances = tuple(tolerances)
-        self.notes = self._check(places)
+    def __init__(
+        self, given: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
+    ) -> None:
+        self.given = _checks.items("unknowns", given, Unknown, least=0)
+        self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
+        self.notes = self._check(sites)
         values: list[Unknown] = []
         errors: dict[str, Unknown] = {}
-        for unknown in self.wanted:
+        for unknown in self.given:
             if not isinstance(unknown, Law):
                 values.append(unknown)
                 continue
-            seen = dict.fromkeys(p.configuration for p in places if p.among(unknown.configurations))
-            own = [name for name in seen if _has(unknown.address, [p for p in places if p.configuration == name])]
+            seen = dict.fromkeys(p.configuration for p in sites if p.among(unknown.configurations))
+            own = [name for name in seen if _has(unknown.address, [p for p in sites if p.configuration == name])]
             individual = {unknown.name_in(name) for name in own} if unknown.individual else set()
             for one in unknown.expanded(own):
                 if one.name in individual:
@@ -199,47 +221,49 @@ class Parameters:
         if double := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
         self._index = {name: i for i, name in enumerate(names)}
-        self._levels = {one.name: self._levels_of(one, places) for one in self.wanted if isinstance(one, Law)}
-        self._placed = [(place, self.at(place)) for place in places]
+        self._levels = {one.name: self._levels_of(one, sites) for one in self.given if isinstance(one, Law)}
+        self._maps = [(site, self.at(site)) for site in sites]
 
-    def of(self, places: Sequence[Place]) -> list[Placed]:
-        """Return the parameters of places; those of the observed places are cached."""
-        known = [*self._placed, *[(None, None)] * (len(places) - len(self._placed))]
+    def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
+        """Return the parameters of sites; those of the observed sites are cached."""
+        known = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]
         return [
-            own if own is not None and place == other else self.at(place)
-            for place, (other, own) in zip(places, known, strict=False)
+            own if own is not None and site == other else self.at(site)
+            for site, (other, own) in zip(sites, known, strict=False)
         ]
 
-    def _levels_of(self, law: Law, places: Sequence[Place]) -> dict[str, float]:
+    def _levels_of(self, law: Law, sites: Sequence[Site]) -> dict[str, float]:
         """Return the values of the condition `along` of a free law, by configuration of the fit."""
         if not law.along:
             return {}
-        own = [place for place in places if law.name_in(place.configuration) in self._index]
-        for place in own:
-            if law.along not in place.conditions:
-                known = ", ".join(place.conditions) or "none"
+        own = [site for site in sites if law.name_in(site.configuration) in self._index]
+        for site in own:
+            if law.along not in site.conditions:
+                known = ", ".join(site.conditions) or "none"
                 raise ValueError(
-                    f"Law {law.address!r}: {place.configuration!r} has no condition {law.along!r}; its conditions are: "
+                    f"Law {law.address!r}: {site.configuration!r} has no condition {law.along!r}; its conditions are: "
                     f"{known}"
                 )
-        return {place.configuration: float(place.conditions[law.along]) for place in own}
+        return {site.configuration: float(site.conditions[law.along]) for site in own}
 
     @property
     def errors(self) -> tuple[str, ...]:
         """Names of the errors of tolerances and of individual parts."""
         return tuple(unknown.name for unknown in self.unknowns[self.count :])
 
-    def at(self, place: Place, tolerances: Sequence[Tolerance] | None = None, fresh: list[str] | None = None) -> Placed:
-        """Return the parameters of a place as functions of the unknowns.
+    def at(
+        self, site: Site, tolerances: Sequence[Tolerance] | None = None, fresh: list[str] | None = None
+    ) -> ParameterMap:
+        """Return the parameters of a site as functions of the unknowns.
 
         Parameters
         ----------
-        place : Place
+        site : Site
             Observed or not.
         tolerances : sequence of Tolerance, optional
-            Errors of this place; by default those of the fit.
+            Errors of this site; by default those of the fit.
         fresh : list of str, optional
-            Names of errors that were not fitted; those that this place adds are appended. They follow the unknowns: the
+            Names of errors that were not fitted; those that this site adds are appended. They follow the unknowns: the
             map has `p + len(fresh)` columns, and the new unknowns are standard normal and independent.
         """
         index = {**self._index, **{name: len(self._index) + i for i, name in enumerate(fresh or ())}}
@@ -254,41 +278,41 @@ class Parameters:
 
         bases: dict[str, list[tuple[int, float]]] = {}
         exponents, shifts = _Rows(), _Rows()
-        for unknown in self.wanted:
-            if not place.among(unknown.configurations):
+        for unknown in self.given:
+            if not site.among(unknown.configurations):
                 continue
             if isinstance(unknown, Move):
-                self._add_move(unknown, place, exponents if unknown.relative else shifts)
+                self._add_move(unknown, site, exponents if unknown.relative else shifts)
                 continue
-            multiples = dict.fromkeys(sorted(place.covered(unknown.address)), unknown.multiple)
-            multiples |= {other: n for other, n in unknown.also.items() if place.covered(other)}
+            multiples = dict.fromkeys(sorted(site.covered(unknown.address)), unknown.multiple)
+            multiples |= {other: n for other, n in unknown.also.items() if site.covered(other)}
             if not multiples:
                 continue
             terms = [(index[unknown.name], 1.0)] if unknown.name in index else []
             if isinstance(unknown, Law):
                 if unknown.free:
-                    terms = self._free_terms(unknown, place)
-                varying = _varying(unknown, place, index, error)
+                    terms = self._free_terms(unknown, site)
+                varying = _varying(unknown, site, index, error)
                 powers = [(address, 1.0) for address in multiples]
-                powers += [(address, power) for address, power in unknown.follows.items() if place.covered(address)]
+                powers += [(address, power) for address, power in unknown.follows.items() if site.covered(address)]
                 for address, power in powers:
                     for column, slope in varying.items():
                         exponents.add(address, column, power * slope)
             bases |= {address: [(i, n * share) for i, share in terms] for address, n in multiples.items()}
         for tolerance in self.tolerances if tolerances is None else tolerances:
-            if place.among(tolerance.configurations, tolerance.labels):
+            if site.among(tolerance.configurations, tolerance.labels):
                 rows = exponents if tolerance.relative else shifts
                 for pattern, deviation in tolerance.moves.items():
-                    for address in sorted(place.covered(pattern)):
+                    for address in sorted(site.covered(pattern)):
                         rows.add(address, error(tolerance.name), deviation)
         addresses = tuple(dict.fromkeys([*bases, *exponents.rows, *shifts.rows]))
         first = [bases[address][0] if address in bases else (-1, 1.0) for address in addresses]
         second = [bases[address][1] if len(bases.get(address, ())) == 2 else (-1, 0.0) for address in addresses]
-        return Placed(
+        return ParameterMap(
             addresses=addresses,
             base=np.array([column for column, _ in first], dtype=np.intp),
             scale=np.array([scale for _, scale in first]),
-            fixed=np.array([0.0 if a in bases else place.value(a) for a in addresses]),
+            fixed=np.array([0.0 if a in bases else site.value(a) for a in addresses]),
             exponents=exponents.matrix(addresses, len(index)),
             shifts=shifts.matrix(addresses, len(index)),
             second=np.array([column for column, _ in second], dtype=np.intp),
@@ -296,36 +320,36 @@ class Parameters:
         )
 
     def extended(
-        self, places: Sequence[Place], tolerances: Sequence[Sequence[Tolerance]]
-    ) -> tuple[list[Placed], tuple[str, ...]]:
-        """Return the parameters of places that were not fitted, and the names of errors that were not fitted.
+        self, sites: Sequence[Site], tolerances: Sequence[Sequence[Tolerance]]
+    ) -> tuple[list[ParameterMap], tuple[str, ...]]:
+        """Return the parameters of sites that were not fitted, and the names of errors that were not fitted.
 
         Parameters
         ----------
-        places : sequence of Place
-            The places.
+        sites : sequence of Site
+            The sites.
         tolerances : sequence of sequence of Tolerance
-            Errors of each place. Errors of one name are one error, in the fit and in all places.
+            Errors of each site. Errors of one name are one error, in the fit and in all sites.
         """
         fresh: list[str] = []
-        found = [self.at(place, own, fresh) for place, own in zip(places, tolerances, strict=True)]
-        return [placed.widened(len(self.unknowns) + len(fresh)) for placed in found], tuple(fresh)
+        found = [self.at(site, own, fresh) for site, own in zip(sites, tolerances, strict=True)]
+        return [own.widened(len(self.unknowns) + len(fresh)) for own in found], tuple(fresh)
 
-    def _free_terms(self, law: Law, place: Place) -> list[tuple[int, float]]:
-        """Return the unknown of a free law at a place, or two neighbouring ones, with their weights."""
-        own = self._index.get(law.name_in(place.configuration))
+    def _free_terms(self, law: Law, site: Site) -> list[tuple[int, float]]:
+        """Return the unknown of a free law at a site, or two neighbouring ones, with their weights."""
+        own = self._index.get(law.name_in(site.configuration))
         if own is not None:
             return [(own, 1.0)]
         if not law.along:
-            raise ValueError(f"{law.address} is free in each configuration, and {place.configuration!r} was not fitted")
-        if law.along not in place.conditions:
-            raise ValueError(f"Law {law.address!r}: {place.configuration!r} has no condition {law.along!r}")
+            raise ValueError(f"{law.address} is free in each configuration, and {site.configuration!r} was not fitted")
+        if law.along not in site.conditions:
+            raise ValueError(f"Law {law.address!r}: {site.configuration!r} has no condition {law.along!r}")
         levels = sorted((level, self._index[law.name_in(name)]) for name, level in self._levels[law.name].items())
-        at = float(place.conditions[law.along])
+        at = float(site.conditions[law.along])
         if not levels[0][0] <= at <= levels[-1][0]:
             raise ValueError(
                 f"{law.address} is known for {law.along!r} from {levels[0][0]:g} to {levels[-1][0]:g}, and "
-                f"{place.configuration!r} is at {at:g}"
+                f"{site.configuration!r} is at {at:g}"
             )
         after = next(i for i, (level, _) in enumerate(levels) if level >= at)
         if levels[after][0] == at:
@@ -334,53 +358,47 @@ class Parameters:
         share = (at - low) / (high - low)
         return [(below, 1.0 - share), (above, share)]
 
-    def _add_move(self, unknown: Move, place: Place, rows: _Rows) -> None:
+    def _add_move(self, unknown: Move, site: Site, rows: _Rows) -> None:
         column, size = self._index[unknown.name], 1.0
         if unknown.of:
-            if unknown.of not in place.conditions and not covered(unknown.of, place.assembly):
+            if unknown.of not in site.conditions and not covered(unknown.of, site.assembly):
                 return
-            size = math.log(place.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
+            size = math.log(site.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
         for pattern, coefficient in unknown.moves.items():
-            for address in sorted(place.covered(pattern)):
+            for address in sorted(site.covered(pattern)):
                 rows.add(address, column, size * coefficient)
 
-    def _check(self, places: Sequence[Place]) -> list[str]:
-        """Check unknowns and tolerances against the places; return notes on addresses that none of them has."""
-        for index, unknown in enumerate(self.wanted):
-            if not isinstance(unknown, Unknown):
-                raise TypeError(f"unknowns[{index}] is {unknown!r}, expected an Unknown")
-        for index, tolerance in enumerate(self.tolerances):
-            if not isinstance(tolerance, Tolerance):
-                raise TypeError(f"tolerances[{index}] is {tolerance!r}, expected a Tolerance")
-        for place in places:
+    def _check(self, sites: Sequence[Site]) -> list[str]:
+        """Check unknowns and tolerances against the sites; return notes on addresses that none of them has."""
+        for site in sites:
             owner: dict[str, str] = {}
-            for unknown in self.wanted:
-                for name in place.covered(unknown.address) if place.among(unknown.configurations) else ():
+            for unknown in self.given:
+                for name in site.covered(unknown.address) if site.among(unknown.configurations) else ():
                     if name in owner:
                         raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} both determine {name!r}")
                     owner[name] = unknown.name
-        known = dict.fromkeys(name for place in places for name in place.assembly.parameters)
+        known = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
         notes: list[str] = []
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
-            (f"Unknown {one.address!r}", one.reached, one.configurations, None) for one in self.wanted
+            (f"Unknown {one.address!r}", one.addresses, one.configurations, None) for one in self.given
         ]
         rows += [
             (f"Tolerance {one.name!r}", tuple(one.moves), one.configurations, one.labels) for one in self.tolerances
         ]
         rows += [
             (f"Law {one.address!r}, with what follows it", tuple(one.follows), one.configurations, None)
-            for one in self.wanted
+            for one in self.given
             if isinstance(one, Law) and one.follows
         ]
-        among: dict[tuple[Names, Names | str], list[Place]] = {}
+        among: dict[tuple[Names, Names | str], list[Site]] = {}
         for title, addresses, configurations, labels in rows:
-            # Most rows have the same places.
+            # Most rows have the same sites.
             if (configurations, labels) not in among:
-                among[configurations, labels] = [one for one in places if one.among(configurations, labels)]
+                among[configurations, labels] = [one for one in sites if one.among(configurations, labels)]
             chosen = among[configurations, labels]
             if not chosen:
-                names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in places))
+                names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in sites))
                 raise ValueError(
                     f"{title}: no observation is of {', '.join(labels or configurations or ())}; there are {names}"
                 )
@@ -397,8 +415,8 @@ class Parameters:
         return notes
 
 
-def _has(address: str, places: Sequence[Place]) -> bool:
-    return any(place.covered(address) for place in places)
+def _has(address: str, sites: Sequence[Site]) -> bool:
+    return any(site.covered(address) for site in sites)
 
 
 class _Rows:
@@ -421,12 +439,12 @@ class _Rows:
         return result
 
 
-def _varying(law: Law, place: Place, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
-    """Return the exponents of a law at a place by column: its powers of conditions and its individual part."""
+def _varying(law: Law, site: Site, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
+    """Return the exponents of a law at a site by column: its powers of conditions and its individual part."""
     found: dict[int, float] = {}
     for power in law.powers:
-        ratio = place.condition(power.of, f"Law {law.address!r}") / power.reference
+        ratio = site.condition(power.of, f"Law {law.address!r}") / power.reference
         found[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
     if law.individual:
-        found[error(law.name_in(place.configuration))] = law.individual
+        found[error(law.name_in(site.configuration))] = law.individual
     return found

@@ -1,30 +1,196 @@
-"""Observations that a fit has not seen: their noise-free data and their residuals, beside the information of the fit.
+"""Measurements that a fit does not have: hypothetical ones, and their residuals beside the information of the fit.
 
-The residuals are those of every fit. The information of the fit takes the place of the priors, and errors that only the
-new observations have, those of another clamping for example, are further variables, which are standard normal. The
-choice of the next measurement, predictions of held-out data and the advice of a diagnosis all use this.
+The residuals are those of every fit. The information of the fit replaces the priors. Errors that only the new
+observations have, such as those of another clamping, are further variables with a standard normal prior. The choice of
+the next measurement, predictions of held-out data and the advice of a diagnosis use this.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
+from receptance.identification.from_frf import Floor
 from receptance.identification.laws import Tolerance, error_of
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.problem import Observed, Problem
-from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import Variables
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
-    from receptance.identification.mapping import Parameters, Placed
+    from receptance.identification.mapping import ParameterMap, Parameters
 
-__all__ = ["NewObservations", "calculated", "information_root", "standard_deviations"]
+__all__ = ["Candidate", "NewObservations", "calculated", "information_root"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """A hypothetical measurement: an observation without data.
+
+    It is a receptance on `frequency_hz`, or the natural frequencies of some `modes`. `next_measurement` ranks
+    candidates, and takes them as predictions that are to be improved.
+
+    Parameters
+    ----------
+    label : str
+        Its name.
+    assembly : Assembly
+        The assembly that would be measured. The values of identified parameters do not matter.
+    frequency_hz : array_like, optional
+        `(n,)` ascending lines of a receptance in Hz, complex where an exponential window would be used.
+    response, excitation : Coordinate, optional
+        Coordinates of the motion and of the load; by default y at the tip.
+    standard_deviation : array_like, optional
+        Standard deviation of the real and of the imaginary part of the logarithm of the receptance, one number or
+        `(n,)`; by default 1 %.
+    floor : float or Floor, optional
+        Standard deviation of errors that no noise model covers, added in quadrature as in `MeasuredFRF.from_frf`.
+    modes : sequence of int, optional
+        Ascending numbers of the elastic modes whose natural frequencies would be measured; the lowest is 1.
+    standard_deviation_hz : array_like, optional
+        Standard deviation of these frequencies in Hz, one number or one for each mode. A prediction needs none.
+    tolerances : Tolerance or sequence of Tolerance, optional
+        Errors of the measurement, of its clamping for example. An error with the name of an error of the fit is the
+        same error. Errors of the fit that the assembly has apply in any case.
+    configuration : str, optional
+        Name of its configuration, for laws and tolerances; by default the label.
+    conditions : mapping of str to float, optional
+        Numbers that describe it, in SI units, for laws.
+    cost : float, optional
+        Cost in any unit that is the same for all candidates.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Neither lines nor modes, or both; lines, modes or standard deviations that cannot be used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> from receptance.identification import Candidate
+    >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> blank = Candidate(label="blank", assembly=bar, frequency_hz=np.linspace(100.0, 4000.0, 40))
+    >>> blank
+    Candidate('blank', receptance on 40 lines from 100 to 4000 Hz)
+    >>> blank.observation(bar.receptance(blank.frequency_hz))
+    MeasuredFRF('blank', 40 lines from 100 to 4000 Hz)
+    """
+
+    label: str
+    assembly: Assembly
+    frequency_hz: NDArray[Any] | None = None
+    response: Coordinate = field(default_factory=Coordinate)
+    excitation: Coordinate = field(default_factory=Coordinate)
+    standard_deviation: ArrayLike = 0.01
+    floor: float | Floor = 0.0
+    modes: tuple[int, ...] | None = None
+    standard_deviation_hz: ArrayLike | None = None
+    tolerances: tuple[Tolerance, ...] = ()
+    configuration: str = ""
+    conditions: Mapping[str, float] = field(default_factory=dict)
+    cost: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.label, str) or not self.label:
+            raise TypeError(f"Candidate: label is {self.label!r}, expected a name as text")
+        owner = f"Candidate {self.label!r}"
+        if (self.frequency_hz is None) == (self.modes is None):
+            both = "neither frequency_hz nor modes is" if self.modes is None else "frequency_hz and modes are both"
+            raise ValueError(f"{owner}: {both} given, expected one of the two")
+        if self.modes is not None and not len(self.modes):
+            raise ValueError(f"{owner}: modes is empty, expected at least one number")
+        fields: dict[str, Any] = {
+            "tolerances": _checks.items(f"{owner}: tolerances", self.tolerances, Tolerance, least=0),
+            "configuration": self.configuration or self.label,
+            "floor": self.floor if isinstance(self.floor, Floor) else Floor(relative=self.floor, frequency=0.0),
+            "cost": _checks.positive(owner, "cost", self.cost),
+        }
+        _checks.set_fields(self, fields)
+        try:
+            if self.frequency_hz is not None:
+                _checks.frequencies(self.frequency_hz)
+            blank = self._blank
+        except (TypeError, ValueError) as error:
+            kind = "MeasuredFRF" if self.modes is None else "MeasuredFrequencies"
+            text = str(error).removeprefix(f"{kind} {self.label!r}: ")
+            raise type(error)(f"{owner}: {text}") from None
+        fields = {"conditions": blank.conditions}
+        if isinstance(blank, MeasuredFRF):
+            fields |= {"frequency_hz": blank.frequency_hz, "standard_deviation": blank.standard_deviation}
+        elif isinstance(blank, MeasuredFrequencies):
+            fields["modes"] = blank.modes
+            if self.standard_deviation_hz is not None:
+                fields["standard_deviation_hz"] = blank.standard_deviation_hz
+        _checks.set_fields(self, fields)
+
+    def observation(self, data: ArrayLike | None = None) -> MeasuredFRF | MeasuredFrequencies:
+        """Return the measurement as an observation.
+
+        Parameters
+        ----------
+        data : array_like, optional
+            `(n,)` receptances in SI units, or natural frequencies in Hz. By default placeholders:
+            ones, and 1 Hz, 2 Hz and so on.
+
+        Returns
+        -------
+        MeasuredFRF or MeasuredFrequencies
+            With standard deviations that include the floor; those of frequencies are 1 Hz where none were given.
+        """
+        blank = self._blank
+        if data is None:
+            return blank
+        if isinstance(blank, MeasuredFrequencies):
+            return altered(blank, frequency_hz=np.asarray(data, dtype=np.float64))
+        values = np.asarray(data, dtype=np.complex128)
+        variance = np.square(np.asarray(self.standard_deviation, dtype=np.float64))
+        if isinstance(self.floor, Floor) and self.floor:
+            variance = variance + self.floor.variance(blank.frequency_hz.real, values)
+        return altered(blank, receptance=values, standard_deviation=np.sqrt(variance))
+
+    @cached_property
+    def _blank(self) -> MeasuredFRF | MeasuredFrequencies:
+        """The observation with ones as data; it checks the fields."""
+        common: dict[str, Any] = {
+            "assembly": self.assembly,
+            "label": self.label,
+            "configuration": self.configuration,
+            "conditions": self.conditions,
+        }
+        if self.frequency_hz is None:
+            modes = () if self.modes is None else self.modes
+            return MeasuredFrequencies(
+                frequency_hz=np.arange(1.0, 1.0 + len(modes)),
+                modes=modes,
+                standard_deviation_hz=1.0 if self.standard_deviation_hz is None else self.standard_deviation_hz,
+                **common,
+            )
+        return MeasuredFRF(
+            frequency_hz=self.frequency_hz,
+            receptance=np.ones(np.size(self.frequency_hz)),
+            response=self.response,
+            excitation=self.excitation,
+            standard_deviation=self.standard_deviation,
+            **common,
+        )
+
+    def __repr__(self) -> str:
+        if self.frequency_hz is None:
+            what = f"natural frequencies of modes {', '.join(map(str, self.modes or ()))}"
+        else:
+            low, high = self.frequency_hz[[0, -1]].real
+            what = f"receptance on {self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
+        return f"Candidate({self.label!r}, {what})"
 
 
 class NewObservations:
@@ -41,7 +207,7 @@ class NewObservations:
 
     Attributes
     ----------
-    placed : list of Placed
+    mappings : list of ParameterMap
         The parameters of each observation's assembly.
     errors : tuple of str
         Names of the `q` errors that the fit does not know.
@@ -56,8 +222,8 @@ class NewObservations:
         tolerances: Sequence[Sequence[Tolerance]],
     ) -> None:
         self.observations = tuple(observations)
-        places = [place_of(one, index) for index, one in enumerate(self.observations)]
-        self.placed, self.errors = parameters.extended(places, tolerances)
+        sites = [one.site(index) for index, one in enumerate(self.observations)]
+        self.mappings, self.errors = parameters.extended(sites, tolerances)
         self.variables = Variables((*parameters.unknowns, *map(error_of, self.errors)))
 
     def start(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,8 +234,8 @@ class NewObservations:
         """Return the noise-free data of each observation at fitted variables `(p,)`; see `calculated`."""
         start = self.start(x)
         return [
-            calculated(one, placed, self.variables, start)
-            for one, placed in zip(self.observations, self.placed, strict=True)
+            calculated(one, mapping, self.variables, start)
+            for one, mapping in zip(self.observations, self.mappings, strict=True)
         ]
 
     def problem(
@@ -88,13 +254,13 @@ class NewObservations:
         """
         whole = np.eye(x.size + len(self.errors))
         whole[: x.size, : x.size] = root
-        seen = self.observations if observations is None else observations
-        observed = [Observed(one, own, "standard deviations") for one, own in zip(seen, self.placed, strict=True)]
+        given = self.observations if observations is None else observations
+        observed = [Observed(one, own, "standard deviations") for one, own in zip(given, self.mappings, strict=True)]
         return Problem(self.variables, observed, known=(whole, self.start(x)))
 
 
 def calculated(
-    one: Observation, placed: Placed, variables: Variables, x: NDArray[np.float64]
+    one: Observation, mapping: ParameterMap, variables: Variables, x: NDArray[np.float64]
 ) -> NDArray[np.complex128] | NDArray[np.float64]:
     """Return the noise-free data of an observation: receptances with its measuring chain, or frequencies in Hz.
 
@@ -104,7 +270,7 @@ def calculated(
     ----------
     one : MeasuredFRF or MeasuredFrequencies
         The observation.
-    placed : Placed
+    mapping : ParameterMap
         The parameters of its assembly.
     variables : Variables
         The variables that these are functions of.
@@ -116,12 +282,12 @@ def calculated(
     InfeasibleError, ReceptanceError, ValueError
         The model has no value there.
     """
-    if isinstance(one, MeasuredFRF):
-        problem = Problem(variables, [Observed(one, placed, "logarithm")])
+    if not isinstance(one, MeasuredFrequencies):
+        problem = Problem(variables, [Observed(one, mapping, "logarithm")])
         real, imaginary = problem.parts(problem.value(x))[0].reshape(2, -1)
-        recorded: NDArray[np.complex128] = one.receptance * np.exp(-real - 1j * imaginary)
+        recorded: NDArray[np.complex128] = one.data * np.exp(-real - 1j * imaginary)
         return recorded
-    assembly = placed.apply(one.assembly, variables.to_values(x))
+    assembly = mapping.apply(one.assembly, variables.to_values(x))
     lowest, _ = assembly.lowest_natural_frequencies(max(one.modes))
     frequencies: NDArray[np.float64] = lowest[np.array(one.modes) - 1]
     return frequencies
@@ -136,14 +302,3 @@ def information_root(jacobian: NDArray[np.float64], variables: Variables) -> NDA
     free = [unknown.prior is None for unknown in variables.unknowns]
     spans = np.diag(np.where(free, math.sqrt(12.0) / (high - low), 0.0))
     return np.asarray(np.linalg.qr(np.vstack([jacobian, spans]), mode="r"), dtype=np.float64)
-
-
-def standard_deviations(one: Observation) -> NDArray[np.float64]:
-    """Return the standard deviation of each residual of an observation in the unit of its data; ones if none given."""
-    if isinstance(one, MeasuredFRF):
-        spread = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
-        return np.tile(spread, 2)
-    if one.standard_deviation_hz is None:
-        return np.ones(one.frequency_hz.size + one.damped.size)
-    damping = one.standard_deviation_damping
-    return np.append(one.standard_deviation_hz, [] if damping is None else damping[one.damped])

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.candidates import Candidate
-from receptance.identification.new_observations import NewObservations, information_root, standard_deviations
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.likelihood import require_likelihood
+from receptance.identification.new_observations import Candidate, NewObservations, information_root
 from receptance.identification.profiles import Profile
-from receptance.identification.residuals import InfeasibleError
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -315,23 +314,17 @@ def next_measurement(
     'tip FRF'
     """
     menu = _check_candidates(candidates)
-    if "percent" in found.units and any(isinstance(o, MeasuredFRF) for o in found.task.observed):
-        raise ValueError(
-            "the percentage objective is not a likelihood, so the effect of more data cannot be calculated: identify "
-            "with the objective 'log'"
-        )
-    wanted = _check_targets(targets, found)
-    known = _Known(found)
-    reach = found.confidence_multiplier(level)
+    require_likelihood(found)
+    known = _Known(found, _check_targets(targets, found), level)
     report = progress or (lambda _: None)
-    taken = _profiles(known, wanted, reach, level, dict(profiles or {}), report)
-    points, notes = _points(known, taken)
+    wide = _wide_profiles(known, dict(profiles or {}), report)
+    points, notes = _points(known, wide)
     report(f"evaluating {len(menu)} candidates at {len(points)} points")
-    now = _Now(known, points, wanted, taken, reach)
+    now = _Now(known, points, wide)
     ranking = []
     for candidate in menu:
         report(f"evaluating {candidate.label}")
-        expected = _expected(known, candidate, points, wanted, now)
+        expected = _expected(known, candidate, points, now)
         shrink = float(np.exp(np.mean([np.log(max(one.shrink, _SMALLEST)) for one in expected.values()])))
         ranking.append(
             RankedCandidate(
@@ -348,18 +341,14 @@ def next_measurement(
         targets=tuple(ranking[0].expected),
         level=level,
         points=tuple(known.problem.named(point.x) for point in points),
-        profiled=tuple(taken),
+        profiled=tuple(wide),
         notes=tuple(notes),
     )
 
 
 def _check_candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
-    menu = (candidates,) if isinstance(candidates, Candidate) else tuple(candidates)
-    if not menu:
-        raise ValueError("candidates is empty, expected at least one Candidate")
-    for index, one in enumerate(menu):
-        if not isinstance(one, Candidate):
-            raise TypeError(f"candidates[{index}] is {one!r}, expected a Candidate")
+    menu = _checks.items("candidates", candidates, Candidate)
+    for one in menu:
         if one.modes is not None and one.standard_deviation_hz is None:
             raise ValueError(f"{one!r}: standard_deviation_hz is missing, expected that of its natural frequencies")
     labels = [one.label for one in menu]
@@ -382,8 +371,7 @@ def _check_targets(targets: Target | Sequence[Target] | None, found: Identificat
     return given
 
 
-@dataclass(frozen=True)
-class _Point:
+class _Point(NamedTuple):
     """A point of the fitted variables `(p,)`, and R `(p, p)` with R^T R the information of the fit there."""
 
     x: NDArray[np.float64]
@@ -391,34 +379,31 @@ class _Point:
 
 
 class _Known:
-    """The fit and the information of its measurements."""
+    """The fit with the information of its measurements, the targets and the level of their intervals."""
 
-    def __init__(self, found: Identification) -> None:
-        self.found = found
+    def __init__(self, found: Identification, targets: tuple[Target, ...], level: float) -> None:
+        self.found, self.targets, self.level = found, targets, level
+        self.multiplier = found.confidence_multiplier(level)
         self.parameters = found.task.parameters
         self.variables = found.task.variables
         self.problem = found.task.problem()
-        self.values = np.array(list(found.values.values()))
-        self.x = self.variables.from_values(self.values)
-        self._scatter = 1.0
-        if not found.known_scatter:
-            squares = float(np.sum(np.concatenate(found.residuals) ** 2))
-            self._scatter = max(squares / max(found.degrees_of_freedom, 1), _SMALLEST)
+        self.x = found.vector
+        self._variance = max(found.residual_variance, _SMALLEST)
 
     def point(self, x: NDArray[np.float64]) -> _Point:
         """Return a point with the information there; raises `ReceptanceError` where the model has no value."""
         if not np.isfinite(self.problem.residual(x)).all():
             raise ReceptanceError(self.problem.reason(x))
-        return _Point(x, information_root(self.problem.jacobian(x) / np.sqrt(self._scatter), self.variables))
+        return _Point(x, information_root(self.problem.jacobian(x) / np.sqrt(self._variance), self.variables))
 
 
 class _Outlook:
     """The standard deviations of the targets, with a candidate or with the measurements of the fit alone."""
 
-    def __init__(self, known: _Known, targets: Sequence[Target], candidate: Candidate | None = None) -> None:
+    def __init__(self, known: _Known, candidate: Candidate | None = None) -> None:
         self._names = known.variables.names
-        self._targets, self._candidate = targets, candidate
-        predicted = [one for one in targets if isinstance(one, Candidate)]
+        self._targets, self._candidate = known.targets, candidate
+        predicted = [one for one in known.targets if isinstance(one, Candidate)]
         self._hypotheses = predicted if candidate is None else [*predicted, candidate]
         self._new = NewObservations(
             known.parameters,
@@ -429,7 +414,7 @@ class _Outlook:
     def values(self, x: NDArray[np.float64]) -> dict[str, float]:
         """Return the values of the targets by name; 0 for the logarithm of a receptance."""
         found: dict[str, float] = {}
-        data = iter(self._data(x))
+        data = iter(self._new.calculated(x))
         for target in self._targets:
             if isinstance(target, str):
                 found[target] = float(x[self._names.index(target)])
@@ -445,13 +430,12 @@ class _Outlook:
         root mean square over the lines.
         """
         x = point.x
-        observations = [one.observation(data) for one, data in zip(self._hypotheses, self._data(x), strict=True)]
+        observations = [
+            one.observation(data) for one, data in zip(self._hypotheses, self._new.calculated(x), strict=True)
+        ]
         problem = self._new.problem(x, point.root, observations)
         start = self._new.start(x)
-        try:
-            rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
-        except InfeasibleError as error:
-            raise ReceptanceError(str(error)) from None
+        rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
         *parts, known = np.split(rows, np.cumsum(problem.sizes))
         information = known.T @ known
         if self._candidate is not None:
@@ -467,19 +451,13 @@ class _Outlook:
                 gradients = np.eye(start.size)[None, None, self._names.index(target)]
             else:
                 part, one = next(predicted)
-                part = part * standard_deviations(one)[:, None]
+                part = part * one.standard_deviations[:, None]
                 gradients = part[None] if target.modes is None else part[:, None]
             for name, gradient in zip(_names_of(target), gradients, strict=True):
                 scaled = (gradient / scale).T
                 variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
                 found[name] = float(np.sqrt(np.mean(variances)))
         return found
-
-    def _data(self, x: NDArray[np.float64]) -> list[NDArray[Any]]:
-        try:
-            return self._new.calculated(x)
-        except InfeasibleError as error:
-            raise ReceptanceError(str(error)) from None
 
 
 def _names_of(target: Target) -> list[str]:
@@ -497,41 +475,34 @@ def _tolerances_of(one: Candidate, known: Sequence[Tolerance]) -> list[Tolerance
     return [*(tolerance for tolerance in known if tolerance.name not in own), *one.tolerances]
 
 
-def _profiles(
-    known: _Known,
-    wanted: tuple[Target, ...],
-    reach: float,
-    level: float,
-    given: dict[str, Profile],
-    report: Callable[[str], None],
-) -> dict[str, Profile]:
+def _wide_profiles(known: _Known, given: dict[str, Profile], report: Callable[[str], None]) -> dict[str, Profile]:
     """Return the profiles of parameters with wide intervals; those that are not given are computed."""
     found = known.found
-    named = [one for one in wanted if isinstance(one, str) and one not in found.errors]
-    if len(named) < len(wanted):
+    named = [one for one in known.targets if isinstance(one, str) and one not in found.errors]
+    if len(named) < len(known.targets):
         named = [name for name in found.addresses if name not in found.errors]
     low, high = known.variables.limits
     wide = []
     for name in named:
-        i = found.addresses.index(name)
+        i = found.index(name)
         whole = float(high[i] - low[i])
-        half = reach * float(np.sqrt(found.covariance[i, i]))
+        half = known.multiplier * float(np.sqrt(found.covariance[i, i]))
         size = half if found.unknowns[i].scale == "log" else half / whole
         at_bound = min(known.x[i] - low[i], high[i] - known.x[i]) <= _EDGE * whole
         if not size < _WIDE or at_bound:
             wide.append(name)
     missing = [name for name in wide if name not in given]
     if missing:
-        given |= found.profiles(missing, level=level, progress=report)
+        given |= found.profiles(missing, level=known.level, progress=report)
     return {name: given[name] for name in wide}
 
 
-def _points(known: _Known, taken: Mapping[str, Profile]) -> tuple[list[_Point], list[str]]:
+def _points(known: _Known, profiles: Mapping[str, Profile]) -> tuple[list[_Point], list[str]]:
     """Return the fit, or points along the profiles of parameters with wide intervals, and notes on them."""
-    if not taken:
+    if not profiles:
         return [known.point(known.x)], []
     found, lost = [], 0
-    for name, profile in taken.items():
+    for name, profile in profiles.items():
         for x in _quantiles_along(known.variables.names.index(name), profile):
             try:
                 found.append(known.point(x))
@@ -539,11 +510,11 @@ def _points(known: _Known, taken: Mapping[str, Profile]) -> tuple[list[_Point], 
                 lost += 1
     if not found:
         found = [known.point(known.x)]
-    one = len(taken) == 1
+    one = len(profiles) == 1
     notes = [
-        f"the interval{'' if one else 's'} of {', '.join(taken)} {'is' if one else 'are'} so wide that the information "
-        f"at one point would mislead: it is averaged over {len(found)} points along the profile{'' if one else 's'}, "
-        "within the bounds of the fit"
+        f"the interval{'' if one else 's'} of {', '.join(profiles)} {'is' if one else 'are'} so wide that the "
+        f"information at one point would mislead: it is averaged over {len(found)} points along the "
+        f"profile{'' if one else 's'}, within the bounds of the fit"
     ]
     if lost:
         notes.append(f"the model has no value at {lost} more points")
@@ -572,58 +543,49 @@ def _quantiles_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
 class _Now:
     """Values, standard deviations and intervals of the targets from the measurements of the fit alone."""
 
-    def __init__(
-        self,
-        known: _Known,
-        points: Sequence[_Point],
-        wanted: tuple[Target, ...],
-        taken: Mapping[str, Profile],
-        reach: float,
-    ) -> None:
-        self.reach = reach
-        outlook = _Outlook(known, wanted)
+    def __init__(self, known: _Known, points: Sequence[_Point], profiles: Mapping[str, Profile]) -> None:
+        self._multiplier = known.multiplier
+        outlook = _Outlook(known)
         self.values = outlook.values(known.x)
         found = [outlook.deviations(point) for point in points]
         self.deviations = {name: _geometric_mean([one[name] for one in found]) for name in self.values}
         self.scales = dict.fromkeys(self.values, "linear")
         self.intervals: dict[str, tuple[float, float]] = {}
-        for name in (one for one in wanted if isinstance(one, str)):
+        for name in (one for one in known.targets if isinstance(one, str)):
             i = known.variables.names.index(name)
             self.scales[name] = str(known.variables.unknowns[i].scale)
-            self.values[name] = float(known.values[i])
-            if name in taken:
-                ends = taken[name]
+            self.values[name] = known.found.values[name]
+            if name in profiles:
+                ends = profiles[name]
                 to = np.log10 if self.scales[name] == "log" else np.asarray
                 low, high = known.variables.limits[:, i]
                 low = low if ends.lower_open else float(to(ends.lower))
                 high = high if ends.upper_open else float(to(ends.upper))
-                self.deviations[name] = (high - low) / (2.0 * reach)
+                self.deviations[name] = (high - low) / (2.0 * known.multiplier)
                 self.intervals[name] = (ends.lower, ends.upper)
         for name in self.values:
             self.intervals.setdefault(name, self.about(name, self.deviations[name]))
 
     def about(self, name: str, spread: float) -> tuple[float, float]:
         """Return the interval about the present value for a standard deviation."""
-        value, half = self.values[name], self.reach * spread
+        value, half = self.values[name], self._multiplier * spread
         if self.scales[name] == "log":
             return value / 10.0**half, value * 10.0**half
         return value - half, value + half
 
 
-def _expected(
-    known: _Known, candidate: Candidate, points: Sequence[_Point], wanted: tuple[Target, ...], now: _Now
-) -> dict[str, Expectation]:
+def _expected(known: _Known, candidate: Candidate, points: Sequence[_Point], now: _Now) -> dict[str, Expectation]:
     """Return the expectation of each target with a candidate, from all points."""
-    outlook = _Outlook(known, wanted, candidate)
+    outlook = _Outlook(known, candidate)
     found = [outlook.deviations(point) for point in points]
     low, high = known.variables.limits
     expected = {}
     for name in now.values:
         spreads = [one[name] for one in found]
         open_share = 0.0
-        if name in wanted and name not in known.found.errors:
+        if name in known.targets and name not in known.found.errors:
             i = known.variables.names.index(name)
-            ends = [(point.x[i], now.reach * spread) for point, spread in zip(points, spreads, strict=True)]
+            ends = [(point.x[i], known.multiplier * spread) for point, spread in zip(points, spreads, strict=True)]
             open_share = sum(x + half > high[i] or x - half < low[i] for x, half in ends) / len(points)
         typical = _geometric_mean(spreads)
         lower, upper = now.about(name, typical)

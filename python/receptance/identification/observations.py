@@ -1,4 +1,4 @@
-"""What was measured: receptances and natural frequencies, each of one assembly."""
+"""Measured receptances and natural frequencies, each of one assembly."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import copy
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.frf.validation import check_form, per_line
-from receptance.identification import _checked
+from receptance.identification.mapping import FACTORS, Site
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
@@ -21,18 +22,52 @@ if TYPE_CHECKING:
 
     from receptance.frf import FRF
     from receptance.identification.from_frf import Floor
-    from receptance.model.assembly import Assembly
     from receptance.units import Form
 
-__all__ = ["MeasuredFRF", "MeasuredFrequencies"]
+__all__ = ["MeasuredFRF", "MeasuredFrequencies", "Observation", "altered", "as_observations"]
 
 _PER_LINE = ("frequency_hz", "receptance", "standard_deviation", "correlated_lines", "force")
-_Kind = TypeVar("_Kind", "MeasuredFRF", "MeasuredFrequencies")
-_Any = TypeVar("_Any", bound="MeasuredFRF | MeasuredFrequencies")
+_Any = TypeVar("_Any", bound="_Observation")
+
+
+class _Observation:
+    """The common part of a `MeasuredFRF` and of `MeasuredFrequencies`."""
+
+    assembly: Assembly
+    frequency_hz: NDArray[Any]
+    label: str
+    configuration: str
+    conditions: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+    factors: ClassVar[tuple[str, ...]] = ()
+    """Addresses of its measuring chain."""
+
+    def site(self, index: int) -> Site:
+        """Return assembly, configuration and conditions; an unnamed observation is a configuration by its number."""
+        name = self.configuration or f"observation {index}"
+        return Site(self.assembly, name, self.label, self.conditions, self.factors)
+
+    def title(self, index: int) -> str:
+        """Return the label, or the number in the list of observations."""
+        return self.label or f"observation {index}"
+
+    def configured(self, configuration: str, conditions: Mapping[str, float]) -> Self:
+        """Return the measurement with another configuration and conditions."""
+        return altered(self, configuration=configuration, conditions=_conditions(repr(self), conditions))
+
+    def _fill(self, **fields: Any) -> None:
+        _checks.set_fields(self, fields)
+
+
+def altered(target: _Any, **fields: Any) -> _Any:
+    """Return an observation with other fields, which are not checked."""
+    changed = copy.copy(target)
+    _checks.set_fields(changed, fields)
+    return changed
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class MeasuredFRF:
+class MeasuredFRF(_Observation):
     """One measured receptance of one assembly.
 
     Parameters
@@ -46,14 +81,14 @@ class MeasuredFRF:
     receptance : array_like
         `(n,)` complex, in m/N, m/(N m), rad/N or rad/(N m).
     response, excitation : Coordinate, optional
-        Where motion was seen and where the load acted; by default y at the tip.
+        Coordinates of the motion and of the load; by default y at the tip.
     standard_deviation : array_like, optional
         Standard deviation of the real and of the imaginary part of the logarithm of the receptance, one number
         or `(n,)`; 0.01 is 1 % of the magnitude and 0.01 rad of the phase.
     correlated_lines : array_like, optional
-        How many neighbouring lines share one independent value, at least 1, one number or `(n,)`. The standard
-        deviations must contain it, as those of `from_frf` do: sqrt(correlated_lines) times those of the line alone. It
-        is used to count the independent lines.
+        Number of neighbouring lines per independent value, at least 1, one number or `(n,)`. It is used to count the
+        independent lines. The standard deviations must include it, as those of `from_frf` do: they are
+        sqrt(correlated_lines) times those of the line alone.
     label : str, optional
         Label in messages, tables and figures.
     notes : sequence of str, optional
@@ -63,9 +98,9 @@ class MeasuredFRF:
     conditions : mapping of str to float, optional
         Numbers that describe it, in SI units, for laws: {"torque": 40.0}.
     force : array_like, optional
-        Amplitude of a stepped sine in N, one number or `(n,)`: joints in micro-slip are at the level it brings about.
+        Amplitude of a stepped sine in N, one number or `(n,)`: it determines the level of joints in micro-slip.
     ends : float, optional
-        Time in s after the hit at which the record ended, where the structure still rang.
+        Time in s after the hit at which the record ended before the response had decayed.
     form : {"receptance", "mobility", "accelerance"}, optional
         Stated form of the data before their conversion to `receptance`. It does not affect the fit; a diagnosis
         that finds another quantity names both.
@@ -91,6 +126,8 @@ class MeasuredFRF:
     >>> MeasuredFRF(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines), label="blank")
     MeasuredFRF('blank', 40 lines from 100 to 4000 Hz)
     """
+
+    factors = FACTORS
 
     assembly: Assembly
     frequency_hz: NDArray[Any]
@@ -125,7 +162,7 @@ class MeasuredFRF:
         ends: float | None = None,
         form: Form = "receptance",
     ) -> None:
-        owner = _checked.owner_of("MeasuredFRF", label, assembly)
+        owner = _owner("MeasuredFRF", label, assembly)
         lines = _checks.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
         values = _checks.numbers(owner, "receptance", receptance, "iufc", "complex numbers")
         if lines.ndim != 1:
@@ -135,9 +172,9 @@ class MeasuredFRF:
                 f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
             )
         sd = standard_deviation
-        spread = None if sd is None else _checked.spread(owner, "standard_deviation", sd, lines.shape)
-        forces = None if force is None else _checked.spread(owner, "force", force, lines.shape)
-        alike = per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0)
+        spread = None if sd is None else _spread(owner, "standard_deviation", sd, lines.shape)
+        forces = None if force is None else _spread(owner, "force", force, lines.shape)
+        correlated = per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -148,9 +185,9 @@ class MeasuredFRF:
                 ReceptanceWarning,
                 stacklevel=2,
             )
-            lines, values, alike = lines[1:], values[1:], alike[1:]
+            lines, values, correlated = lines[1:], values[1:], correlated[1:]
             spread, forces = (given if given is None else given[1:] for given in (spread, forces))
-        lines = _checked.decaying(owner, _checked.ascending(owner, lines))
+        lines = _decaying(owner, _ascending(owner, lines))
         if forces is not None and lines.dtype.kind == "c":
             raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
         if forces is not None and ends is not None:
@@ -168,40 +205,41 @@ class MeasuredFRF:
             if place is not None and not isinstance(place, Coordinate):
                 raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
             places.append(place or Coordinate())
-        # A line off the real axis: no resonance can be in the way of asking whether the coordinates exist. A spindle's
-        # table has no such line, and is to have all of the observation's.
-        asked = lines if assembly.tabulated else [lines[0].real * (1.0 - 0.1j)]
-        assembly.receptance(asked, response=places[0], excitation=places[1], threads=1)
-        _checked.fill(
-            self,
+        # This checks the coordinates. A complex line avoids resonances; a table must have all real lines.
+        checked = lines if assembly.tabulated else [lines[0].real * (1.0 - 0.1j)]
+        assembly.receptance(checked, response=places[0], excitation=places[1], threads=1)
+        self._fill(
             assembly=assembly,
             frequency_hz=lines,
             receptance=values,
             response=places[0],
             excitation=places[1],
             standard_deviation=spread,
-            correlated_lines=alike,
+            correlated_lines=correlated,
             label=str(label),
             notes=notes,
             configuration=str(configuration or label),
-            conditions=_checked.conditions_of(owner, conditions),
+            conditions=_conditions(owner, conditions),
             force=forces,
             ends=None if ends is None else _checks.positive(owner, "ends", ends),
             form=check_form(owner, form),
         )
-
-    def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFRF:
-        """Return the measurement with another configuration and conditions."""
-        return _configured(self, configuration, conditions)
 
     @property
     def weighted(self) -> bool:
         """Whether standard deviations were given."""
         return self.standard_deviation is not None
 
-    def noisier(self, factor: float) -> MeasuredFRF:
-        """Return it with standard deviations that are so many times as large."""
-        return altered(self, standard_deviation=factor * np.asarray(self.standard_deviation))
+    @property
+    def standard_deviations(self) -> NDArray[np.float64]:
+        """Standard deviation of each residual, `(2 n,)`; ones if none were given."""
+        known = self.standard_deviation
+        return np.tile(np.ones(self.frequency_hz.size) if known is None else known, 2)
+
+    @property
+    def data(self) -> NDArray[np.complex128]:
+        """The measured receptances."""
+        return self.receptance
 
     @property
     def independent_lines(self) -> float:
@@ -210,8 +248,19 @@ class MeasuredFRF:
 
     @property
     def independent_values(self) -> float:
-        """Effective number of independent real values: two for each independent line."""
+        """Effective number of independent real numbers, two for each independent line."""
         return 2.0 * self.independent_lines
+
+    def noisier(self, factor: float) -> Self:
+        """Return the measurement with standard deviations multiplied by a factor."""
+        return altered(self, standard_deviation=factor * np.asarray(self.standard_deviation))
+
+    def select(self, lines: NDArray[np.bool_] | NDArray[np.intp] | None) -> Self:
+        """Return the measurement on some of its lines, a mask or indices; on all with None."""
+        if lines is None:
+            return self
+        arrays = {name: getattr(self, name) for name in _PER_LINE}
+        return altered(self, **{name: array[lines] for name, array in arrays.items() if array is not None})
 
     @classmethod
     def from_frf(
@@ -231,31 +280,31 @@ class MeasuredFRF:
     ) -> MeasuredFRF:
         """Return one entry of an FRF as an observation of an assembly.
 
-        Converted to receptance, on the usable lines, complex ones where an exponential window was used. Standard
-        deviations are those of the FRF's `log_variance`, or of coherence and averages where it has none, pooled over
-        neighbouring lines, times the square root of its `correlated_lines`, because a fit takes lines as independent.
-        Where the variance follows the magnitude, that magnitude is taken from neighbouring lines, so that weights do
-        not follow the noise of their own line; variances with few degrees of freedom nu are enlarged by nu / (nu - 4).
-        Lines at 0 Hz and lines of infinite variance are left out.
+        The observation is the receptance on the usable lines, complex ones if an exponential window was used. Standard
+        deviations follow from `log_variance`, or without it from coherence and averages, pooled over neighbouring
+        lines. They are multiplied by the square root of `correlated_lines`, because a fit takes lines as independent.
+        The part of the variance that depends on the magnitude is computed with the magnitude of neighbouring lines, so
+        that the noise of a line does not affect its own weight. Variances with few degrees of freedom nu are multiplied
+        by nu / (nu - 4). Lines at 0 Hz and lines of infinite variance are left out.
 
         Parameters
         ----------
         assembly : Assembly
-            What was measured.
+            The measured assembly.
         frf : FRF
             The measurement.
         response, excitation : Coordinate, str or int, optional
-            Which entry, by coordinate, label or number, where there are several. A Coordinate for a side with one
-            entry overrides the coordinate of the FRF. If neither gives a position, it is the tip.
+            The entry, by coordinate, label or number, if there are several. A Coordinate for a side with one entry
+            overrides the coordinate of the FRF. If neither gives a position, it is the tip.
         low_hz, high_hz : float, optional
             Only lines from `low_hz` to `high_hz`, both included.
         floor : float or Floor, optional
-            Model error that the noise does not cover, as standard deviation of the logarithm, for example 0.003. Its
-            square is added to the variance. A `Floor` has a part that grows with the slope as well.
+            Standard deviation of the logarithm of model errors, for example 0.003. Its square is added to the
+            variance. A `Floor` has a part that depends on the slope as well.
         label : str, optional
             Label in messages, tables and figures; by default that of the FRF.
         configuration, conditions, force : optional
-            As on creation.
+            As in `MeasuredFRF`.
 
         Raises
         ------
@@ -293,7 +342,7 @@ class MeasuredFRF:
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class MeasuredFrequencies:
+class MeasuredFrequencies(_Observation):
     """Measured natural frequencies of one assembly.
 
     Parameters
@@ -304,13 +353,13 @@ class MeasuredFrequencies:
         `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios are
         given, with the magnitude of the complex eigenfrequencies.
     modes : sequence of int, optional
-        Which elastic modes these are, the lowest is 1; by default 1 to m. Rigid-body modes do not count.
+        Numbers of the elastic modes, the lowest is 1; by default 1 to m.
     standard_deviation_hz : array_like, optional
         Standard deviation in Hz, one number or `(m,)`.
     damping_ratio : array_like, optional
-        `(m,)` damping ratios, 0.01 for 1 %; not a number where a mode's is not known.
+        `(m,)` damping ratios, 0.01 for 1 %; NaN if unknown.
     standard_deviation_damping : array_like, optional
-        Their standard deviation, one number or `(m,)`; needed with them where frequencies have one.
+        Standard deviation of the damping ratios, one number or `(m,)`; required if frequencies have one.
     label : str, optional
         Label in messages, tables and figures.
     configuration : str, optional
@@ -355,18 +404,17 @@ class MeasuredFrequencies:
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
     ) -> None:
-        owner = _checked.owner_of("MeasuredFrequencies", label, assembly)
+        owner = _owner("MeasuredFrequencies", label, assembly)
         values = np.atleast_1d(_checks.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
-        values = _checked.ascending(owner, values)
-        numbers = tuple(range(1, values.size + 1)) if modes is None else _checked.mode_numbers(owner, modes)
+        values = _ascending(owner, values)
+        numbers = tuple(range(1, values.size + 1)) if modes is None else _mode_numbers(owner, modes)
         if len(numbers) != values.size:
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
         spread = None
         if standard_deviation_hz is not None:
-            spread = _checked.spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
-        damping = _checked.damping(owner, damping_ratio, standard_deviation_damping, spread is not None, values.shape)
-        _checked.fill(
-            self,
+            spread = _spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+        damping = _damping(owner, damping_ratio, standard_deviation_damping, spread is not None, values.shape)
+        self._fill(
             assembly=assembly,
             frequency_hz=values,
             modes=numbers,
@@ -375,20 +423,45 @@ class MeasuredFrequencies:
             standard_deviation_damping=damping[1],
             label=str(label),
             configuration=str(configuration or label),
-            conditions=_checked.conditions_of(owner, conditions),
+            conditions=_conditions(owner, conditions),
         )
-
-    def configured(self, configuration: str, conditions: Mapping[str, float]) -> MeasuredFrequencies:
-        """Return the measurement with another configuration and conditions."""
-        return _configured(self, configuration, conditions)
 
     @property
     def weighted(self) -> bool:
         """Whether standard deviations were given."""
         return self.standard_deviation_hz is not None
 
-    def noisier(self, factor: float) -> MeasuredFrequencies:
-        """Return it with standard deviations that are so many times as large."""
+    @property
+    def standard_deviations(self) -> NDArray[np.float64]:
+        """Standard deviation of each frequency in Hz and of each known damping ratio; ones if none were given."""
+        if self.standard_deviation_hz is None:
+            return np.ones(self.frequency_hz.size + self.damped.size)
+        damping = self.standard_deviation_damping
+        return np.append(self.standard_deviation_hz, [] if damping is None else damping[self.damped])
+
+    @property
+    def data(self) -> NDArray[np.float64]:
+        """The measured natural frequencies in Hz."""
+        return self.frequency_hz
+
+    @property
+    def independent_lines(self) -> float:
+        """Number of modes."""
+        return float(len(self.modes))
+
+    @property
+    def independent_values(self) -> float:
+        """Number of natural frequencies and known damping ratios."""
+        return float(self.frequency_hz.size + self.damped.size)
+
+    @property
+    def damped(self) -> NDArray[np.intp]:
+        """Indices of the modes with a known damping ratio."""
+        none = self.damping_ratio is None
+        return np.empty(0, dtype=np.intp) if none else np.flatnonzero(~np.isnan(np.asarray(self.damping_ratio)))
+
+    def noisier(self, factor: float) -> Self:
+        """Return the measurement with standard deviations multiplied by a factor."""
         damping = self.standard_deviation_damping
         return altered(
             self,
@@ -396,16 +469,9 @@ class MeasuredFrequencies:
             standard_deviation_damping=None if damping is None else factor * np.asarray(damping),
         )
 
-    @property
-    def independent_values(self) -> float:
-        """Number of independent real values: frequencies and known damping ratios."""
-        return float(self.frequency_hz.size + self.damped.size)
-
-    @property
-    def damped(self) -> NDArray[np.intp]:
-        """Which of the modes have a damping ratio, by their place in the list."""
-        none = self.damping_ratio is None
-        return np.empty(0, dtype=np.intp) if none else np.flatnonzero(~np.isnan(np.asarray(self.damping_ratio)))
+    def select(self, lines: NDArray[np.bool_] | NDArray[np.intp] | None) -> Self:
+        """Return the measurement itself: natural frequencies have no lines."""
+        return self
 
     def describe(self) -> str:
         """Return a text on kind and number of the data."""
@@ -418,20 +484,92 @@ class MeasuredFrequencies:
         return f"MeasuredFrequencies({self.label!r}, {found})"
 
 
-def _configured(target: _Kind, configuration: str, conditions: Mapping[str, float]) -> _Kind:
-    changed = copy.copy(target)
-    _checked.fill(changed, configuration=configuration, conditions=_checked.conditions_of(repr(target), conditions))
-    return changed
+Observation = MeasuredFRF | MeasuredFrequencies
 
 
-def altered(target: _Any, **fields: Any) -> _Any:
-    """Return an observation with other fields, which are taken as they are."""
-    changed = copy.copy(target)
-    _checked.fill(changed, **fields)
-    return changed
+def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
+    """Return one observation or several as a tuple, or raise."""
+    found = _checks.items("observations", given, _Observation, text="MeasuredFRF or MeasuredFrequencies")
+    return cast("tuple[Observation, ...]", found)
 
 
-def on_lines(one: MeasuredFRF, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> MeasuredFRF:
-    """Return a measured FRF on some of its lines."""
-    arrays_of = {name: getattr(one, name) for name in _PER_LINE}
-    return altered(one, **{name: array[chosen] for name, array in arrays_of.items() if array is not None})
+def _owner(kind: str, label: str, assembly: Any) -> str:
+    """Return the name of an observation in messages; raise unless it has an assembly."""
+    owner = f"{kind} {label!r}" if label else kind
+    if not isinstance(assembly, Assembly):
+        raise TypeError(f"{owner}: assembly is {assembly!r}, expected an Assembly")
+    return owner
+
+
+def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
+    """Return conditions as numbers by name."""
+    return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
+
+
+def _ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
+    """Return ascending frequencies, or raise."""
+    try:
+        return _checks.frequencies(array)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{owner}: {error}") from None
+
+
+def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
+    """Return the lines of an exponential window: imaginary parts of zero or less; real without a window."""
+    bad = np.flatnonzero(lines.imag > 0.0)
+    if bad.size:
+        raise ValueError(
+            f"{owner}: frequency_hz[{bad[0]}] is {lines[bad[0]]:g} Hz, expected an imaginary part of zero or less: "
+            "f - i sigma / (2 pi) for the window exp(-sigma t)"
+        )
+    return lines if lines.imag.any() else lines.real.astype(np.float64)
+
+
+def _spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return positive numbers, one for each line; a single number stands for all."""
+    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    if array.shape not in ((), shape):
+        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
+    array = np.broadcast_to(array, shape).copy()
+    bad = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number above zero")
+    return array
+
+
+def _mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
+    """Return ascending mode numbers from 1 on."""
+    array = _checks.unmasked(owner, "modes", modes)
+    if array.ndim != 1 or array.dtype.kind not in "iu":
+        raise TypeError(f"{owner}: modes is {modes!r}, expected a list of whole numbers")
+    if array.size and (array[0] < 1 or np.any(np.diff(array) <= 0)):
+        raise ValueError(f"{owner}: modes is {modes!r}, expected ascending numbers from 1 on")
+    return tuple(int(number) for number in array)
+
+
+def _damping(
+    owner: str, ratio: ArrayLike | None, deviation: ArrayLike | None, weighed: bool, shape: tuple[int, ...]
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """Return damping ratios, of which some may be NaN, and their standard deviations."""
+    if ratio is None:
+        if deviation is not None:
+            raise ValueError(f"{owner}: standard_deviation_damping is given without damping_ratio")
+        return None, None
+    values = np.atleast_1d(_checks.numbers(owner, "damping_ratio", ratio, "iuf", "real numbers")).astype(np.float64)
+    if values.shape != shape:
+        raise ValueError(f"{owner}: damping_ratio has shape {values.shape}, expected {shape}, one for each frequency")
+    known = ~np.isnan(values)
+    bad = np.flatnonzero(known & ~((values >= 0.0) & (values < 1.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: damping_ratio[{bad[0]}] is {values[bad[0]]:g}, expected 0 or more and less than 1")
+    if not known.any():
+        raise ValueError(f"{owner}: damping_ratio has no number, expected at least one, or None")
+    if (deviation is not None) != weighed:
+        given, missing = "frequencies", "damping_ratio"
+        if not weighed:
+            given, missing = missing, given
+        raise ValueError(
+            f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
+            "both, or neither"
+        )
+    return values, None if deviation is None else _spread(owner, "standard_deviation_damping", deviation, shape)

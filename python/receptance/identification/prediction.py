@@ -9,6 +9,7 @@ evaluated.
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,9 +20,8 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import confidence_multiplier, square_root
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import error_of
-from receptance.identification.mapping import Parameters
+from receptance.identification.mapping import FACTORS, Parameters
 from receptance.identification.new_observations import calculated
 from receptance.identification.peaks import PredictedMode, match_peaks
 from receptance.identification.unknowns import Variables
@@ -32,14 +32,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.identification.laws import Tolerance
-    from receptance.identification.mapping import Place
+    from receptance.identification.mapping import Site
     from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
 
-__all__ = ["Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]
+__all__ = ["DECIBEL", "Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]
 
-_DECIBEL = 20.0 / np.log(10.0)
+DECIBEL = 20.0 / math.log(10.0)
+"""Decibels of a factor of e."""
 _FACTOR = 10.0
 """Factor to either side from which the band of a magnitude is too wide to be useful."""
 
@@ -82,7 +83,7 @@ class Scatter:
         covariance : ndarray
             `(p, p)`, infinite for variables that are not determined.
         errors : sequence of (str, int)
-            Names of the errors among the variables, and their places.
+            Names of the errors among the variables, and their indices.
         fresh : ndarray, optional
             `(n, q)` derivatives by further errors, which are standard normal and independent of all others.
         fresh_names : sequence of str, optional
@@ -226,17 +227,17 @@ class PredictedFRF:
         ValueError
             A level not between 0 and 1.
         """
-        reach = confidence_multiplier(level, self.degrees_of_freedom)
+        multiplier = confidence_multiplier(level, self.degrees_of_freedom)
         noise = _checks.unmasked("band", "noise", noise, np.float64)
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
             low, high = np.quantile(self.drawn, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
             low, high = np.minimum(low, middle), np.maximum(high, middle)
             # The noise of a measurement is added as if each side were that of a normal distribution.
-            low = middle - np.hypot(middle - low, reach * noise)
-            high = middle + np.hypot(high - middle, reach * noise)
+            low = middle - np.hypot(middle - low, multiplier * noise)
+            high = middle + np.hypot(high - middle, multiplier * noise)
         else:
-            half = reach * np.hypot(self.scatter.total, noise)
+            half = multiplier * np.hypot(self.scatter.total, noise)
             low, high = middle - half, middle + half
         with np.errstate(over="ignore"):
             return np.exp(low), np.exp(high)
@@ -256,7 +257,7 @@ class PredictedFRF:
     @property
     def rms_decibel(self) -> float | None:
         """Root mean square over the lines of measured over predicted magnitude in dB; None if not measured."""
-        return None if self.measured is None else float(_DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
+        return None if self.measured is None else float(DECIBEL * np.sqrt(np.mean(self.log_ratio.real**2)))
 
     def share_within(self, level: float = 0.95) -> float | None:
         """Return the share of the lines whose measured magnitude is in the band, noise included.
@@ -277,8 +278,8 @@ class PredictedFRF:
         found: dict[str, Any] = {
             "name": self.name,
             "assembly": self.assembly,
-            "response": _place(self.response),
-            "excitation": _place(self.excitation),
+            "response": _coordinate(self.response),
+            "excitation": _coordinate(self.excitation),
             "frequency_hz": self.frequency_hz.real,
             "receptance": self.receptance,
             "magnitude_interval": [low, high],
@@ -312,7 +313,7 @@ class PredictedFRF:
         return f"PredictedFRF({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
-def _place(at: Coordinate) -> dict[str, Any]:
+def _coordinate(at: Coordinate) -> dict[str, Any]:
     return {"part": at.part, "position_m": at.position, "direction": at.direction}
 
 
@@ -323,7 +324,7 @@ class Forecast:
     ----------
     fit : Identification or None
         The fit; None where nothing was identified: only the errors of the assembly apply.
-    place : Place
+    site : Site
         The assembly as described, its configuration and conditions.
     tolerances : sequence of Tolerance, optional
         Its errors; by default those of the fit. Errors that the fit does not know have their prior.
@@ -343,22 +344,22 @@ class Forecast:
         A law has no value for this assembly, or the assembly has no model with the identified values.
     """
 
-    def __init__(self, fit: Identification | None, place: Place, tolerances: Sequence[Tolerance] | None = None) -> None:
+    def __init__(self, fit: Identification | None, site: Site, tolerances: Sequence[Tolerance] | None = None) -> None:
         fresh: list[str] = []
         parameters = Parameters((), (), ()) if fit is None else fit.task.parameters
         self._variables = Variables(parameters.unknowns)
         self._values = np.array([] if fit is None else list(fit.values.values()))
         self._covariance = np.zeros((0, 0)) if fit is None else fit.covariance
-        self._errors = [(name, fit.addresses.index(name)) for name in parameters.errors] if fit is not None else []
+        self._errors = [(name, fit.index(name)) for name in parameters.errors] if fit is not None else []
         self._freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
-        self._parameters, self._place, self._tolerances = parameters, place, tolerances
-        self._placed = parameters.at(place, tolerances, fresh)
-        self._bare = place.assembly
+        self._parameters, self._site, self._tolerances = parameters, site, tolerances
+        self._mapping = parameters.at(site, tolerances, fresh)
+        self._bare = site.assembly
         vector = np.append(self._values, np.zeros(len(fresh)))
-        self.assembly = self._placed.apply(self._bare, vector)
-        self.addresses = self._placed.addresses
+        self.assembly = self._mapping.apply(self._bare, vector)
+        self.addresses = self._mapping.addresses
         self.fresh = tuple(fresh)
-        slope = self._placed.jacobian(vector)
+        slope = self._mapping.jacobian(vector)
         count = self._values.size
         self._own = slope[:, :count] * self._variables.slopes(self._values)
         self._new = slope[:, count:]
@@ -463,7 +464,7 @@ class Forecast:
 
     def observed(
         self,
-        seen: MeasuredFRF,
+        measured: MeasuredFRF,
         noise: NDArray[np.float64] | None = None,
         *,
         draws: int = 0,
@@ -477,28 +478,35 @@ class Forecast:
 
         Parameters
         ----------
-        seen : MeasuredFRF
+        measured : MeasuredFRF
             The measurement.
         noise : ndarray, optional
             `(n,)` standard deviation of its logarithm; by default the stated one.
         draws, seed, threads : optional
             As in `receptance`.
         """
-        places = (MovingCoordinate(seen.assembly, one).on(self.assembly) for one in (seen.response, seen.excitation))
-        found = self.receptance(seen.frequency_hz, *places, force=seen.force, draws=draws, seed=seed, threads=threads)
-        if any(unknown.address in FACTORS for unknown in self._parameters.wanted):
-            chain = self.recorded(seen) / found.receptance
+        places = (
+            MovingCoordinate(measured.assembly, one).on(self.assembly)
+            for one in (measured.response, measured.excitation)
+        )
+        found = self.receptance(
+            measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed, threads=threads
+        )
+        if any(unknown.address in FACTORS for unknown in self._parameters.given):
+            chain = self.recorded(measured) / found.receptance
             found = replace(found, receptance=chain * found.receptance, drawn=found.drawn + np.log(np.abs(chain)))
-        noise = seen.standard_deviation if noise is None else noise
+        noise = measured.standard_deviation if noise is None else noise
         return replace(
             found,
-            name=seen.label or seen.configuration,
-            assembly=seen.configuration,
-            response=seen.response,
-            excitation=seen.excitation,
-            measured=seen.receptance,
+            name=measured.label or measured.configuration,
+            assembly=measured.configuration,
+            response=measured.response,
+            excitation=measured.excitation,
+            measured=measured.receptance,
             measured_deviation=noise,
-            peaks=self._peaks(seen, match_peaks(seen.frequency_hz, seen.receptance, found.receptance, noise)),
+            peaks=self._peaks(
+                measured, match_peaks(measured.frequency_hz, measured.receptance, found.receptance, noise)
+            ),
         )
 
     def _peaks(self, measured: MeasuredFRF, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
@@ -522,12 +530,12 @@ class Forecast:
             found.append(peak)
         return tuple(found)
 
-    def recorded(self, seen: MeasuredFRF) -> NDArray[np.complex128]:
+    def recorded(self, measured: MeasuredFRF) -> NDArray[np.complex128]:
         """Return the receptance that the identified measuring chain records on the lines of a measurement."""
-        placed = self._parameters.at(replace(self._place, factors=FACTORS), self._tolerances, [])
+        mapping = self._parameters.at(replace(self._site, factors=FACTORS), self._tolerances, [])
         variables = Variables((*self._variables.unknowns, *map(error_of, self.fresh)))
         values = np.append(self._values, np.zeros(len(self.fresh)))
-        return np.asarray(calculated(seen, placed, variables, variables.from_values(values)), dtype=np.complex128)
+        return np.asarray(calculated(measured, mapping, variables, variables.from_values(values)), dtype=np.complex128)
 
     def drawn(self, count: int, seed: int) -> list[Assembly | None]:
         """Return assemblies with vectors drawn from the posterior; None where a vector has no model.
@@ -540,7 +548,7 @@ class Forecast:
         found: list[Assembly | None] = []
         for vector in vectors:
             try:
-                found.append(self._placed.apply(self._bare, vector))
+                found.append(self._mapping.apply(self._bare, vector))
             except ValueError:
                 found.append(None)  # a joint that is not passive, say
         return found

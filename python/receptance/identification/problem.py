@@ -1,35 +1,42 @@
 """A least-squares problem of the core: observations and priors as a function of the fitted variables.
 
-Residuals, normal matrices and fits are computed in the core. A receptance of which one joint is unknown is reduced to
-that joint, so that the rest of the assembly is evaluated once.
+The core computes residuals, derivatives, normal matrices and fits of receptances, truncated records, natural
+frequencies and damping ratios. A receptance of which one joint is unknown is reduced to that joint, so that the rest of
+the assembly is evaluated once.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.residuals import CoreObservations, InfeasibleError
+from receptance.errors import ReceptanceError
+from receptance.identification.mapping import FACTORS
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.model.joints import PointJoint
+from receptance.model.tables import Tied
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.mapping import Placed
-    from receptance.identification.observations import MeasuredFrequencies
-    from receptance.identification.residuals import Unit
+    from receptance.identification.mapping import ParameterMap
+    from receptance.identification.observations import Observation
     from receptance.identification.unknowns import Unknown, Variables
-    from receptance.model.coordinates import Coordinate
+    from receptance.model.assembly import Assembly
 
     _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-__all__ = ["End", "Normal", "Observed", "Problem", "prior_table"]
+__all__ = ["End", "InfeasibleError", "Observed", "Problem", "Unit", "only_joint", "prior_table", "residuals_at"]
 
+Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
+"""Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
+_LEAST_DAMPING = 1e-4
+"""Damping ratios below this are compared relative to it, where they have no standard deviation."""
 _STATUS = {
     -1: "the model has no value there",
     0: "the evaluations were used up",
@@ -42,40 +49,16 @@ _TOLERANCE = 1e-10
 """Relative change at which a fit from one start has converged."""
 
 
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """An observation with the parameters of its assembly and the meaning of its residuals.
+class InfeasibleError(ReceptanceError):
+    """A point at which the model has no value; a fit keeps away from it."""
 
-    Attributes
-    ----------
-    observation : MeasuredFRF or MeasuredFrequencies
-        The measured values.
-    placed : Placed
-        The parameters of its assembly as functions of the unknowns.
-    unit : {"standard deviations", "percent", "logarithm", "relative"}
-        Unit of the residuals.
-    chosen : ndarray, optional
-        Lines that are used, as a mask or as indices; by default all.
-    """
 
-    observation: MeasuredFRF | MeasuredFrequencies
-    placed: Placed
+class Observed(NamedTuple):
+    """An observation on the lines that are used, the parameters of its assembly, and the unit of its residuals."""
+
+    observation: Observation
+    mapping: ParameterMap
     unit: Unit
-    chosen: NDArray[Any] | None = None
-
-    @property
-    def points(self) -> tuple[Coordinate, ...]:
-        """Response and excitation of a receptance."""
-        one = self.observation
-        return (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
-
-
-class Normal(NamedTuple):
-    """Half the sum of squares, J^T r and J^T J."""
-
-    cost: float
-    slope: NDArray[np.float64]
-    curvature: NDArray[np.float64]
 
 
 class End(NamedTuple):
@@ -163,7 +146,7 @@ class Problem:
             _checks.thread_count(threads),
             smoothing,
         )
-        self._added = CoreObservations(core, self._observed, variables.unknowns, threads)
+        self._added = _CoreObservations(core, self._observed, variables.unknowns, threads)
         self.core = core
         self.sizes = self._added.sizes
         self.size = sum(self.sizes) + (len(priors) if known is None else known[1].size)
@@ -174,11 +157,6 @@ class Problem:
         self._at: NDArray[np.float64] | None = None
         self._rows: _Rows = np.empty(0), np.empty((0, 0))
         self._end: End | None = None
-
-    @property
-    def lines(self) -> int:
-        """Lines of all receptances that the core evaluates."""
-        return self.core.lines
 
     def named(self, x: NDArray[np.float64]) -> dict[str, float]:
         """Return the values in SI units by name."""
@@ -204,13 +182,11 @@ class Problem:
         """Return the derivatives by some variables; raises `InfeasibleError` where the model has no value."""
         return self._some(x, free)[1]
 
-    def normal(self, x: NDArray[np.float64]) -> Normal | None:
-        """Return cost, slope and curvature at a point; None where the model has no value."""
+    def cost(self, x: NDArray[np.float64]) -> float:
+        """Return half the sum of squares; infinite where the model has no value."""
         self.evaluations += 1
         matrix = self.core.normal_matrix(np.ascontiguousarray(x))
-        if not np.isfinite(matrix).all():
-            return None
-        return Normal(0.5 * float(matrix[-1, -1]), matrix[:-1, -1], matrix[:-1, :-1])
+        return 0.5 * float(matrix[-1, -1]) if np.isfinite(matrix).all() else np.inf
 
     def curvature_root(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a matrix R with R^T R = J^T J at a point.
@@ -304,7 +280,7 @@ class Problem:
         values = self.variables.to_values(x)
         for one in self._observed:
             try:
-                one.placed.apply(one.observation.assembly, values)
+                one.mapping.apply(one.observation.assembly, values)
             except ValueError as error:
                 return str(error)
         found = self.core.reason(np.ascontiguousarray(x))
@@ -334,6 +310,182 @@ class Problem:
         residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
         residual[self._places], slopes[self._places] = found
         return residual, slopes
+
+
+@dataclass(eq=False)
+class _Receptance:
+    """Records of one receptance of one model on the same lines."""
+
+    model: _core.TiedModel
+    lines: _core.Lines
+    points: NDArray[np.float64]
+    percent: bool
+    end: float | None
+    by_line: _core.ByLine | None
+    assembly: Assembly
+    indices: list[int] = field(default_factory=list)
+    measured: list[NDArray[np.complex128]] = field(default_factory=list)
+    weights: list[NDArray[np.float64]] = field(default_factory=list)
+
+
+class _CoreObservations:
+    """Adds observations to a problem of the core.
+
+    Without `unknowns`, whose bounds a reduction to one joint needs, there is no reduction. `sizes` are the numbers of
+    residuals of the observations. `places` are the positions of the residuals of the core in the order of the
+    observations, and `assemblies` are the assemblies in the order of the core.
+    """
+
+    def __init__(
+        self, core: _core.Problem, observed: Sequence[Observed], unknowns: Sequence[Unknown], threads: int | None
+    ) -> None:
+        self._core, self._unknowns, self._threads = core, unknowns, threads
+        self._order: list[int] = []
+        self._receptances: dict[tuple[bytes, ...], _Receptance] = {}
+        self.assemblies: list[Assembly] = []
+        self.reduced = 0
+        found: list[int] = []
+        for index, one in enumerate(observed):
+            if isinstance(one.observation, MeasuredFRF):
+                found.append(self._add_receptance(index, one, one.observation))
+            elif isinstance(one.observation, MeasuredFrequencies):
+                found.append(self._add_frequencies(index, one, one.observation))
+        self.sizes = tuple(found)
+        for each in self._receptances.values():
+            records = _core.Records(np.stack(each.measured), np.stack(each.weights), each.percent, each.end)
+            core.add_receptance(each.model, each.lines, each.points, records, each.by_line)
+            self._order += each.indices
+            self.assemblies.append(each.assembly)
+        begins = np.cumsum([0, *self.sizes])
+        self.places = np.concatenate([np.arange(begins[i], begins[i + 1]) for i in self._order] or [np.arange(0)])
+
+    def _add_receptance(self, index: int, one: Observed, frf: MeasuredFRF) -> int:
+        """Add a receptance; those of one model on the same lines are records of one observation of the core."""
+        percent = one.unit == "percent"
+        measured = np.ascontiguousarray(frf.receptance)
+        weights = np.ones(measured.size)
+        if one.unit == "standard deviations" and frf.standard_deviation is not None:
+            weights = 1.0 / frf.standard_deviation
+        size = measured.size if percent else 2 * measured.size
+        if not percent and frf.ends is None and self._add_reduced(index, one, frf, weights):
+            return size
+        model, addresses, factors = _tied(one)
+        w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz, dtype=np.complex128)
+        lines, end = _core.Lines(w), b"" if frf.ends is None else np.float64(frf.ends).tobytes()
+        forces = b"" if frf.force is None else frf.force.tobytes()
+        key = (one.unit.encode(), w.tobytes(), forces, end, addresses.tobytes(), factors.tobytes(), *model.key)
+        if key not in self._receptances:
+            evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
+            try:
+                given = model.flat.by_line(evaluated / math.tau, frf.force)
+            except ValueError as error:
+                raise InfeasibleError(str(error)) from None
+            tied, assembly = model.model(addresses, factors), one.observation.assembly
+            self._receptances[key] = _Receptance(tied, lines, model.points, percent, frf.ends, given, assembly)
+        own = self._receptances[key]
+        own.indices.append(index)
+        own.measured.append(measured)
+        own.weights.append(weights)
+        return size
+
+    def _add_reduced(self, index: int, one: Observed, frf: MeasuredFRF, weights: NDArray[np.float64]) -> bool:
+        """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
+        joint = only_joint(one)
+        if joint is None or not self._unknowns:
+            return False
+        fields = [address.split(".", 1)[1] for address in one.mapping.addresses]
+        columns = [PointJoint.columns_of.index(name) for name in fields]
+        bounds = [self._unknowns[i] for i in one.mapping.base]
+        try:
+            stiff = _stiffest(frf, joint, dict(zip(fields, bounds, strict=True)))
+            reduction = frf.assembly.reduced_to_joint(
+                joint,
+                frf.frequency_hz,
+                response=frf.response,
+                excitation=frf.excitation,
+                at=stiff,
+                threads=self._threads,
+            )
+        except (ReceptanceError, ValueError):
+            # The joint at the bounds has no value; the fit itself may never go there.
+            return False
+        measured = np.ascontiguousarray(frf.receptance)
+        numbers = np.full(len(PointJoint.columns_of), -1.0)
+        numbers[columns] = one.mapping.base
+        self._core.add_joint_receptance(reduction, np.array(stiff.columns()), numbers, measured, weights)
+        self._order.append(index)
+        self.assemblies.append(frf.assembly)
+        self.reduced += 1
+        return True
+
+    def _add_frequencies(self, index: int, one: Observed, measured: MeasuredFrequencies) -> int:
+        """Add natural frequencies and the damping ratios that are known."""
+        model, addresses, factors = _tied(one)
+        frequency, spread = measured.frequency_hz, measured.standard_deviation_hz
+        weighed = one.unit == "standard deviations" and spread is not None
+        share = 0.01 if one.unit == "percent" else 1.0
+        unit = spread if weighed and spread is not None else frequency * share
+        damping: tuple[NDArray[np.float64], ...] = ()
+        ratio, known = measured.damping_ratio, measured.standard_deviation_damping
+        if ratio is not None:
+            unit_damping = known if weighed and known is not None else np.maximum(ratio, _LEAST_DAMPING) * share
+            damping = np.ascontiguousarray(ratio), 1.0 / unit_damping
+        modes = np.array(measured.modes, dtype=np.float64) - 1.0
+        self._core.add_frequencies(
+            model.model(addresses, factors), modes, 2.0 * np.pi * frequency, 0.5 / (np.pi * unit), *damping
+        )
+        self._order.append(index)
+        self.assemblies.append(measured.assembly)
+        return frequency.size + measured.damped.size
+
+
+def residuals_at(one: Observed, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the residuals of an observation at rows of values of the unknowns, `(n, p)`; NaN where it has no value."""
+    count = values.shape[1]
+    limits = np.array([[-np.inf], [np.inf]]) * np.ones(count)
+    core = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)), 1)
+    (size,) = _CoreObservations(core, [one], (), None).sizes
+    result, none = np.full((len(values), size), np.nan), np.zeros(count, dtype=np.bool_)
+    for row, found in zip(result, map(np.ascontiguousarray, values), strict=True):
+        rows = core.rows(found, none)
+        if rows is not None:
+            row[:] = rows[0]
+    return result
+
+
+def only_joint(one: Observed) -> str | None:
+    """Return the joint whose terms are the only unknowns of an observation, each by itself; None if there is none."""
+    mapping = one.mapping
+    owners = {name.split(".", 1)[0] for name in mapping.addresses}
+    name = owners.pop() if len(owners) == 1 else ""
+    if type(one.observation.assembly.elements.get(name)) is not PointJoint:
+        return None
+    alone = np.all(mapping.base >= 0) and np.all(mapping.scale == 1.0) and np.all(mapping.second < 0)
+    return name if alone and not mapping.exponents.any() and not mapping.shifts.any() else None
+
+
+def _stiffest(frf: MeasuredFRF, joint: str, unknowns: dict[str, Unknown]) -> PointJoint:
+    """Return the joint as stiff as the bounds allow: any other one adds compliance to it, which costs no digits."""
+    values: dict[str, Any] = {name: getattr(frf.assembly.elements[joint], name) for name in PointJoint.columns_of}
+    for name, unknown in unknowns.items():
+        values[name] = unknown.upper if name in ("k_y", "k_theta") else max(0.0, unknown.lower)
+    for kind in "kc":
+        limit = np.sqrt(values[f"{kind}_y"] * values[f"{kind}_theta"])
+        values[f"{kind}_ytheta"] = float(np.clip(values[f"{kind}_ytheta"], -0.5 * limit, 0.5 * limit))
+    return PointJoint(**values)
+
+
+def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
+    mapping = one.mapping
+    factors = [(FACTORS.index(name), i) for i, name in enumerate(mapping.addresses) if name in FACTORS]
+    frf = one.observation
+    points = (frf.response, frf.excitation) if isinstance(frf, MeasuredFRF) else ()
+    tied = frf.assembly.tied(mapping.addresses, points, others=FACTORS)
+    start = np.where(mapping.base >= 0, mapping.scale, mapping.fixed)
+    columns = [mapping.base, start, mapping.second, mapping.share, mapping.exponents, mapping.shifts]
+    addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
+    return tied, addresses, np.array(factors, dtype=np.float64).reshape(-1, 2)
 
 
 def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:

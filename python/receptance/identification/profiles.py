@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End, Problem
     from receptance.identification.result import Identification
 
-__all__ = ["Profile", "Profiles", "Tie", "interval_statement", "profile_likelihoods"]
+__all__ = ["Profile", "Profiles", "interval_statement", "profile_likelihoods"]
 
 _END_TOLERANCE = 0.01
 """Relative tolerance of the root of the rise at the end of an interval."""
@@ -51,34 +51,25 @@ _TIED_RANGE = 0.02
 """Least path of that parameter as a share of its range."""
 
 
-class Tie(NamedTuple):
-    """Another parameter that compensates the profiled one, and its path in conditional standard errors."""
-
-    name: str
-    path: float
-
-
-def interval_statement(
-    value: float, lower: float, upper: float, *, name: str, scale: str, tie: Tie | None = None
-) -> str:
+def interval_statement(value: float, lower: float, upper: float, *, name: str, scale: str, tied_to: str = "") -> str:
     """Return the meaning of an interval as text; open sides are 0 or -inf, and inf.
 
     Examples
     --------
-    >>> from receptance.identification.profiles import Tie, interval_statement
+    >>> from receptance.identification.profiles import interval_statement
     >>> interval_statement(1e5, 9.8e4, 1.02e5, name="joint.k_theta", scale="log")
     'determined to 2 %'
     >>> interval_statement(1e9, 4e7, float("inf"), name="joint.k_y", scale="log")
     'only a lower bound: 4e+07'
-    >>> interval_statement(1e9, 0.0, float("inf"), name="joint.k_y", scale="log", tie=Tie("joint.k_theta", 40.0))
+    >>> interval_statement(1e9, 0.0, float("inf"), name="joint.k_y", scale="log", tied_to="joint.k_theta")
     'tied to joint.k_theta: the data determine a combination of the two'
     """
     open_below = lower == 0.0 if scale == "log" else math.isinf(lower)
     open_above = math.isinf(upper)
-    suffix = "" if tie is None else f", tied to {tie.name}"
+    suffix = f", tied to {tied_to}" if tied_to else ""
     if open_below and open_above:
-        if tie is not None:
-            return f"tied to {tie.name}: the data determine a combination of the two"
+        if tied_to:
+            return f"tied to {tied_to}: the data determine a combination of the two"
         return "not determined within the bounds"
     if open_above:
         return f"only a lower bound: {lower:.2g}{suffix}"
@@ -162,24 +153,6 @@ class Profile(Result):
         """Whether the interval is closed on both sides."""
         return not (self.lower_open or self.upper_open)
 
-    def confidence(self, value: float) -> float:
-        """Return the confidence that the parameter lies below a value in SI units, from the signed root of the rise.
-
-        The root is interpolated between the points of the profile and extrapolated linearly beyond them.
-        """
-        from scipy.special import ndtr
-
-        root = np.sqrt(self.rise) * np.sign(np.arange(self.rise.size) - int(np.argmin(self.rise)))
-        scale = np.log10 if np.all(self.values > 0.0) else np.asarray
-        if not self.values[0] <= value <= self.values[-1]:
-            # The root is nearly linear.
-            ends = slice(0, 2) if value < self.values[0] else slice(-2, None)
-            if self.values.size < 2 or (value <= 0.0 and scale is np.log10):
-                return 0.0 if value < self.values[0] else 1.0
-            x, z = scale(self.values[ends]), root[ends]
-            return float(ndtr(z[0] + (scale(value) - x[0]) * (z[1] - z[0]) / (x[1] - x[0])))
-        return float(ndtr(np.interp(scale(value), scale(self.values), root)))
-
     def tables(self) -> list[Table]:
         """Return the interval and its meaning."""
         columns = ("parameter", Column("value"), Column(f"{100.0 * self.level:g} % interval"), "meaning")
@@ -226,11 +199,11 @@ def profile_likelihoods(
     progress: Callable[[str], None] | None = None,
 ) -> Profiles:
     """Profile parameters of a fit; see `Identification.profiles`."""
-    wanted = (names,) if isinstance(names, str) else names
-    chosen = [n for n in found.addresses if n not in found.errors] if wanted is None else list(wanted)
+    if names is None:
+        names = [name for name in found.addresses if name not in found.errors]
+    chosen = [names] if isinstance(names, str) else list(names)
     for name in chosen:
-        if name not in found.values:
-            raise ValueError(f"{name!r} was not identified, only {', '.join(found.addresses)}")
+        found.index(name)
     require_likelihood(found)
     start = found.vector
     for _ in range(_RESTARTS):
@@ -265,7 +238,7 @@ class _Profiler:
 
     def profile(self, name: str) -> Profile:
         """Profile one parameter."""
-        index = self.found.addresses.index(name)
+        index = self.found.index(name)
         before = self.problem.evaluations
         low, high = (self._side(index, sign) for sign in (-1.0, 1.0))
         unknown = self.variables.unknowns[index]
@@ -274,7 +247,6 @@ class _Profiler:
         value = self._value(index, self.best.x[index])
         lower = self._value(index, low.end) if not low.open else (0.0 if unknown.scale == "log" else -np.inf)
         upper = self._value(index, high.end) if not high.open else np.inf
-        tie = self._tie(index, paths)
         return Profile(
             name=name,
             value=value,
@@ -287,7 +259,9 @@ class _Profiler:
             rise=np.array([point[1] for point in points]),
             paths=paths,
             threshold=self.threshold,
-            statement=interval_statement(value, lower, upper, name=name, scale=str(unknown.scale), tie=tie),
+            statement=interval_statement(
+                value, lower, upper, name=name, scale=str(unknown.scale), tied_to=self._tied_to(index, paths)
+            ),
             evaluations=self.problem.evaluations - before,
         )
 
@@ -375,8 +349,8 @@ class _Profiler:
                 raise BetterOptimumError(better)
         return fit
 
-    def _tie(self, index: int, paths: NDArray[np.float64]) -> Tie | None:
-        """Return the parameter that compensates the profiled one most, if any does."""
+    def _tied_to(self, index: int, paths: NDArray[np.float64]) -> str:
+        """Return the name of the parameter that compensates the profiled one most, if any does."""
         count = self.found.task.parameters.count
         conditional = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.variance, 1e-300), 1e-300))
         path = np.ptp(paths[:, :count], axis=0)
@@ -386,8 +360,8 @@ class _Profiler:
             relative[index] = 0.0
         other = int(relative.argmax()) if relative.size else 0
         if not relative.size or relative[other] < _TIED:
-            return None
-        return Tie(self.found.addresses[other], float(relative[other]))
+            return ""
+        return self.found.addresses[other]
 
 
 class BetterOptimumError(Exception):

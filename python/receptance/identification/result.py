@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.identification.covariance import confidence_multiplier
-from receptance.identification.mapping import Place
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
 from receptance.identification.unknowns import Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.identification.laws import Tolerance
+    from receptance.identification.problem import Unit
     from receptance.identification.profiles import Profiles
     from receptance.identification.sampling import Samples
     from receptance.identification.task import Task
@@ -76,8 +76,6 @@ class Identification(Result):
 
     Attributes
     ----------
-    unknowns : tuple of Unknown
-        The fitted unknowns, in the order of all that follows: laws expanded, errors of tolerances last.
     values : dict of str to float
         Identified values in SI units by address.
     standard_errors : dict of str to float
@@ -87,20 +85,8 @@ class Identification(Result):
     correlation : ndarray
         `(p, p)` of the fitted variables.
     residuals : list of ndarray
-        Residuals of each observation, in `units`; of a receptance first the real parts, then the imaginary parts.
-    units : list of str
-        Unit of the residuals of each observation: "standard deviations", "percent", "logarithm" or "relative".
-    labels : list of str
-        Label of each observation, or its number.
-    rms : float
-        Root mean square of all residuals.
-    degrees_of_freedom : int
-        Number of residuals minus number of unknowns.
-    known_scatter : bool
-        Whether standard deviations were given. If not, the scatter is estimated from the residuals.
-    noise_factor : float
-        Factor on the stated standard deviations that the fit used. It exceeds 1 if tolerances are fitted and the model
-        does not explain the data within both, see `identify`. `residuals` and `rms` are relative to the stated ones.
+        Residuals of each observation, in `units` ("standard deviations", "percent", "logarithm" or "relative"); of a
+        receptance first the real parts, then the imaginary parts.
     converged : bool
         Whether the best start converged.
     advice : list of str
@@ -111,10 +97,6 @@ class Identification(Result):
         Every start, in the order of running.
     agreeing : int
         Number of starts that reached the best optimum.
-    assemblies : list of Assembly
-        The assembly of each observation with the identified values.
-    evaluations : int
-        Evaluations of the model in all starts.
     seed : int
         Seed of the drawn starts.
     task : Task
@@ -145,25 +127,16 @@ class Identification(Result):
     True
     """
 
-    unknowns: tuple[Unknown, ...]
     values: dict[str, float]
     standard_errors: dict[str, float]
     covariance: NDArray[np.float64]
     correlation: NDArray[np.float64]
     residuals: list[NDArray[np.float64]]
-    units: list[str]
-    labels: list[str]
-    rms: float
-    degrees_of_freedom: int
-    known_scatter: bool
-    noise_factor: float
     converged: bool
     advice: list[str]
     notes: list[str]
     starts: tuple[Start, ...]
     agreeing: int
-    assemblies: list[Assembly]
-    evaluations: int
     seed: int
     task: Task = field(repr=False)
     profiled: Profiles | None = None
@@ -172,6 +145,65 @@ class Identification(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Identified parameters"
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The fitted unknowns, in the order of all other results: laws expanded, errors of tolerances last."""
+        return self.task.parameters.unknowns
+
+    @property
+    def units(self) -> list[Unit]:
+        """Unit of the residuals of each observation."""
+        return list(self.task.units)
+
+    @property
+    def labels(self) -> list[str]:
+        """Label of each observation, or its number."""
+        return [one.title(i) for i, one in enumerate(self.task.observed)]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of all residuals."""
+        return _rms(np.concatenate(self.residuals))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of residuals and priors minus number of unknowns."""
+        priors = sum(unknown.prior is not None for unknown in self.unknowns)
+        return sum(part.size for part in self.residuals) + priors - len(self.unknowns)
+
+    @property
+    def known_scatter(self) -> bool:
+        """Whether standard deviations were given. If not, the scatter is estimated from the residuals."""
+        return "standard deviations" in self.task.units
+
+    @property
+    def residual_variance(self) -> float:
+        """Variance of a residual: 1 with given standard deviations, otherwise estimated from the residuals."""
+        if self.known_scatter:
+            return 1.0
+        return float(np.sum(np.concatenate(self.residuals) ** 2)) / max(self.degrees_of_freedom, 1)
+
+    @property
+    def noise_factor(self) -> float:
+        """Factor on the stated standard deviations that the fit used.
+
+        It exceeds 1 if tolerances are fitted and the model does not explain the data within both, see `identify`.
+        `residuals` and `rms` are relative to the stated standard deviations.
+        """
+        return self.task.noise_factor
+
+    @property
+    def assemblies(self) -> list[Assembly]:
+        """The assembly of each observation with the identified values."""
+        values = np.array(list(self.values.values()))
+        pairs = zip(self.task.mappings, self.task.observed, strict=True)
+        return [mapping.apply(one.assembly, values) for mapping, one in pairs]
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the model in all starts."""
+        return sum(start.evaluations for start in self.starts)
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -191,8 +223,7 @@ class Identification(Result):
     @property
     def independent_lines(self) -> float:
         """Effective number of independent lines and natural frequencies that were fitted."""
-        pairs = zip(self.task.observed, self.task.independent_numbers(), strict=True)
-        return sum(0.5 * n if isinstance(one, MeasuredFRF) else float(len(one.modes)) for one, n in pairs)
+        return sum(one.independent_lines for one in self.task.selected)
 
     @property
     def data_errors(self) -> dict[str, float]:
@@ -222,7 +253,7 @@ class Identification(Result):
         ValueError
             An address that was not identified, or a level not between 0 and 1.
         """
-        index = self._index(address)
+        index = self.index(address)
         scatter = self.scatter()
         half = self.confidence_multiplier(level) * float((scatter.data if exact else scatter.total)[index])
         value = self.values[address]
@@ -260,8 +291,8 @@ class Identification(Result):
         >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
         '79% of the variance goes with the length'
         """
-        places = [(name, self._index(name)) for name in self.errors]
-        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, places)
+        indices = [(name, self.index(name)) for name in self.errors]
+        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, indices)
 
     def profiles(
         self,
@@ -448,7 +479,7 @@ class Identification(Result):
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
-        unknown = self.unknowns[self._index(address)]
+        unknown = self.unknowns[self.index(address)]
         low, high = self.interval(address)
         return low > unknown.lower or high < unknown.upper
 
@@ -538,7 +569,7 @@ class Identification(Result):
         for name, value in self.values.items():
             if name in self.errors or self._at_a_level(name):
                 continue
-            unknown = self.unknowns[self._index(name)]
+            unknown = self.unknowns[self.index(name)]
             low, high = self.interval(name)
             # An end beyond the bounds is open: values there were not fitted.
             ends = (low if low > unknown.lower else None, high if high < unknown.upper else None)
@@ -554,7 +585,7 @@ class Identification(Result):
     def _residual_tables(self) -> list[Table]:
         common = len(set(self.units)) == 1
         alone: list[list[Cell]] = []
-        groups: dict[tuple[str, str | None], list[tuple[float, str]]] = {}
+        groups: dict[tuple[str, Unit | None], list[tuple[float, str]]] = {}
         for label, observed, of_one, residual in zip(
             self.labels, self.task.observed, self.units, self.residuals, strict=True
         ):
@@ -613,12 +644,13 @@ class Identification(Result):
         conditions: Mapping[str, float] | None,
         tolerances: Sequence[Tolerance] | None,
     ) -> Forecast:
-        found = Forecast(self, Place(assembly, configuration, "", conditions or {}), tolerances)
+        found = Forecast(self, Site(assembly, configuration, "", conditions or {}), tolerances)
         if not found.addresses:
             raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
         return found
 
-    def _index(self, address: str) -> int:
+    def index(self, address: str) -> int:
+        """Return the position of an unknown in `addresses`; raise if it was not identified."""
         if address not in self.values:
             raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
         return self.addresses.index(address)

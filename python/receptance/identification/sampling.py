@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Table
@@ -166,8 +167,7 @@ def sample_posterior(
     except ImportError as error:
         raise ReceptanceError("sampling needs the package emcee: pip install 'receptance[sampling]'") from error
     require_likelihood(found)
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < _CHUNK:
-        raise ValueError(f"steps is {steps!r}, expected a whole number of at least {_CHUNK}")
+    _checks.whole_number("sample", "steps", steps, least=_CHUNK)
     count = len(found.unknowns)
     number = max(4 * count, 16) if walkers is None else walkers
     if isinstance(number, bool) or not isinstance(number, int) or number < 2 * count:
@@ -181,8 +181,7 @@ def sample_posterior(
     def density(x: NDArray[np.float64]) -> float:
         if np.any(x < low) or np.any(x > high):
             return -np.inf
-        normal = problem.normal(x)
-        return -np.inf if normal is None else -normal.cost / variance
+        return -problem.cost(x) / variance
 
     # emcee supports only NumPy's legacy generator.
     state = np.random.RandomState(seed)

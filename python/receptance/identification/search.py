@@ -4,7 +4,7 @@ A direct fit runs from every start on some of the lines first. The best distinct
 
 The squared logarithmic residual of a lightly damped receptance has a narrow valley: a start whose resonances are off by
 more than their width converges to another optimum. A staged fit is a continuation through problems with wider valleys:
-peaks as natural frequencies, then receptances with damping added to data and model (`smearing`) that is reduced step by
+peaks as natural frequencies, then receptances with damping added to data and model (`smeared`) that is reduced step by
 step, then the complex logarithmic residual itself. The first stages use few lines and exact dimensions and materials;
 their ends are starts of the problem itself.
 """
@@ -17,23 +17,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.identification.observations import MeasuredFrequencies
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 from receptance.identification.peaks import peak_indices
 from receptance.identification.result import Start
-from receptance.identification.smearing import smeared
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from receptance.identification.observations import Observation
     from receptance.identification.problem import End, Problem
-    from receptance.identification.task import Observation, Task
+from receptance.identification.task import Task
 
-__all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged"]
+__all__ = ["STAGE_TOLERANCE", "Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
 
 _DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
-_DIRECT_TOLERANCE = 1e-4
-"""Tolerance of that stage."""
 _DIRECT_COST = 2.0
 """Largest cost of an end of that stage that is refined, relative to the least cost."""
 _KEPT = 4
@@ -48,8 +46,8 @@ _STAGE_LINES = 80
 """Lines of each receptance in these stages."""
 _STAGE_EVALUATIONS = 40
 """Largest number of evaluations in a stage."""
-_STAGE_TOLERANCE = 1e-4
-"""Tolerance of a stage."""
+STAGE_TOLERANCE = 1e-4
+"""Tolerance of all fits before the last one."""
 _PEAK_DEVIATION = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
 _LOSS_FACTOR = 0.02
@@ -64,6 +62,10 @@ _FINISHED = 2
 """Number of the best ends that are continued if they have not converged, with as many times the evaluations."""
 _COST_TOLERANCE = 1e-6
 """Decrease of the cost at which the continued fit ends."""
+_MARGIN = 2.0
+"""Distance of smeared lines from the upper end, in widths."""
+_MIN_LINES = 8
+"""Least number of lines for a stage."""
 
 
 def fit_direct(
@@ -96,7 +98,7 @@ def fit_direct(
     first: list[End] = []
     owners = {i: i for i in range(len(starts))}
     if few is not None:
-        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _DIRECT_TOLERANCE))
+        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, STAGE_TOLERANCE))
         more, at = _continued(first, at)
         spent = spent + more
         problem.evaluations += few.evaluations
@@ -110,8 +112,7 @@ def fit_direct(
         end = first[i] if owner is None else last[owner]
         cost, message = end.cost, end.message
         if owner is None and np.isfinite(cost):
-            normal = problem.normal(end.x)
-            cost = np.inf if normal is None else normal.cost
+            cost = problem.cost(end.x)
             message = "left on fewer lines, where other starts fit better"
         runs.append(
             Start(
@@ -187,13 +188,13 @@ class Continuation:
         self.peaks = _peak_problem(exact)
         steps = [[one for o in task.observed if (one := smeared(o, width, _STAGE_LINES))] for width in _WIDTHS]
         usable = [len(step) == len(task.observed) for step in steps]
-        problems = [_problem(exact, step) if use else None for step, use in zip(steps, usable, strict=True)]
+        problems = [exact.on(step).problem() if use else None for step, use in zip(steps, usable, strict=True)]
         self.broad = [problem for problem in problems[:_BROAD] if problem is not None]
         self.narrow = [problem for problem in problems[_BROAD:] if problem is not None]
         # A large error of a dimension can mislead the stages with exact dimensions.
         has_errors = len(task.variables.unknowns) > self.count
         self.with_errors = [
-            _problem(task, step) for step, use in zip(steps[1:], usable[1:], strict=True) if use and has_errors
+            task.on(step).problem() for step, use in zip(steps[1:], usable[1:], strict=True) if use and has_errors
         ]
 
     def with_damping(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -232,8 +233,7 @@ class Continuation:
         stage = (self.broad or self.narrow)[-1:] or ([self.peaks] if self.peaks is not None else [])
         if not stage:
             return np.zeros(len(ends))
-        normals = [stage[0].normal(x) for x in self.with_damping(ends)]
-        return np.array([np.inf if normal is None else normal.cost for normal in normals])
+        return np.array([stage[0].cost(x) for x in self.with_damping(ends)])
 
     def fit_all(self, ends: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64]]]:
         """Fit all unknowns in the narrow stages; return costs and ends."""
@@ -257,7 +257,7 @@ def _fit_stage(
     free: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the ends of fits and their costs; starts without a value keep their place, with infinite cost."""
-    ends = stage.fit(starts, most, tolerance=_STAGE_TOLERANCE, free=free)
+    ends = stage.fit(starts, most, tolerance=STAGE_TOLERANCE, free=free)
     costs = np.array([end.cost for end in ends])
     found = np.array([end.x for end in ends]).reshape(starts.shape)
     return np.where(np.isfinite(costs)[:, None], found, starts), costs
@@ -271,10 +271,6 @@ def _fit_stages(
         x, found = _fit_stage(stage, x)
         costs = np.where(np.isfinite(found), found, costs)
     return list(zip(costs.tolist(), x, strict=True))
-
-
-def _problem(task: Task, observed: Sequence[Observation]) -> Problem:
-    return task.on(observed, ["standard deviations"] * len(observed)).problem()
 
 
 def _peak_problem(task: Task) -> Problem | None:
@@ -299,7 +295,7 @@ def _peak_problem(task: Task) -> Problem | None:
                 conditions=one.conditions,
             )
         )
-    return _problem(task, found)
+    return task.on(found).problem()
 
 
 def _best_run(
@@ -357,3 +353,48 @@ def different_ends(
         if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _SAME for _, other in kept):
             kept.append((cost, x))
     return kept
+
+
+def smeared(observation: Observation, width: float, lines: int) -> Observation | None:
+    """Return an observation with added damping: resonances have the relative width `width`.
+
+    A causal response is analytic below the real axis, so its value at the complex line f (1 - i b) is the mean of its
+    values on the real lines under a Lorentzian of half-width b f (Poisson's integral). The model is evaluated at the
+    complex line. The mean is that of the accelerance, which is finite at both ends. Standard deviations become half the
+    width. None if the lines are too far apart, the band is too narrow, or the assembly ends with a table, which has no
+    value at complex lines.
+    """
+    if isinstance(observation, MeasuredFrequencies):
+        spread = 0.5 * width * observation.frequency_hz
+        return altered(observation, standard_deviation_hz=spread, damping_ratio=None, standard_deviation_damping=None)
+    f = observation.frequency_hz.real
+    if f.size < _MIN_LINES or observation.assembly.tabulated:
+        return None
+    steps = np.gradient(f)
+    # The mean needs lines above the upper end, which are missing, so lines near it are excluded; below zero the
+    # response follows by symmetry.
+    top = float(f[-1]) / (1.0 + _MARGIN * width)
+    if top <= f[0]:
+        return None
+    centres = np.geomspace(float(f[0]), top, lines)
+    centres = centres[width * centres >= np.interp(centres, f, steps)]
+    if centres.size < _MIN_LINES:
+        return None
+    accelerance = observation.receptance * observation.frequency_hz**2
+    half = width * centres[:, None]
+    weights = steps * half / ((f - centres[:, None]) ** 2 + half**2)
+    mirrored = steps * half / ((f + centres[:, None]) ** 2 + half**2)
+    total = weights.sum(axis=1) + mirrored.sum(axis=1)
+    at = centres * (1.0 - 1j * width) + 1j * np.interp(centres, f, observation.frequency_hz.imag)
+    values = (weights @ accelerance + mirrored @ accelerance.conj()) / total / at**2
+    return MeasuredFRF(
+        assembly=observation.assembly,
+        frequency_hz=at,
+        receptance=values,
+        response=observation.response,
+        excitation=observation.excitation,
+        standard_deviation=0.5 * width,
+        label=observation.label,
+        configuration=observation.configuration,
+        conditions=observation.conditions,
+    )

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from receptance.identification.factors import FACTORS
 from receptance.identification.laws import Law
-from receptance.identification.mapping import Parameters, Place, Placed
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, on_lines
+from receptance.identification.mapping import ParameterMap, Parameters
+from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.identification.peaks import find_bands, within
-from receptance.identification.problem import Observed, Problem
-from receptance.identification.residuals import Unit
+from receptance.identification.problem import Observed, Problem, Unit
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -22,16 +20,7 @@ if TYPE_CHECKING:
 
     from receptance.identification.peaks import Bands
 
-__all__ = ["Observation", "Task", "place_of"]
-
-Observation = MeasuredFRF | MeasuredFrequencies
-
-
-def place_of(observation: Observation, index: int) -> Place:
-    """Return the assembly, configuration and conditions of an observation; unnamed ones are configurations."""
-    name = observation.configuration or f"observation {index}"
-    factors = FACTORS if isinstance(observation, MeasuredFRF) else ()
-    return Place(observation.assembly, name, observation.label, observation.conditions, factors)
+__all__ = ["Task"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +59,19 @@ class Task:
         return Variables(self.parameters.unknowns)
 
     @cached_property
-    def placed(self) -> list[Placed]:
+    def mappings(self) -> list[ParameterMap]:
         """Parameters of each observation's assembly as functions of the unknowns."""
-        return self.parameters.of([place_of(o, i) for i, o in enumerate(self.observed)])
+        return self.parameters.of([one.site(i) for i, one in enumerate(self.observed)])
+
+    @cached_property
+    def selected(self) -> tuple[Observation, ...]:
+        """The observations on the lines within the bands."""
+        return tuple(self._in_bands(one, unit) for one, unit in zip(self.observed, self.units, strict=True))
+
+    @property
+    def independent_values(self) -> float:
+        """Effective number of independent real numbers that are fitted."""
+        return sum(one.independent_values for one in self.selected)
 
     def problem(
         self, lines: Sequence[NDArray[np.intp] | None] | None = None, smoothing: float | None = None
@@ -86,8 +85,10 @@ class Task:
         smoothing : float, optional
             As of `Problem`.
         """
-        chosen = [self.chosen(i) for i in range(len(self.observed))] if lines is None else lines
-        observed = [Observed(*one) for one in zip(self.observed, self.placed, self.units, chosen, strict=True)]
+        selected = self.selected
+        if lines is not None:
+            selected = tuple(one.select(own) for one, own in zip(self.observed, lines, strict=True))
+        observed = [Observed(*one) for one in zip(selected, self.mappings, self.units, strict=True)]
         return Problem(self.variables, observed, self.threads, smoothing=smoothing)
 
     def approach(self) -> Problem:
@@ -105,30 +106,19 @@ class Task:
 
     def without_errors(self) -> Task:
         """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
-        exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.wanted]
-        places = [place_of(o, i) for i, o in enumerate(self.observed)]
-        return replace(self, parameters=Parameters(exact, (), places))
+        exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.given]
+        sites = [one.site(i) for i, one in enumerate(self.observed)]
+        return replace(self, parameters=Parameters(exact, (), sites))
 
-    def on(self, observed: Sequence[Observation], units: Sequence[Unit]) -> Task:
-        """Return the task with other data, one observation for each."""
+    def on(self, observed: Sequence[Observation]) -> Task:
+        """Return the task with other data, one observation for each, all with standard deviations."""
+        units: list[Unit] = ["standard deviations"] * len(observed)
         return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
 
-    def independent_numbers(self) -> list[float]:
-        """Return the number of independent numbers of each observation: two per line, over `correlated_lines`."""
-        found = []
-        for index, one in enumerate(self.observed):
-            if isinstance(one, MeasuredFRF):
-                chosen = self.chosen(index)
-                found.append(2.0 * (one if chosen is None else on_lines(one, chosen)).independent_lines)
-            else:
-                found.append(float(one.frequency_hz.size + one.damped.size))
-        return found
-
-    def chosen(self, index: int) -> NDArray[np.bool_] | None:
-        """Return the mask of the lines of a measured FRF within the bands; None for all."""
-        observation, bands = self.observed[index], self.bands
-        if isinstance(observation, MeasuredFrequencies):
-            return None
-        if bands is None and self.units[index] == "percent":
-            bands = find_bands(observation, width_percent=self.band_width_percent)
-        return None if bands is None else within(observation, bands)
+    def _in_bands(self, one: Observation, unit: Unit) -> Observation:
+        if not isinstance(one, MeasuredFRF):
+            return one
+        bands = self.bands
+        if bands is None and unit == "percent":
+            bands = find_bands(one, width_percent=self.band_width_percent)
+        return one if bands is None else one.select(within(one, bands))

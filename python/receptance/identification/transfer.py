@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.fit import identify
 from receptance.identification.laws import Law, Tolerance
-from receptance.identification.mapping import Place
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, as_observations
 from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
-from receptance.identification.task import Observation, place_of
 from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -25,13 +24,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from receptance.identification.mapping import Site
+    from receptance.identification.observations import MeasuredFrequencies, Observation
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
 __all__ = ["Split", "Transfer", "groups_of", "transfer"]
 
 Splits = Literal["leave-one-out", "one-for-all"]
-_PER_CENT = 100.0
 _MISFIT = 1.5
 """Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
 
@@ -327,24 +327,38 @@ def transfer(
     >>> transfer(measured, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), starts=2)
     Transfer(3 splits, 6 modes predicted to 0.00554 % rms, +0.00 % on average, 6 of 6 in their 95 % intervals)
     """
-    observed = (observations,) if isinstance(observations, Observation) else tuple(observations)
-    for index, one in enumerate(observed):
-        if not isinstance(one, Observation):
-            raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
-    wanted = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
-    errors = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
+    observed = as_observations(observations)
+    given = _checks.items("unknowns", unknowns, Unknown)
+    errors = _checks.items("tolerances", tolerances, Tolerance, least=0)
     confidence_multiplier(level, None)
-    _refuse_free(wanted)
+    _refuse_free(given)
     # Observations without a name are named by their number, which must be the same in every split.
-    observed = tuple(o.configured(place_of(o, i).configuration, o.conditions) for i, o in enumerate(observed))
+    observed = tuple(o.configured(o.site(i).configuration, o.conditions) for i, o in enumerate(observed))
     names = tuple(dict.fromkeys(o.configuration for o in observed))
-    report = progress or (lambda _: None)
     found = []
     for group in groups_of(splits, names):
-        report(f"holding out {', '.join(group)}")
+        if progress is not None:
+            progress(f"holding out {', '.join(group)}")
+        sites = [o.site(i) for i, o in enumerate(observed) if o.configuration not in group]
+        here = [u for u in given if _in_some((u.address,), u.configurations, None, sites)]
+        near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]
         kept = [o for o in observed if o.configuration not in group]
-        held = [o for o in observed if o.configuration in group]
-        found.append(_split(group, kept, held, wanted, errors, draws, seed, options))
+        fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
+        predictor = _Predictor(fit, [u for u in given if u not in here], errors, draws, seed)
+        for one in observed:
+            if one.configuration in group:
+                predictor.predict(one)
+        found.append(
+            Split(
+                held_out=group,
+                fitted=tuple(dict.fromkeys(o.configuration for o in kept)),
+                identified=fit,
+                modes=tuple(predictor.modes),
+                frfs=tuple(predictor.frfs),
+                not_predicted=tuple(dict.fromkeys(predictor.reasons)),
+                notes=tuple(predictor.notes),
+            )
+        )
     return Transfer(splits=tuple(found), level=level, seed=seed)
 
 
@@ -369,8 +383,8 @@ def groups_of(splits: Splits | Iterable[Sequence[str]], names: tuple[str, ...]) 
     return groups
 
 
-def _refuse_free(wanted: Sequence[Unknown]) -> None:
-    for unknown in wanted:
+def _refuse_free(unknowns: Sequence[Unknown]) -> None:
+    for unknown in unknowns:
         if isinstance(unknown, Law) and unknown.free and not unknown.along:
             raise ValueError(
                 f"{unknown.address} is free in each configuration, so its value in other configurations is unknown; "
@@ -378,93 +392,75 @@ def _refuse_free(wanted: Sequence[Unknown]) -> None:
             )
 
 
-def _split(
-    group: tuple[str, ...],
-    kept: Sequence[Observation],
-    held: Sequence[Observation],
-    wanted: Sequence[Unknown],
-    errors: Sequence[Tolerance],
-    draws: int,
-    seed: int,
-    options: dict[str, Any],
-) -> Split:
-    places = [place_of(o, i) for i, o in enumerate(kept)]
-    here = [u for u in wanted if _in_some((u.address,), u.configurations, None, places)]
-    near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, places)]
-    lost = [u for u in wanted if u not in here]
-    fit = None
-    if here:
-        fit = identify(kept, here, tolerances=near, seed=seed, **options)
-    modes: list[PredictedMode] = []
-    receptances: list[PredictedFRF] = []
-    reasons: list[str] = []
-    notes: list[str] = []
-    for one in held:
-        missing = [u.address for u in lost if _in_some((u.address,), u.configurations, None, [place_of(one, 0)])]
-        shared = any(_in_some((u.address,), u.configurations, None, [place_of(one, 0)]) for u in here)
-        if missing or not shared or fit is None:
-            what = ", ".join(missing) or "none of the identified parameters"
-            reasons.append(f"{one.configuration}: {what} {'is in' if missing else 'in'} no configuration that is left")
-            continue
-        try:
-            place = Place(one.assembly, one.configuration, one.label, one.conditions)
-            forecast = Forecast(fit, place, errors)
-            if isinstance(one, MeasuredFRF):
-                frf = _frf(one, fit, forecast, draws, seed, notes)
-                receptances.append(frf)
-                modes += [peak for peak in frf.peaks if peak.measured_hz is not None]
-            else:
-                modes += forecast.observed_modes(one, _deviation(one, fit)).modes
-        except (ValueError, ReceptanceError) as error:
-            reasons.append(f"{one.configuration}: {error}")
-    return Split(
-        held_out=group,
-        fitted=tuple(dict.fromkeys(o.configuration for o in kept)),
-        identified=fit,
-        modes=tuple(modes),
-        frfs=tuple(receptances),
-        not_predicted=tuple(dict.fromkeys(reasons)),
-        notes=tuple(notes),
-    )
-
-
 def _in_some(
     addresses: tuple[str, ...],
     configurations: tuple[str, ...] | None,
     labels: tuple[str, ...] | str | None,
-    places: Sequence[Place],
+    sites: Sequence[Site],
 ) -> bool:
-    """Return whether some place has some of the addresses."""
-    among = [place for place in places if place.among(configurations, labels)]
-    return any(covered(address, place.assembly) for address in addresses for place in among)
+    """Return whether some site has some of the addresses."""
+    among = [site for site in sites if site.among(configurations, labels)]
+    return any(covered(address, site.assembly) for address in addresses for site in among)
 
 
-def _frf(
-    one: MeasuredFRF, fit: Identification, forecast: Forecast, draws: int, seed: int, notes: list[str]
-) -> PredictedFRF:
-    noise = one.standard_deviation
-    if noise is None or not fit.known_scatter:
-        logarithms = "logarithm" in fit.units
-        noise = np.full(one.frequency_hz.size, _scatter(fit) if logarithms else 0.0)
-    try:
-        return forecast.observed(one, noise, draws=draws, seed=seed)
-    except ReceptanceError as error:
-        notes.append(f"{one.label or one.configuration}: its band is linear, because {error}")
-        return forecast.observed(one, noise, seed=seed)
+@dataclass
+class _Predictor:
+    """A fit and its predictions of held-out observations; `lost` are the unknowns that the fit does not have."""
+
+    fit: Identification | None
+    lost: Sequence[Unknown]
+    tolerances: Sequence[Tolerance]
+    draws: int
+    seed: int
+    modes: list[PredictedMode] = field(default_factory=list)
+    frfs: list[PredictedFRF] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def predict(self, one: Observation) -> None:
+        """Add the prediction of an observation, or the reason why there is none."""
+        site = replace(one.site(0), factors=())
+        given = () if self.fit is None else self.fit.task.parameters.given
+        missing = [u.address for u in self.lost if _in_some((u.address,), u.configurations, None, [site])]
+        shared = any(_in_some((u.address,), u.configurations, None, [site]) for u in given)
+        if missing or not shared or self.fit is None:
+            names = ", ".join(missing) or "none of the identified parameters"
+            self.reasons.append(
+                f"{one.configuration}: {names} {'is in' if missing else 'in'} no configuration that is left"
+            )
+            return
+        try:
+            forecast = Forecast(self.fit, site, self.tolerances)
+            if isinstance(one, MeasuredFRF):
+                frf = self._frf(one, self.fit, forecast)
+                self.frfs.append(frf)
+                self.modes += [peak for peak in frf.peaks if peak.measured_hz is not None]
+            else:
+                self.modes += forecast.observed_modes(one, _readings(one, self.fit)).modes
+        except (ValueError, ReceptanceError) as error:
+            self.reasons.append(f"{one.configuration}: {error}")
+
+    def _frf(self, one: MeasuredFRF, fit: Identification, forecast: Forecast) -> PredictedFRF:
+        noise = one.standard_deviation
+        if noise is None or not fit.known_scatter:
+            noise = np.full(one.frequency_hz.size, _residual_deviation(fit) if "logarithm" in fit.units else 0.0)
+        try:
+            return forecast.observed(one, noise, draws=self.draws, seed=self.seed)
+        except ReceptanceError as error:
+            self.notes.append(f"{one.label or one.configuration}: its band is linear, because {error}")
+            return forecast.observed(one, noise, seed=self.seed)
 
 
-def _scatter(fit: Identification) -> float:
-    """Return the standard deviation of a residual that a fit without given standard deviations found."""
-    total = float(sum(np.sum(np.square(r)) for r in fit.residuals))
-    return float(np.sqrt(total / fit.degrees_of_freedom)) if fit.degrees_of_freedom > 0 else np.inf
+def _residual_deviation(fit: Identification) -> float:
+    """Return the standard deviation of a residual that was estimated by a fit."""
+    return float(np.sqrt(fit.residual_variance)) if fit.degrees_of_freedom > 0 else np.inf
 
 
-def _deviation(measured: MeasuredFrequencies, fit: Identification) -> NDArray[np.float64] | None:
+def _readings(measured: MeasuredFrequencies, fit: Identification) -> NDArray[np.float64] | None:
     """Return the standard deviations of natural frequencies, from the residuals of the fit if none were given."""
     if fit.known_scatter:
         return measured.standard_deviation_hz
-    share = _scatter(fit) / (_PER_CENT if "percent" in fit.units else 1.0)
-    return share * measured.frequency_hz
+    return _residual_deviation(fit) / (100.0 if "percent" in fit.units else 1.0) * measured.frequency_hz
 
 
 def _interval(mode: PredictedMode, level: float) -> tuple[float, float] | None:

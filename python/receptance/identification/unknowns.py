@@ -152,7 +152,7 @@ class Unknown:
         return bool(self.also) or self.multiple != 1.0
 
     @property
-    def reached(self) -> tuple[str, ...]:
+    def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters that it changes."""
         return (self.address, *self.also)
 
@@ -172,11 +172,6 @@ class Variables:
     """The fitted vector: log10 of the value, or the value, of each unknown."""
 
     unknowns: tuple[Unknown, ...]
-
-    @cached_property
-    def addresses(self) -> tuple[str, ...]:
-        """Addresses in the order of the vector."""
-        return tuple(unknown.address for unknown in self.unknowns)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

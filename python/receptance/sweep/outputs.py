@@ -12,9 +12,8 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
-from receptance.identification.mapping import Placed
-from receptance.identification.problem import Observed
-from receptance.identification.residuals import Unit, residuals_at
+from receptance.identification.mapping import ParameterMap
+from receptance.identification.problem import Observed, Unit, residuals_at
 from receptance.identification.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
@@ -447,7 +446,7 @@ def _frequency_misfit(
     measured: MeasuredFrequencies, addresses: Sequence[str]
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     unit: Unit = "relative" if measured.standard_deviation_hz is None else "standard deviations"
-    one = Observed(measured, Placed.plain(measured.assembly, addresses), unit)
+    one = Observed(measured, ParameterMap.plain(measured.assembly, addresses), unit)
 
     def run(values: NDArray[np.float64]) -> NDArray[np.float64]:
         found: NDArray[np.float64] = np.sum(residuals_at(one, values) ** 2, axis=1)

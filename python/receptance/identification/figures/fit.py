@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance._text import printable
 from receptance.identification import MeasuredFRF
+from receptance.identification.prediction import DECIBEL
 from receptance.report.figure import (
     BAD,
     BAND,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_identification", "draw_prediction"]
 
-_DECIBEL = 20.0 / math.log(10.0)
 _ROW = 4.4
 """Height of a row of panels in inches."""
 _MOST_FRFS = 12
@@ -46,20 +46,7 @@ _FORMS = {("y", "y"): "m/N", ("y", "theta"): "m/(N m)", ("theta", "y"): "rad/N",
 
 
 def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
-    """Draw measurements and fitted model, their ratio, and the intervals of the parameters.
-
-    Parameters
-    ----------
-    found : Identification
-        From `identify` or `Campaign.identify`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw measurements and fitted model, their ratio, and the intervals of the parameters."""
     everything = list(zip(found.labels, found.task.observed, found.assemblies, strict=True))
     frfs = [(label, one, assembly) for label, one, assembly in everything if isinstance(one, MeasuredFRF)]
     shown = frfs[:_MOST_FRFS]
@@ -91,20 +78,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
 
 
 def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
-    """Draw predictions with their intervals, and measurements.
-
-    Parameters
-    ----------
-    found : Prediction
-        From `Campaign.predict`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw predictions with their intervals, and measurements."""
     frfs = found.frfs[:_MOST_FRFS]
     compared = [one for one in found.frequencies if one.measured_hz is not None]
     title = f"{found.title}{_left_out(found.frfs, frfs)}"
@@ -168,15 +142,15 @@ def _ratio(
     if band is not None:
         # The band is infinite if a relevant parameter is not determined.
         band = np.minimum(band, _MAX_BAND)
-        axes.fill_between(lines, -_DECIBEL * band, _DECIBEL * band, color=BAND, linewidth=0)
-        most = max(most, 1.5 * _DECIBEL * float(np.percentile(band, 98)))
+        axes.fill_between(lines, -DECIBEL * band, DECIBEL * band, color=BAND, linewidth=0)
+        most = max(most, 1.5 * DECIBEL * float(np.percentile(band, 98)))
     if log_ratio is not None:
-        axes.plot(lines, _DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
-        most = max(most, 1.3 * _DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))
+        axes.plot(lines, DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
+        most = max(most, 1.3 * DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))
     if noise is not None:
         for sign in (-2.0, 2.0):
-            axes.plot(lines, sign * _DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
-        most = max(most, 3.0 * _DECIBEL * float(np.median(noise)))
+            axes.plot(lines, sign * DECIBEL * noise, color=BAD, linewidth=0.8, alpha=0.7)
+        most = max(most, 3.0 * DECIBEL * float(np.median(noise)))
     axes.axhline(0.0, color=INK, linewidth=0.6)
     axes.set_ylim(-most, most)
 

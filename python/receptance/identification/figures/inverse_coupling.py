@@ -36,32 +36,6 @@ def draw_inverse_coupling(found: InverseCouplings, ax: Axes | None = None) -> Fi
     """Draw real and imaginary part of each term, with 95 % intervals on usable lines, and the condition number.
 
     Other lines are pale. The orange curves are the constant joint k + i w c that fits all lines.
-
-    Parameters
-    ----------
-    found : InverseCouplings
-        From `Campaign.invert`, or of one joint from `invert_coupling`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment
-    >>> from receptance.identification import invert_coupling
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> lines = np.linspace(100.0, 4000.0, 40)
-    >>> tip = MeasuredFRF(
-    ...     assembly=pair, frequency_hz=lines, receptance=pair.receptance(lines), standard_deviation=0.01
-    ... )
-    >>> len(invert_coupling(tip).plot().axes)
-    3
     """
     heights = [2.6 * len(one.terms) + 2.6 for one in found.values()]
     figure = surface(ax, 11.0, sum(heights))

@@ -26,38 +26,7 @@ _TOP = 3.0
 
 
 def draw_profiles(profiles: Profiles, ax: Axes | None = None) -> Figure:
-    """Draw the rise of -2 log L over each parameter, the threshold of the interval, and its meaning.
-
-    Parameters
-    ----------
-    profiles : Profiles
-        From `Identification.profiles`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    ValueError
-        No profile.
-
-    Examples
-    --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
-    >>> from receptance.identification.figures.likelihood import draw_profiles
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
-    ... )
-    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> len(draw_profiles(found.profiles()).axes)
-    1
-    """
+    """Draw the rise of -2 log L over each parameter, the threshold of the interval, and its meaning."""
     if not profiles:
         raise ValueError("profiles is empty, expected at least one")
     columns = min(len(profiles), 3)
@@ -103,20 +72,7 @@ def _curve(profile: Profile, wide: bool) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def draw_samples(samples: Samples, ax: Axes | None = None) -> Figure:
-    """Draw a histogram of each parameter with its 95 % interval.
-
-    Parameters
-    ----------
-    samples : Samples
-        From `Identification.sample`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw a histogram of each parameter with its 95 % interval."""
     columns = min(len(samples.names), _COLUMNS)
     rows = -(-len(samples.names) // columns)
     figure = surface(ax, 3.6 * columns, 3.0 * rows + 0.5)

@@ -23,34 +23,7 @@ _COLUMNS = 3
 
 
 def draw_next_measurement(found: NextMeasurement, ax: Axes | None = None) -> Figure:
-    """Draw the interval of each target now and as expected with each candidate, the best candidate on top.
-
-    Parameters
-    ----------
-    found : NextMeasurement
-        From `next_measurement`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Examples
-    --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
-    >>> from receptance.identification import Candidate, next_measurement
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=5.0
-    ... )
-    >>> fit = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> again = Candidate(label="mode 1 again", assembly=pair, modes=(1,), standard_deviation_hz=5.0)
-    >>> len(next_measurement(fit, again).plot().axes)
-    1
-    """
+    """Draw the interval of each target now and as expected with each candidate, the best candidate on top."""
     # Four panels are drawn as a square.
     columns = min(len(found.targets), 2 if len(found.targets) == 4 else _COLUMNS)
     rows = -(-len(found.targets) // columns)

@@ -39,43 +39,7 @@ _OPEN = 1e3
 
 
 def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
-    """Draw errors of predicted natural frequencies with their intervals, and predicted receptances with their bands.
-
-    Parameters
-    ----------
-    found : Transfer
-        From `receptance.identification.transfer`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-
-    Raises
-    ------
-    ValueError
-        Nothing was predicted.
-
-    Examples
-    --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
-    >>> from receptance.identification import transfer
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar])])
-    >>> measured = [
-    ...     MeasuredFrequencies(
-    ...         assembly=pair.replace({"tool.segment[0].length": length}),
-    ...         frequency_hz=pair.replace({"tool.segment[0].length": length}).natural_frequencies(2e4)[:2],
-    ...         standard_deviation_hz=1.0,
-    ...         configuration=name,
-    ...     )
-    ...     for name, length in (("short", 0.08), ("long", 0.12))
-    ... ]
-    >>> len(transfer(measured, Unknown(address="joint.k_theta", lower=1e3, upper=1e7)).plot().axes)
-    1
-    """
+    """Draw errors of predicted natural frequencies with their intervals, and predicted receptances with their bands."""
     frfs = found.frfs[:_MOST]
     if not found.modes and not frfs:
         raise ValueError(f"nothing was predicted: {'; '.join(found.not_predicted) or 'there is no split'}")

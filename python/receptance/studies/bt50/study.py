@@ -423,7 +423,7 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
     >>> bt50.rigid_campaign("axial", 2)
     Campaign('BT50 taper over drawbar force (simulated)', 13 assemblies, 13 measurements, 10 held out)
     """
-    from receptance.campaign.loading import from_data
+    from receptance.campaign.read import from_data
 
     if motion not in SPRINGS:
         raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(SPRINGS)}")
