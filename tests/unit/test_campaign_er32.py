@@ -97,5 +97,5 @@ def test_results_equal_those_of_the_study(read: campaign.Campaign) -> None:
 
 def test_file_marks_published_and_assumed_values() -> None:
     text = examples.EXAMPLES["er32"].campaign
-    assert "NOT published is the holder's shape" in text
+    assert "The holder's shape is NOT published" in text
     assert "inferred, not published" in tomllib.loads(text)["description"]

@@ -167,7 +167,7 @@ class Builder:
         table : ElementTable
             The table. A missing number that is unknown gets its start value.
         path : tuple
-            Site of the table in the file.
+            Place of the table in the file.
         address : str, optional
             Address of the element.
         **given

@@ -294,7 +294,11 @@ class Campaign:
                 )
         profiled = None
         if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
-            profiled = fit.profiles(progress=say)
+            try:
+                profiled = fit.profiles(progress=say)
+            except ReceptanceError as error:
+                # The fit is a result without profiles as well; its linear intervals remain.
+                notes.append(f"profile intervals are not computed: {error}")
         return replace(fit, notes=notes, profiled=profiled)
 
     def invert(
