@@ -26,7 +26,6 @@ from receptance.diagnosis.thresholds import (
     LEADING_CAUSES,
     MARGIN,
     MISFIT_LIMIT,
-    RESTARTED,
     ROOTS,
     SCREENING_LIMIT,
 )
@@ -197,7 +196,7 @@ class Search:
     def restart(self) -> None:
         """Fit the best explanations from their own starting values, where no explanation is adequate.
 
-        With levels this includes explanations by several causes, which are fitted to one level first; causes that
+        With levels this includes the best cause together with each other one, fitted to one level first; causes that
         cannot explain one level are not fitted to the others. Without levels it includes the other variants of the
         best cause: from the base a wrong variant may end closer to the data than the right one.
         """
@@ -205,7 +204,8 @@ class Search:
         if own.base.misfit <= MISFIT_LIMIT or any(one.adequacy.passed for one in own.explanations):
             return
         levels = has_levels(own.base.model)
-        together = sorted(own.tried, key=lambda one: -one.evidence)[:RESTARTED] if levels else []
+        # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
+        together = [one for one in own.tried if own.singles[0].ids <= one.ids] if levels else []
         for one in [*own.singles[:ROOTS], *together]:
             self._restart_one(one.steps, partial(fit_again, one.fit))
         for step, model in [] if levels else self._other_variants():

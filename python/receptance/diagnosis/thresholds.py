@@ -94,8 +94,6 @@ ROOTS = 3
 """Explanations to which further causes are added."""
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
-RESTARTED = 8
-"""Explanations by several causes that are fitted level by level if no cause explains the data."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
 EVALUATED_ON_INTERRUPT = 12
