@@ -11,15 +11,12 @@ import inspect
 import textwrap
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
 
 import numpy as np
 
 from receptance import _checks
 from receptance.units import Quantity
-
-if TYPE_CHECKING:
-    from receptance.model.tables import Flat
 
 __all__ = [
     "AttachedPart",
@@ -248,10 +245,6 @@ class Element:
             for index, column in enumerate(self.layout)
             if column.address and _is_present(self, column.path)
         }
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the rows of an element of a chain, which begins at a node, to the tables; return the node at its end."""
-        raise NotImplementedError
 
     def value(self, address: str) -> float:
         """Return the value of a parameter by its address within the element."""
