@@ -123,13 +123,13 @@ def test_a_pipe_is_no_table(tmp_path: Path) -> None:
 def test_assemblies_follow_the_rows(machine: Any) -> None:
     one, two, three = Catalogue(machine)
     assert isinstance(one, ToolAssembly)
-    assert list(one.place.assembly.elements) == ["tool", "collet", "er32", "taper", "spindle"]
-    tool = one.place.assembly.elements["tool"]
+    assert list(one.site.assembly.elements) == ["tool", "collet", "er32", "taper", "spindle"]
+    tool = one.site.assembly.elements["tool"]
     assert isinstance(tool, Part)
     assert [s.outer_diameter for s in tool.segments] == [pytest.approx(0.0096), 0.012]
     assert [s.length for s in tool.segments] == [pytest.approx(0.03), pytest.approx(0.03)]
-    assert list(two.place.assembly.elements)[2] == "shrink"
-    assert len(three.place.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
+    assert list(two.site.assembly.elements)[2] == "shrink"
+    assert len(three.site.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
     # Errors: its own dimensions, and the material's, which has the same name in the fit.
     assert one.effects["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
     assert one.effects["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
@@ -163,7 +163,7 @@ def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     catalogue = Catalogue(machine)
     for one, own in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
-        for assembly in forecast_of(machine, identified, own.place, own.effects, own.row.name, []).drawn(150, SEED):
+        for assembly in forecast_of(machine, identified, own.site, own.effects, own.row.name, []).drawn(150, SEED):
             assert assembly is not None
             modes = damped_modes(assembly, 5200.0, threads=1)
             values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)

@@ -111,7 +111,7 @@ def measure(seed: int, case: int) -> Outcome:
         catalogue = Catalogue(read)
         predicted = next(predict_catalogue(catalogue, read.identify(threads=1), threads=1))
         own = next(iter(catalogue))
-        true = damped_modes(erring(own.place.assembly.replace(truth), own.effects, errors, rng), 5300.0, threads=1)
+        true = damped_modes(erring(own.site.assembly.replace(truth), own.effects, errors, rng), 5300.0, threads=1)
     return compared(case, predicted, true)
 
 
@@ -148,7 +148,7 @@ def measure_with_table(seed: int, case: int, share: float) -> Outcome:
     catalogue = Catalogue(read, rows, holders, spindle=nose)
     predicted = next(predict_catalogue(catalogue, threads=1))
     own = next(iter(catalogue))
-    front = erring(own.place.assembly, own.effects, {}, rng)
+    front = erring(own.site.assembly, own.effects, {}, rng)
     elements = [element for name, element in front.elements.items() if name != "nose"]
     true = damped_modes(Assembly([*elements, shaft], beams.attachments.values()), 5300.0, threads=1)
     return compared(case, predicted, true)

@@ -266,9 +266,9 @@ def predict_campaign(
     for name, measured in held_out.items():
         say(f"predicting {name}")
         seen = measured.observation
-        place = Site(seen.assembly, seen.configuration, "", seen.conditions)
+        site = Site(seen.assembly, seen.configuration, "", seen.conditions)
         try:
-            forecast = forecast_of(campaign, identified, place, measured.effects, name, notes)
+            forecast = forecast_of(campaign, identified, site, measured.effects, name, notes)
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
@@ -309,7 +309,7 @@ def predict_campaign(
 
 
 def forecast_of(
-    campaign: Campaign, identified: Identification | None, place: Site, effects: Effects, name: str, notes: list[str]
+    campaign: Campaign, identified: Identification | None, site: Site, effects: Effects, name: str, notes: list[str]
 ) -> Forecast:
     """Return the forecast of an assembly, and add notes on parameters that are not identified or not in it.
 
@@ -319,7 +319,7 @@ def forecast_of(
         The campaign.
     identified : Identification or None
         The fit; None without unknowns.
-    place : Site
+    site : Site
         The assembly with its configuration and conditions.
     effects : dict
         Errors: by name and address the standard deviation in SI units.
@@ -334,7 +334,7 @@ def forecast_of(
         The prediction is not possible, for example without the condition of a law.
     """
     try:
-        found = Forecast(identified, place, tolerances_of(effects))
+        found = Forecast(identified, site, tolerances_of(effects))
     except ValueError as error:
         if identified is None:
             raise
@@ -342,10 +342,10 @@ def forecast_of(
     if identified is None:
         return found
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
-    if not any(covered(address, place.assembly) for address in identifiable):
+    if not any(covered(address, site.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
     asked = [address for unknown in campaign.unknowns for address in unknown.addresses]
-    rest = [address for address in asked if address not in identifiable and covered(address, place.assembly)]
+    rest = [address for address in asked if address not in identifiable and covered(address, site.assembly)]
     if rest:
         notes.append(f"{name}: not identified and at start values: {', '.join(rest)}")
     return found

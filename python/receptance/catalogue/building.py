@@ -39,14 +39,14 @@ class ToolAssembly:
     ----------
     row : ToolRow
         The tool.
-    place : Site
+    site : Site
         The assembly with its name and its conditions; unknowns at their start values.
     effects : dict
         Errors: by name and address the standard deviation in SI units.
     """
 
     row: ToolRow
-    place: Site
+    site: Site
     effects: Effects
 
 

@@ -196,7 +196,7 @@ class _Work:
 
     def _predict(self, own: ToolAssembly) -> ToolPrediction:
         notes = list(self.notes)
-        forecast = forecast_of(self.catalogue.campaign, self.identified, own.place, own.effects, own.row.name, notes)
+        forecast = forecast_of(self.catalogue.campaign, self.identified, own.site, own.effects, own.row.name, notes)
         addresses = [*forecast.addresses, *self.residuals]
         found, slope = forecast.assembly.derivatives(self.lines, addresses, threads=1)
         count = len(forecast.addresses)
