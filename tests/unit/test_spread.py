@@ -45,7 +45,8 @@ def make(**changes: Any) -> Assembly:
 
 @pytest.mark.parametrize(("points", "slope"), [(None, 0.0), (5, 0.0), (4, -0.6)])
 def test_every_parameter_has_its_derivative(points: int | None, slope: float) -> None:
-    assembly = make(points=points, slope=slope, shank=Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE))
+    shank = Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE)
+    assembly = make(points=points, slope=slope, shank=shank)
     names = [name for name in assembly.parameters if name.startswith("joint.")]
     assert {"joint.length", "joint.k_y", "joint.shank.outer_diameter", "joint.sleeve.youngs_modulus"} <= set(names)
     assert len(names) == 7 + 2 * 6

@@ -66,7 +66,8 @@ def case(rng: np.random.Generator, n_lines: int = 2) -> Case:
     slope = float(rng.uniform(-1.0, 1.0)) if points else 0.0
     row = overlaps.overlap(1, 2, length, inner, outer, layer, points, slope)
     label = (
-        f"{'lossy' if lossy else 'lossless'}, k_y {k_y:.2g}, L {length:.3g}, d {diameter:.2g}, {points} points, slope {slope:.2g}, {hz}"
+        f"{'lossy' if lossy else 'lossless'}, k_y {k_y:.2g}, L {length:.3g}, d {diameter:.2g}, {points} points, "
+        f"slope {slope:.2g}, {hz}"
     )
     return Case(make(segments, (), masses, grounds), np.array([row]), w, label)
 

@@ -22,11 +22,12 @@ _LARGEST_FIT = 1.02
 class SpreadJoint(Element):
     """A joint along an insertion: shank and sleeve are two beams, connected by an elastic layer or at points.
 
-    It replaces a `PointJoint` between two parts of an assembly. The part before it continues as the shank, which ends
-    at the end of the insertion; the sleeve begins at the mouth of the holder and continues as the part after it. The
-    length is that of the insertion, which neither part contains. Stiffness and damping are those of the whole
-    insertion, K(w) = (1 + i loss_factor) k + i w c, uniformly distributed or, at points, with a slope. In the limit of zero length it becomes the
-    point joint with the same k_y and k_theta, in the limit of a stiff layer a bonded section (`Segment.core`).
+    It replaces a `PointJoint` between two parts of an assembly. The part before it continues as the shank, which
+    ends at the end of the insertion; the sleeve begins at the mouth of the holder and continues as the part after
+    it. The length is that of the insertion, which neither part contains. Stiffness and damping are those of the
+    whole insertion, K(w) = (1 + i loss_factor) k + i w c, uniformly distributed or, at points, with a slope. In the
+    limit of zero length it becomes the point joint with the same k_y and k_theta, in the limit of a stiff layer a
+    bonded section (`Segment.core`).
 
     Parameters
     ----------
