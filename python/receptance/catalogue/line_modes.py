@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance._peaks import local_maxima
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -102,10 +104,7 @@ def line_modes(
 
 def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return first and last line (exclusive) around each distinct peak."""
-    from scipy.signal import find_peaks
-
-    all_peaks, properties = find_peaks(np.log(size), prominence=np.log(_STANDS_OUT))
-    prominence = np.asarray(dict(properties)["prominences"])
+    all_peaks, prominence = local_maxima(np.log(size), np.log(_STANDS_OUT))
     peaks = all_peaks[prominence > _NOISES * (noise / size)[all_peaks]]
     fewest, most = (_FEWEST_NOISY, _MOST_NOISY) if noise.any() else (_FEWEST, _MOST)
     found = []

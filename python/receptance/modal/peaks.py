@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.modal._lines import Lines, check_one_entry, select_lines
 from receptance.modal._local import lines_around_peak, mobility, polar_errors
 from receptance.modal.estimate import ModeEstimate
@@ -66,15 +67,13 @@ def find_peaks(
     >>> [f"{peak.frequency_hz:.0f} Hz" for peak in find_peaks(FRF(frequency_hz=f, values=h))]
     ['251 Hz', '700 Hz']
     """
-    from scipy.signal import find_peaks as peaks_of  # slow to import
-
     owner = "find_peaks"
     least = _checks.positive(owner, "prominence_db", prominence_db, unit="dB")
     lines = select_lines(owner, frf, low_hz, high_hz, _LEAST)
     check_one_entry(owner, lines)
     mobility_values = mobility(lines)
     size = np.maximum(np.abs(mobility_values), np.finfo(np.float64).tiny)
-    found, _ = peaks_of(20.0 * np.log10(size), prominence=least)
+    found, _ = local_maxima(20.0 * np.log10(size), least)
     return tuple(
         _estimate(lines, mobility_values, int(peak))
         for peak in found

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.zeroth_order import critical_depths, limit_over_speed
@@ -192,8 +193,6 @@ class Lobes(Result):
         ValueError
             As `best`.
         """
-        from scipy.signal import find_peaks
-
         depth, finite = self._finite(probability)
         order = np.argsort(self.speeds_rpm, kind="stable")
         depth = np.where(finite, depth, np.min(depth))[order]
@@ -201,7 +200,7 @@ class Lobes(Result):
         height = np.log(np.maximum(depth, np.finfo(np.float64).tiny))
         low = [height.min() - 2.0 * _PROMINENCE]
         # The padding makes maxima at the ends of the range count as peaks.
-        peaks = find_peaks(np.concatenate([low, height, low]), prominence=_PROMINENCE)[0] - 1
+        peaks = local_maxima(np.concatenate([low, height, low]), _PROMINENCE)[0] - 1
         found = []
         for top in sorted(peaks.tolist(), key=lambda i: -depth[i])[:count]:
             first, last = _around(depth >= _SHOULDER * depth[top], top)
