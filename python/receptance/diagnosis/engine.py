@@ -223,7 +223,7 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> Candidate:
         parameters={name: (value, *one.fit.identification.interval(name)) for name, value in sizes.items()},
         gain=one.gain,
         evidence=one.evidence,
-        misfit=one.adequacy.misfit,
+        misfit=one.fit.misfit,
         plausible=not set(one.implausible) & set(sizes),
         vetoed=implausible(declared, sizes),
         converged=one.fit.converged,

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from receptance.diagnosis.adequacy import Adequacy, judge
+from receptance.diagnosis.adequacy import Adequacy, judge, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
@@ -52,6 +52,11 @@ class Explanation:
     def adequacy(self) -> Adequacy:
         """Adequacy of the fit."""
         return judge(self.fit)
+
+    @cached_property
+    def passed(self) -> bool:
+        """Whether the fit is adequate."""
+        return self.fit.misfit <= misfit_limit(self.fit) and self.adequacy.passed
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:

@@ -221,7 +221,7 @@ class Variables:
         from scipy.special import ndtri
 
         low, high = self.limits
-        rng = np.random.default_rng(seed)
+        (rng,) = np.random.default_rng(seed).spawn(1)
         share = rng.uniform(size=(starts - 1, len(self.unknowns)))
         # Not `scipy.stats.qmc`, which takes longer to import than many fits.
         ranks = np.tile(np.arange(1, starts), (len(self.unknowns), 1))
