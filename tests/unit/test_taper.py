@@ -102,7 +102,7 @@ def test_shape_selects_or_gives_the_reason() -> None:
     modes = true.undamped_modes()
     ratio = modes.ratio(0.06, 0.0)
     given = {"first": 0.06, "second": 0.0, "ratio": (complex(ratio[0]), complex(ratio[1]))}
-    for error, count, words in (((0.01, 0.01), 1, "chooses"), ((50.0, 50.0), 2, "does not decide")):
+    for error, count, words in (((0.01, 0.01), 1, "selects"), ((50.0, 50.0), 2, "does not decide")):
         shape = Shape(**given, standard_error=error)
         found = radial_from_modes(body, 0.02, -0.08, modes.frequency_hz, shape=shape)
         assert len(found.solutions) == count

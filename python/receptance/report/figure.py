@@ -22,12 +22,12 @@ __all__ = [
     "INK",
     "NORMAL_95",
     "PALE",
+    "add_heading",
     "add_legend",
     "as_image",
     "draw_condition",
     "finished",
     "image_formats",
-    "keep_clear",
     "label_point",
     "new_figure",
     "panels",
@@ -46,6 +46,8 @@ BAND = "#BBD9EC"
 _GRID = "#E6E6E6"
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations."""
+_PADDING = {"w_pad": 0.08, "h_pad": 0.08}
+"""Distances between panels, titles and the edge of a figure in inches."""
 _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
@@ -61,9 +63,11 @@ def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
         Whether dollar signs in texts mark formulas; by default titles and names of users are shown literally.
     """
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     kind = Figure if math else _literal_figure()
-    return kind(figsize=(width, height), layout="constrained", facecolor="white")
+    layout = ConstrainedLayoutEngine(**_PADDING)
+    return kind(figsize=(width, height), layout=layout, facecolor="white")
 
 
 def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
@@ -156,11 +160,13 @@ def _literal_figure() -> type[Figure]:
     return LiteralFigure
 
 
-def keep_clear(figure: Figure, top: float) -> None:
-    """Limit the panels to a share of the height, from 0 to 1, to leave space for titles."""
+def add_heading(figure: Figure, title: str, caption: str) -> None:
+    """Add a title and a caption above the panels of a large figure."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, top), w_pad=0.08, h_pad=0.08))
+    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.93), **_PADDING))
+    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
+    figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
 
 
 def set_up(axes: Axes, title: str, x: str = "", y: str = "", *, grid: Literal["x", "y", "both", "none"] = "y") -> None:

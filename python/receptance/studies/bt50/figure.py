@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, new_figure, set_up
 from receptance.studies.bt50.report import series_of
 from receptance.taper import ForceSeries
 from receptance.taper.figure import draw_over_levels
@@ -47,14 +47,12 @@ def draw(found: dict[str, Any]) -> Figure:
     _draw_radial(across[0], series, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
     _draw_radial(across[1], series, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
     _draw_left_out(across[2], virtual["left_out"], published)
-    keep_clear(figure, 0.93)
     title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
-    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
     caption = (
         "All data are virtual (finite elements, ten hits, 20 480 Hz, 20 Hz lines); only the grey bands are the "
         "paper's. Whiskers: 95 %."
     )
-    figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    add_heading(figure, title, caption)
     return figure
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, new_figure, set_up
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,14 +47,12 @@ def draw(found: dict[str, Any]) -> Figure:
     _draw_sets(panels[1, 0], found["parameter_sets"])
     _draw_bias(panels[1, 1], found["long_first_mode_bias"])
     _draw_sources(panels[1, 2], found["long_first_mode_bias"])
-    keep_clear(figure, 0.93)
     title = "ER32 collet holder: the joint identified from the printed frequencies of Matthias et al. 2016"
-    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
     note = (
         "The holder's shape is inferred, not published: agreement in the data it was inferred from is consistency, "
         "not validation."
     )
-    figure.text(0.5, 0.95, note, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    add_heading(figure, title, note)
     return figure
 
 
