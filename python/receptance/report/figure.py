@@ -46,8 +46,8 @@ BAND = "#BBD9EC"
 _GRID = "#E6E6E6"
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations."""
-_PADDING = {"w_pad": 0.08, "h_pad": 0.08}
-"""Distances between panels, titles and the edge of a figure in inches."""
+_PADDING = 0.08
+"""Distance between panels, titles and the edge of a figure in inches."""
 _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
@@ -66,7 +66,7 @@ def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     kind = Figure if math else _literal_figure()
-    layout = ConstrainedLayoutEngine(**_PADDING)
+    layout = ConstrainedLayoutEngine(w_pad=_PADDING, h_pad=_PADDING)
     return kind(figsize=(width, height), layout=layout, facecolor="white")
 
 
@@ -164,7 +164,7 @@ def add_heading(figure: Figure, title: str, caption: str) -> None:
     """Add a title and a caption above the panels of a large figure."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.93), **_PADDING))
+    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.93), w_pad=_PADDING, h_pad=_PADDING))
     figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
     figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
 
