@@ -362,14 +362,14 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     Path("m.csv").write_text("old")
     from receptance.catalogue import prediction
 
-    original = prediction._Work._predict
+    original = prediction._Predictor._predict
 
     def fails(self: Any, own: Any) -> Any:
         if own.row.name == "T3":
             raise ValueError("no such luck")
         return original(self, own)
 
-    monkeypatch.setattr(prediction._Work, "_predict", fails)
+    monkeypatch.setattr(prediction._Predictor, "_predict", fails)
     assert call(monkeypatch, "catalogue", ".", "--out", "m.csv") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"
