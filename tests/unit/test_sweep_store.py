@@ -37,7 +37,7 @@ from receptance.sweep import (
     sweep,
 )
 from receptance.sweep.disk import Chunks
-from receptance.sweep.run import Waiting
+from receptance.sweep.run import PendingBlocks
 
 LINES = np.linspace(200.0, 4000.0, 50)
 
@@ -153,21 +153,21 @@ def test_full_disk_ends_the_sweep_and_keeps_the_store(tmp_path: Path, monkeypatc
 
 def test_short_blocks_are_grouped_into_tasks() -> None:
     blocks = [(number, 10 * number, 10 * number + 10) for number in range(100)]
-    waiting = Waiting(blocks, under_way=4)
-    tasks = list(waiting.first())
+    pending = PendingBlocks(blocks, tasks=4)
+    tasks = list(pending.first_tasks())
     assert [len(task) for task in tasks] == [1, 1, 1, 1]
-    waiting.learn(0.1, [{"misfit": np.zeros(10)}])
-    while task := waiting.take():
+    pending.adapt(0.1, [{"misfit": np.zeros(10)}])
+    while task := pending.next_task():
         tasks.append(task)
     assert [block for task in tasks for block in task] == blocks
     sizes = [len(task) for task in tasks[4:]]
     assert sizes[0] == 5
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-4:] == [1, 1, 1, 1]
-    # Results that are large go one by one, however short they take.
-    large = Waiting(blocks, under_way=4)
-    large.learn(0.01, [{"receptance": np.zeros((1000, 2000))}])
-    assert len(large.take()) == 1
+    # Blocks with large results are separate tasks, even if they are fast.
+    large = PendingBlocks(blocks, tasks=4)
+    large.adapt(0.01, [{"receptance": np.zeros((1000, 2000))}])
+    assert len(large.next_task()) == 1
 
 
 def test_store_of_another_sweep_is_unchanged(tmp_path: Path) -> None:
