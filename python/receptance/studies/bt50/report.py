@@ -46,7 +46,7 @@ def findings(found: dict[str, Any]) -> list[dict[str, str]]:
 
 
 def sections(found: dict[str, Any]) -> list[Section]:
-    """Return what is printed."""
+    """Return the printed sections."""
     texts: dict[str, list[str]] = {}
     for item in found["findings"]:
         texts.setdefault(item["about"], []).append(item["text"])
@@ -60,7 +60,7 @@ def sections(found: dict[str, Any]) -> list[Section]:
         Section("Radial", [_radial(virtual["radial"])], texts["radial"]),
         Section(
             "Over drawbar force",
-            joined(part for one in series_of(virtual["trends"]).values() for part in one.tables()),
+            joined(part for series in series_of(virtual["trends"]).values() for part in series.tables()),
             texts["trends"],
         ),
         Section("Use of the elastic model", [], texts["use"]),
@@ -105,16 +105,17 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
 
 
 def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
-    for one in found["virtual"]["diagnosis"]:
-        after = one["adequacy_after"]
+    for diagnosis in found["virtual"]["diagnosis"]:
+        after = diagnosis["adequacy_after"]
+        forces = ", ".join(f"{force:g}" for force in diagnosis["seen_kn"])
         yield (
-            f"Diagnosis of the {one['motion']} FRFs at {', '.join(f'{force:g}' for force in one['seen_kn'])} kN, with "
-            "the rigid holder, its springs free at each force, and all causes of the catalogue. Verdict: "
-            f"{one['verdict']}. The misfit of the rigid holder is {one['adequacy']['misfit']:.3g} times that of noise "
-            "and floor" + ("." if after is None else f", that of the best explanation {after['misfit']:.2f} times.")
+            f"Diagnosis of the {diagnosis['motion']} FRFs at {forces} kN, with the rigid holder, its springs free at "
+            f"each force, and all causes of the catalogue. Verdict: {diagnosis['verdict']}. The misfit of the rigid "
+            f"holder is {diagnosis['adequacy']['misfit']:.3g} times that of noise and floor"
+            + ("." if after is None else f", that of the best explanation {after['misfit']:.2f} times.")
         )
-        certain = [cause for cause in one["causes"] if cause["id"] in one["in_every_explanation"]]
-        ambiguous = ", ".join(one["ambiguous_between"])
+        certain = [cause for cause in diagnosis["causes"] if cause["id"] in diagnosis["in_every_explanation"]]
+        ambiguous = ", ".join(diagnosis["ambiguous_between"])
         if certain:
             causes = "; ".join(f"{cause['meaning']} ({cause['id']}, {_sizes(cause)})" for cause in certain)
             yield f"{'In every explanation' if ambiguous else 'The explanation'}: {causes}."
@@ -123,14 +124,14 @@ def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
         gains = "; ".join(
             f"{gain['metric']}, {gain['held_out_before']:.3g} before and {gain['held_out_after']:.3g} after, better by "
             f"{gain['interval'][0]:.3g} to {gain['interval'][1]:.3g}"
-            for gain in one["gains"]
+            for gain in diagnosis["gains"]
         )
         if gains:
             yield (
-                f"At the {len(one['left_out_kn'])} forces between, which are held out (springs interpolated "
+                f"At the {len(diagnosis['left_out_kn'])} forces between, which are held out (springs interpolated "
                 f"linearly): {gains}."
             )
-        advice = one["next_measurement"]
+        advice = diagnosis["next_measurement"]
         if advice is not None:
             yield f"Next measurement: {advice['action']}: {advice['reason']}."
 
@@ -182,29 +183,24 @@ def _on_radial(found: dict[str, Any]) -> Iterator[str]:
 
 
 def _on_trends(found: dict[str, Any]) -> Iterator[str]:
-    trends = found["virtual"]["trends"]
-    for series in trends.values():
-        yield f"{series['statement']}."
+    parameters = series_of(found["virtual"]["trends"])
+    for series in parameters.values():
+        yield f"{series.sentence()}."
     for claim, direction, names in _CLAIMS:
-        own = {name: trends[f"elastic {name}"]["trend"] for name in names}
-        shown = ", ".join(
-            f"{name} {trend['direction']} (p {'< 0.001' if (p := trend['p_value']) < 1e-3 else f'= {p:.2g}'})"
-            for name, trend in own.items()
-        )
-        holds = all(trend["direction"] == direction for trend in own.values())
-        yield (
-            f"Claim of the paper: {claim}. On the virtual rig this {'holds' if holds else 'does not hold'}: {shown}."
-        )
+        trends = {name: parameters[f"elastic {name}"].trend() for name in names}
+        text = ", ".join(f"{name} {trend.direction} ({trend.significance})" for name, trend in trends.items())
+        holds = all(trend.direction == direction for trend in trends.values())
+        yield f"Claim of the paper: {claim}. On the virtual rig this {'holds' if holds else 'does not hold'}: {text}."
 
 
 def _on_use(found: dict[str, Any]) -> Iterator[str]:
     virtual = found["virtual"]
     for motion, bands in virtual["damping_matters_hz"].items():
-        places = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in bands)
+        ranges = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in bands)
         low, high = RESPONSE_HZ
         share = 100.0 * sum(b - a for a, b in bands) / (high - low)
         yield (
-            f"Harmonic response at the tip, {motion}: without damping it is within 5 % except at {places} Hz, "
+            f"Harmonic response at the tip, {motion}: without damping it is within 5 % except at {ranges} Hz, "
             f"{share:.0f} % of the band to {high / 1e3:.0f} kHz. There the paper's advice to ignore damping does not "
             "hold."
         )
@@ -292,9 +288,9 @@ def series_of(trends: dict[str, Any]) -> dict[str, ForceSeries]:
     return {
         name: ForceSeries(
             name=name,
-            force=np.array(one["force"]),
-            values=np.array(one["values"]),
-            standard_errors=np.array(one["standard_errors"]),
+            force=np.array(trend["force"]),
+            values=np.array(trend["values"]),
+            standard_errors=np.array(trend["standard_errors"]),
         )
-        for name, one in trends.items()
+        for name, trend in trends.items()
     }

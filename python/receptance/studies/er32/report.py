@@ -36,7 +36,7 @@ def findings(found: dict[str, Any]) -> list[dict[str, str]]:
 
 
 def sections(found: dict[str, Any]) -> list[Section]:
-    """Return what is printed."""
+    """Return the printed sections."""
     texts: dict[str, list[str]] = {}
     for item in found["findings"]:
         texts.setdefault(item["about"], []).append(item["text"])
@@ -48,7 +48,7 @@ def sections(found: dict[str, Any]) -> list[Section]:
         Section("Four joints that match the tip FRF in the machine (table 3)", [_sets(found)], texts["parameter sets"]),
         Section("Stiffness over torque and diameter", _trends(found), texts["trends"]),
         Section("The first mode of the long tools", _bias(found), texts["bias"]),
-        Section("The paper's own numbers", [], texts["paper"]),
+        Section("Numbers printed in the paper", [], texts["paper"]),
         Section("Summary", [], _summary(found)),
     ]
 
@@ -62,19 +62,19 @@ def _worst(rows: Sequence[dict[str, Any]], key: str) -> dict[str, Any]:
 
 
 def _on_holder(found: dict[str, Any]) -> Iterator[str]:
-    own = found["inferred"]
-    at_bounds = ", ".join(q["name"] for q in own["quantities"] if q["at_bound"])
-    yield f"The holder is inferred, not published. {own['how']}"
+    inferred = found["inferred"]
+    at_bounds = ", ".join(q["name"] for q in inferred["quantities"] if q["at_bound"])
+    yield f"The holder is inferred, not published. {inferred['how']}"
     yield (
-        f"It reproduces these {own['frequencies']} frequencies to {own['rms_percent']:.2f} % rms. Agreement in "
-        "frequencies and stiffnesses that were used to infer it is consistency, not validation."
+        f"It reproduces these {inferred['frequencies']} frequencies to {inferred['rms_percent']:.2f} % rms. Agreement "
+        "in frequencies and stiffnesses that were used to infer it is consistency, not validation."
     )
-    limit = own["known_within_percent"]
-    known = [q for q in own["quantities"] if q["standard_error_percent"] < limit]
+    limit = inferred["known_within_percent"]
+    known = [q for q in inferred["quantities"] if q["standard_error_percent"] < limit]
     names = ", ".join(f"{q['name']} to {q['standard_error_percent']:.1f} %" for q in known)
     yield (
-        f"The frequencies determine {own['combinations_known']} combinations of the {len(own['quantities'])} fitted "
-        f"quantities within {limit:g} %"
+        f"The frequencies determine {inferred['combinations_known']} combinations of the "
+        f"{len(inferred['quantities'])} fitted quantities within {limit:g} %"
         + (f", and of the quantities themselves only {names}" if known else "")
         + f". The rest of the shape follows from the bounds of that fit (at a bound: {at_bounds}): the holder has the "
         "right receptance at the nose, but it is not the holder of the drawing."
@@ -89,14 +89,14 @@ def _on_joints(found: dict[str, Any]) -> Iterator[str]:
         f"from the paper is {y['k_y_difference_percent']:+.1f} % in k_y ({_state(y)}) and "
         f"{theta['k_theta_difference_percent']:+.1f} % in k_theta ({_state(theta)})."
     )
-    lost = [_state(j) for j in joints if not j["converged"]]
-    split = [
+    not_converged = [_state(j) for j in joints if not j["converged"]]
+    disagreeing = [
         f"{_state(j)} ({j['starts_agreeing']} of {j['starts']})" for j in joints if j["starts_agreeing"] < j["starts"]
     ]
-    if lost:
-        yield f"Not converged: {', '.join(lost)}."
-    if split:
-        yield f"Not all starts agree: {', '.join(split)}."
+    if not_converged:
+        yield f"Not converged: {', '.join(not_converged)}."
+    if disagreeing:
+        yield f"Not all starts agree: {', '.join(disagreeing)}."
     steps = found["settings"]["resolution"]
     yield (
         "The intervals contain every joint whose frequencies would be printed like the measured ones: steps of "
@@ -107,8 +107,8 @@ def _on_joints(found: dict[str, Any]) -> Iterator[str]:
     error = found["settings"]["chance"]["overhang_mm"]
     spans = []
     for name in ("k_y", "k_theta"):
-        moved = [error * abs(j[f"{name}_percent_per_mm"]) for j in joints]
-        spans.append(f"{name} by {min(moved):.1f} to {max(moved):.1f} %")
+        changes = [error * abs(j[f"{name}_percent_per_mm"]) for j in joints]
+        spans.append(f"{name} by {min(changes):.1f} to {max(changes):.1f} %")
     yield f"An error of {error:g} mm of the overhang moves {' and '.join(spans)}, at the same frequencies."
 
 
@@ -133,10 +133,10 @@ def _on_sets(found: dict[str, Any]) -> Iterator[str]:
         f"A mode refutes a set if its error exceeds {threshold:.1f} %, {found['settings']['refutation']:g} times the "
         "rms error of the transfers above."
     )
-    for one in found["parameter_sets"]:
-        shows = one["first_refutation_of_first_mode"]
-        if shows is not None:
-            yield f"The first mode refutes {one['set']} from an overhang of {shows['overhang_mm']:g} mm down."
+    for chosen in found["parameter_sets"]:
+        error = chosen["first_refutation_of_first_mode"]
+        if error is not None:
+            yield f"The first mode refutes {chosen['set']} from an overhang of {error['overhang_mm']:g} mm down."
 
 
 def _on_trends(found: dict[str, Any]) -> Iterator[str]:
@@ -161,11 +161,11 @@ def _p(value: float) -> str:
 def _on_bias(found: dict[str, Any]) -> Iterator[str]:
     bias, chance = found["long_first_mode_bias"], found["settings"]["chance"]
     percent, mean = bias["percent"], bias["mean_percent"]
-    alike = len({np.sign(p) for p in percent}) == 1
+    same_sign = len({np.sign(p) for p in percent}) == 1
     yield (
         f"First mode of the long tools, 100 (predicted / measured - 1): {', '.join(f'{p:+.2f}' for p in percent)} %, "
         f"mean {mean:+.2f} %"
-        + (f"; predicted too {'low' if mean < 0.0 else 'high'} for all {len(percent)} diameters." if alike else ".")
+        + (f"; predicted too {'low' if mean < 0.0 else 'high'} for all {len(percent)} diameters." if same_sign else ".")
     )
     sources = ", ".join(f"{name} {value:.2f}" for name, value in bias["deviations_percent"].items())
     yield (
@@ -211,8 +211,8 @@ def _on_causes(found: dict[str, Any]) -> str:
     values = {q["name"]: q for q in found["inferred"]["quantities"]}
     value = ""
     if least["name"] in values:
-        own = values[least["name"]]
-        value = f"{own['value'] * (1.0 + 0.01 * least['change']):.4g} {own['unit']}, "
+        nominal = values[least["name"]]
+        value = f"{nominal['value'] * (1.0 + 0.01 * least['change']):.4g} {nominal['unit']}, "
     text = (
         f"The least unlikely single cause is {least['name']} {least['change']:+.1f} {least['unit']} ({value}"
         f"{least['deviations'] or 0.0:.1f} standard deviations)"
@@ -267,7 +267,7 @@ def _summary(found: dict[str, Any]) -> list[str]:
         abs(_worst(found["identified"], f"{name}_difference_percent")[f"{name}_difference_percent"])
         for name in ("k_y", "k_theta")
     )
-    refuted = ", ".join(one["set"] for one in found["parameter_sets"] if one["refuted"])
+    refuted = ", ".join(chosen["set"] for chosen in found["parameter_sets"] if chosen["refuted"])
     return [
         f"published predictions: {theirs['rms_percent']:.2f} % rms; measured transfers: {ours['rms_percent']:.2f} % "
         f"rms (paper {ours['published_rms_percent']:.2f} %)",
@@ -315,7 +315,7 @@ def _transfers(found: dict[str, Any]) -> Table:
             "mode": "mode:d",
             "measured\n[Hz]": "measured_hz:.0f",
             "paper\n[Hz]": "published_hz:.0f",
-            "its error\n[%]": "published_error_percent:+.2f",
+            "error of\npaper [%]": "published_error_percent:+.2f",
             "ours\n[Hz]": "predicted_hz:.1f",
             "our error\n[%]": "error_percent:+.2f",
             "with the paper's\njoint [Hz]": "theirs.predicted_hz:.1f",
@@ -327,32 +327,26 @@ def _transfers(found: dict[str, Any]) -> Table:
 def _sets(found: dict[str, Any]) -> Table:
     sets = found["parameter_sets"]
     rows = []
-    for errors in zip(*(one["errors"] for one in sets), strict=True):
+    for errors in zip(*(chosen["errors"] for chosen in sets), strict=True):
         row = dict(errors[0])
-        for one, error in zip(sets, errors, strict=True):
-            mark = "*" if error in one["refuted_by"] else " "
-            row |= {one["set"]: error["predicted_hz"], f"{one['set']} error": f"{error['error_percent']:+.1f}{mark}"}
+        for chosen, error in zip(sets, errors, strict=True):
+            name, mark = chosen["set"], "*" if error in chosen["refuted_by"] else " "
+            row |= {name: error["predicted_hz"], f"{name} error": f"{error['error_percent']:+.1f}{mark}"}
         rows.append(row)
     columns = {"overhang\n[mm]": "overhang_mm:g", "mode": "mode:d", "measured\n[Hz]": "measured_hz:.0f"}
-    for one in sets:
-        columns |= {f"{one['set']}\n[Hz]": f"{one['set']}:.0f", f"{one['set']}\nerror [%] ": f"{one['set']} error:>"}
+    for name in (chosen["set"] for chosen in sets):
+        columns |= {f"{name}\n[Hz]": f"{name}:.0f", f"{name}\nerror [%] ": f"{name} error:>"}
     return table("Predicted with each set; * refutes it", rows, columns)
 
 
 def _trends(found: dict[str, Any]) -> list[Table]:
     def with_steps(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], dict[str, str]]:
         names = [f"{step['start']:g} to\n{step['end']:g} [%] " for step in rows[0]["steps"]]
-        found = [
-            {
-                **row,
-                **{
-                    n: f"{s['percent']:+.1f}{' ' if s['exceeds'] else '~'}"
-                    for n, s in zip(names, row["steps"], strict=True)
-                },
-            }
-            for row in rows
-        ]
-        return found, {name: f"{name}:>" for name in names}
+        extended = []
+        for row in rows:
+            steps = [f"{step['percent']:+.1f}{' ' if step['exceeds'] else '~'}" for step in row["steps"]]
+            extended.append({**row, **dict(zip(names, steps, strict=True))})
+        return extended, {name: f"{name}:>" for name in names}
 
     low, high = found["trends"]["torque_range_nm"]
     torque, torque_steps = with_steps(found["trends"]["torque"])
