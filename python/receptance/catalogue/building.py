@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from receptance import _checks
 from receptance._text import instead_of
@@ -20,8 +21,6 @@ from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from receptance.campaign import Campaign, Deviation, Effects
 
 __all__ = ["Catalogue", "ToolAssembly", "errors_of"]

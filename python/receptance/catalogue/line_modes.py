@@ -9,12 +9,9 @@ relative error of G may exceed one at a resonance where that of 1 / G is small.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 __all__ = ["LineModes", "line_modes"]
 

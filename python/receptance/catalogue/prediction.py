@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.campaign import CampaignError, forecast_of
@@ -20,8 +21,6 @@ from receptance.identification.covariance import confidence_multiplier
 from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.catalogue.building import Catalogue, ToolAssembly
     from receptance.catalogue.rows import ToolRow
     from receptance.identification import Identification

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._files import inert, streamed
 from receptance.identification.covariance import UNINFORMATIVE
@@ -21,7 +22,6 @@ from receptance.stability import Lobes, Milling, stability_lobes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.campaign import Campaign
     from receptance.catalogue.prediction import ToolPrediction

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.identification.pointwise_joint import TERMS, Equations
 from receptance.model.coordinates import Coordinate
@@ -12,8 +13,6 @@ from receptance.model.joints import GroundSpring
 from receptance.model.terminals import Terminal
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.identification.observations import MeasuredFRF
     from receptance.model.assembly import Assembly
 

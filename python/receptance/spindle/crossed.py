@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.identification.common_lines import check_observations, common_lines
@@ -15,8 +16,6 @@ from receptance.model.coordinates import Coordinate
 from receptance.spindle.blanks import blank_equations, check_bands, check_blanks, plane_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = ["CrossedSpindle", "identify_crossed_spindle"]

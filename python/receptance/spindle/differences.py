@@ -8,6 +8,7 @@ from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.identification.common_lines import check_observations, common_lines
 from receptance.identification.observations import MeasuredFRF
@@ -15,8 +16,6 @@ from receptance.identification.pointwise_joint import linear_solution
 from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.coordinates import Coordinate
 
 __all__ = ["rotations"]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
@@ -16,8 +17,6 @@ from receptance.io.npz import arrays_in
 from receptance.model.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.spindle.receptance import SpindleReceptance
 
 __all__ = ["read_spindle", "write_spindle"]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
@@ -17,10 +18,6 @@ from receptance.identification.pointwise_joint import TERMS, Equations, linear_s
 from receptance.model.terminals import ENTRIES
 from receptance.spindle.blanks import blank_equations, check_bands, check_blanks
 from receptance.spindle.receptance import SpindleReceptance
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 __all__ = ["identify_spindle"]
 

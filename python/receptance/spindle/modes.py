@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
@@ -18,8 +19,6 @@ from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.spindle.receptance import SpindleReceptance
 
 __all__ = ["SpindleModes", "fit_spindle"]
@@ -119,7 +118,7 @@ class SpindleModes:
 
 def fit_spindle(
     observations: Sequence[MeasuredFRF],
-    found: SpindleReceptance,
+    spindle: SpindleReceptance,
     *,
     modes: int | Sequence[float] | None = None,
     name: str = "spindle",
@@ -136,7 +135,7 @@ def fit_spindle(
     ----------
     observations : sequence of MeasuredFRF
         As for `identify_spindle`.
-    found : SpindleReceptance
+    spindle : SpindleReceptance
         Result of `identify_spindle`.
     modes : int or sequence of float, optional
         Number of modes, or their approximate frequencies in Hz; by default as many as `fit_modes` finds.
@@ -152,8 +151,8 @@ def fit_spindle(
     """
     observed = check_observations(tuple(observations))
     check_blanks(observed)
-    start = _start(found, modes, name=name)
-    low, high = (float(np.asarray(found.frequency_hz).real[i]) for i in (0, -1))
+    start = _start(spindle, modes, name=name)
+    low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
     fit = identify(_coupled(observed, start), _unknowns(start, high), starts=1, threads=threads)
     values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
     part = start.with_values(values)
@@ -228,15 +227,15 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
     return float(np.exp(minimize_scalar(deviance, bounds=bounds, method="bounded").x))
 
 
-def _start(found: SpindleReceptance, modes: int | Sequence[float] | None, *, name: str) -> ModalPart:
+def _start(spindle: SpindleReceptance, modes: int | Sequence[float] | None, *, name: str) -> ModalPart:
     """Return start values: modes of the usable lines of a spindle, one mode above the band, and a residual."""
     from receptance.modal import fit_modes
 
     with warnings.catch_warnings():
         # Warnings on standard errors and on the number of modes do not matter for start values.
         warnings.simplefilter("ignore", ReceptanceWarning)
-        fit = fit_modes(found.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
-    size = np.sqrt(np.median(np.abs(np.einsum("nii->ni", found.matrix[found.usable])), axis=0))
+        fit = fit_modes(spindle.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
+    size = np.sqrt(np.median(np.abs(np.einsum("nii->ni", spindle.matrix[spindle.usable])), axis=0))
     parts = []
     for frequency, damping, constant in zip(fit.frequency_hz, fit.damping_ratio, fit.modal_constant, strict=True):
         y, theta = _shape(constant, size)
@@ -246,7 +245,7 @@ def _start(found: SpindleReceptance, modes: int | Sequence[float] | None, *, nam
     # At the first line the modes above the band contribute a constant.
     first = fit.frf.complex_frequency_hz[:1]
     residual = (fit.receptance(first) - fit.receptance(first, background=False))[0].real
-    high = float(np.asarray(found.frequency_hz).real[-1])
+    high = float(np.asarray(spindle.frequency_hz).real[-1])
     # At the end of the band their contribution depends on frequency: one mode above the band represents that.
     w = 2.0 * np.pi * _ABOVE * high
     y, theta = _shape(_RESIDUAL_SHARE * w * w * residual.astype(np.complex128), size)

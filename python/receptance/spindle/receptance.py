@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.model.terminals import ENTRIES, MeasuredPart
@@ -14,7 +15,6 @@ from receptance.report import Column, Provenance, Result, Table
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
 __all__ = ["SpindleReceptance"]
 

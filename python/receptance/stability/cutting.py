@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks, units
 from receptance.model.fields import Choice, Count, Element, Number
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Milling", "Turning"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, panels, set_up, surface
 
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.stability import Lobes, Stability, StableCut
 

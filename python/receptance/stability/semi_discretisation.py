@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -21,8 +22,6 @@ from receptance.stability.lobes import Lobes, ensemble, with_draws
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
 
     from receptance.stability.tip import TipModes
 

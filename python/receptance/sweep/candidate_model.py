@@ -12,14 +12,13 @@ from math import tau
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.coordinates import as_coordinates
 from receptance.model.joints import PointJoint
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.identification.unknowns import covered
@@ -17,8 +18,6 @@ from receptance.sweep.fingerprints import digest
 from receptance.sweep.outputs import Output, Variable
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.campaign import Campaign
 
     Model = Assembly | Mapping[str, Assembly] | Campaign

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
@@ -22,8 +23,6 @@ from receptance.stability.zeroth_order import limit_over_speed
 from receptance.sweep.candidate_model import CandidateModel, candidate_model
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = [

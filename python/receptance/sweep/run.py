@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.sweep.definition import Block, Definition
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     import os
 
     import xarray as xr
-    from numpy.typing import NDArray
 
     from receptance.campaign import Campaign
     from receptance.model.assembly import Assembly

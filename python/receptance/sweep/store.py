@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
@@ -20,7 +21,6 @@ from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
     from receptance.sweep.outputs import Variable
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Floor, MeasuredFRF, Unknown, identify
@@ -16,8 +17,6 @@ from receptance.identification.covariance import confidence_multiplier
 from receptance.taper.holder import BodyModel, Contact, Holder
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
     from receptance.identification import Identification
     from receptance.measurement import Hits

@@ -11,16 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.identification.covariance import confidence_multiplier
 from receptance.taper.rigid import AxialJoint, Body, RadialJoint
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "AxialSolution",
@@ -139,8 +136,8 @@ def radial_from_modes(
     >>> from receptance.taper import Body, RadialJoint, radial_from_modes
     >>> body = Body(mass=4.5, inertia=0.01)
     >>> true = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=5e8)
-    >>> found = radial_from_modes(body, 0.02, -0.08, true.undamped_modes().frequency_hz)
-    >>> [f"{s.joint.k_x1:.3g} and {s.joint.k_x2:.3g} N/m" for s in found.solutions]
+    >>> solutions = radial_from_modes(body, 0.02, -0.08, true.undamped_modes().frequency_hz)
+    >>> [f"{s.joint.k_x1:.3g} and {s.joint.k_x2:.3g} N/m" for s in solutions.solutions]
     ['1.64e+09 and 3.04e+08 N/m', '1e+09 and 5e+08 N/m']
     """
     f = _pair("frequency_hz", frequency_hz, positive=True)

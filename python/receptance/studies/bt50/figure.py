@@ -22,12 +22,12 @@ _FORCE = "drawbar force (kN)"
 _BAND = "#EDEDED"
 
 
-def draw(found: dict[str, Any]) -> Figure:
+def draw(results: dict[str, Any]) -> Figure:
     """Draw six panels: stiffness and damping along and across over force, frequencies, and levels left out.
 
     Parameters
     ----------
-    found : dict
+    results : dict
         From `receptance.studies.bt50.run`.
 
     Returns
@@ -35,7 +35,7 @@ def draw(found: dict[str, Any]) -> Figure:
     matplotlib.figure.Figure
         The figure; save it with `savefig`.
     """
-    virtual, published = found["virtual"], found["published"]
+    virtual, published = results["virtual"], results["published"]
     series = series_of(virtual["trends"])
     figure = new_figure(16.0, 9.6, math=True)
     cells = figure.add_gridspec(2, 3)

@@ -32,7 +32,7 @@ _CLAIMS = (
 )
 
 
-def findings(found: dict[str, Any]) -> list[dict[str, str]]:
+def findings(results: dict[str, Any]) -> list[dict[str, str]]:
     """Return the sentences with their subjects."""
     subjects = {
         "axial": _on_axial,
@@ -42,15 +42,15 @@ def findings(found: dict[str, Any]) -> list[dict[str, str]]:
         "trends": _on_trends,
         "use": _on_use,
     }
-    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(found)]
+    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(results)]
 
 
-def sections(found: dict[str, Any]) -> list[Section]:
+def sections(results: dict[str, Any]) -> list[Section]:
     """Return the printed sections."""
     texts: dict[str, list[str]] = {}
-    for item in found["findings"]:
+    for item in results["findings"]:
         texts.setdefault(item["about"], []).append(item["text"])
-    virtual = found["virtual"]
+    virtual = results["virtual"]
     title = "BT50 taper over drawbar force: the procedure of the paper on a virtual rig"
     return [
         Section(title, [], [SOURCE + ".", PROVENANCE]),
@@ -75,8 +75,8 @@ def _span(values: list[float], form: str) -> str:
     return f"{min(values):{form}} to {max(values):{form}}"
 
 
-def _on_axial(found: dict[str, Any]) -> Iterator[str]:
-    levels, published = found["virtual"]["axial"], found["published"]
+def _on_axial(results: dict[str, Any]) -> Iterator[str]:
+    levels, published = results["virtual"]["axial"], results["published"]
     rigid = [level["rigid"]["values"]["k_z1"] for level in levels]
     elastic = [level["elastic"]["values"]["k_z1"] for level in levels]
     low, high = published["axial_stiffness_n_per_m"]
@@ -96,7 +96,7 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
         f"first mode of {_span(simulated, '+.1f')} % (paper: about "
         f"-{published['simulated_below_experiment_percent']:g} %)."
     )
-    left = found["virtual"]["left_out"][0]
+    left = results["virtual"]["left_out"][0]
     yield (
         f"Force levels left out ({len(left['force_kn'])}), predicted from laws of the others: "
         f"{left['before_rms_percent']:.2g} % rms with the rigid body, {left['after_rms_percent']:.2g} % with the "
@@ -104,8 +104,8 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
-    for diagnosis in found["virtual"]["diagnosis"]:
+def _on_diagnosis(results: dict[str, Any]) -> Iterator[str]:
+    for diagnosis in results["virtual"]["diagnosis"]:
         after = diagnosis["adequacy_after"]
         forces = ", ".join(f"{force:g}" for force in diagnosis["seen_kn"])
         yield (
@@ -143,19 +143,19 @@ def _sizes(cause: dict[str, Any]) -> str:
     )
 
 
-def _on_damping(found: dict[str, Any]) -> Iterator[str]:
-    rough, fine = (found["virtual"]["damping_errors"][name] for name in ("half_power", "circle"))
-    lines = [level["half_power"]["lines_in_band"] for level in found["virtual"]["axial"]]
+def _on_damping(results: dict[str, Any]) -> Iterator[str]:
+    rough, fine = (results["virtual"]["damping_errors"][name] for name in ("half_power", "circle"))
+    lines = [level["half_power"]["lines_in_band"] for level in results["virtual"]["axial"]]
     yield (
-        f"At {found['published']['spacing_hz']:g} Hz the axial half-power band contains {_span(lines, '.1f')} lines. "
+        f"At {results['published']['spacing_hz']:g} Hz the axial half-power band contains {_span(lines, '.1f')} lines. "
         f"Half-power damping has a mean error of {rough['mean_percent']:+.1f} % and a scatter of "
         f"{rough['scatter_percent']:.1f} %; a circle through the same hits, with an exponential window, "
         f"{fine['mean_percent']:+.2f} % and {fine['scatter_percent']:.2f} %."
     )
     yield (
-        f"Above {found['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: half-power "
-        f"{rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, circle "
-        f"{fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual "
+        f"Above {results['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: "
+        f"half-power {rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, "
+        f"circle {fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual "
         "rig rises smoothly there."
     )
     yield (
@@ -164,8 +164,8 @@ def _on_damping(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_radial(found: dict[str, Any]) -> Iterator[str]:
-    levels, left = found["virtual"]["radial"], found["virtual"]["left_out"][1]
+def _on_radial(results: dict[str, Any]) -> Iterator[str]:
+    levels, left = results["virtual"]["radial"], results["virtual"]["left_out"][1]
     counts = [len(level["rigid"]["solutions"]) for level in levels]
     refused = sum(level["rigid"]["of_neither"] for level in levels)
     last = levels[-1]
@@ -182,8 +182,8 @@ def _on_radial(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_trends(found: dict[str, Any]) -> Iterator[str]:
-    parameters = series_of(found["virtual"]["trends"])
+def _on_trends(results: dict[str, Any]) -> Iterator[str]:
+    parameters = series_of(results["virtual"]["trends"])
     for series in parameters.values():
         yield f"{series.sentence()}."
     for claim, direction, names in _CLAIMS:
@@ -193,8 +193,8 @@ def _on_trends(found: dict[str, Any]) -> Iterator[str]:
         yield f"Claim of the paper: {claim}. On the virtual rig this {'holds' if holds else 'does not hold'}: {text}."
 
 
-def _on_use(found: dict[str, Any]) -> Iterator[str]:
-    virtual = found["virtual"]
+def _on_use(results: dict[str, Any]) -> Iterator[str]:
+    virtual = results["virtual"]
     for motion, bands in virtual["damping_matters_hz"].items():
         ranges = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in bands)
         low, high = RESPONSE_HZ

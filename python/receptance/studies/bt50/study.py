@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
@@ -33,8 +34,6 @@ from receptance.taper import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.campaign import Campaign, Measurement
     from receptance.frf import FRF
 
@@ -97,7 +96,7 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
     series = _series(rows["axial"], rows["radial"])
     shown = int(np.argmin([abs(level["force_kn"] - _SHOWN_KN) for level in rows["axial"]]))
     bonded = holder.bonded("axial").get("taper.k_y")
-    found: dict[str, Any] = {
+    results: dict[str, Any] = {
         "study": "bt50",
         "source": SOURCE,
         "provenance": PROVENANCE,
@@ -125,7 +124,7 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
             },
         },
     }
-    return {**found, "findings": findings(found)}
+    return {**results, "findings": findings(results)}
 
 
 def _levels(step_kn: int, seed: int) -> list[tuple[VirtualRig, int]]:

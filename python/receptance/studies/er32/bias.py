@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.studies.er32.joints import (
     BOUNDS,
@@ -22,8 +23,6 @@ from receptance.studies.er32.joints import (
 from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = [

@@ -26,12 +26,12 @@ _SOURCES = {
 }
 
 
-def draw(found: dict[str, Any]) -> Figure:
+def draw(results: dict[str, Any]) -> Figure:
     """Draw stiffness over diameter and torque, transfer errors, parameter sets, and the bias against chance.
 
     Parameters
     ----------
-    found : dict
+    results : dict
         From `receptance.studies.er32.run`.
 
     Returns
@@ -41,12 +41,12 @@ def draw(found: dict[str, Any]) -> Figure:
     """
     figure = new_figure(16.0, 9.6, math=True)
     panels = figure.subplots(2, 3)
-    _draw_diameter(panels[0, 0], found)
-    _draw_torque(panels[0, 1], found)
-    _draw_transfer(panels[0, 2], found["transfer"])
-    _draw_sets(panels[1, 0], found["parameter_sets"])
-    _draw_bias(panels[1, 1], found["long_first_mode_bias"])
-    _draw_sources(panels[1, 2], found["long_first_mode_bias"])
+    _draw_diameter(panels[0, 0], results)
+    _draw_torque(panels[0, 1], results)
+    _draw_transfer(panels[0, 2], results["transfer"])
+    _draw_sets(panels[1, 0], results["parameter_sets"])
+    _draw_bias(panels[1, 1], results["long_first_mode_bias"])
+    _draw_sources(panels[1, 2], results["long_first_mode_bias"])
     title = "ER32 collet holder: the joint identified from the printed frequencies of Matthias et al. 2016"
     note = (
         "The holder's shape is inferred, not published: agreement in the data it was inferred from is consistency, "
@@ -56,13 +56,15 @@ def draw(found: dict[str, Any]) -> Figure:
     return figure
 
 
-def _draw_diameter(axes: Axes, found: dict[str, Any]) -> None:
-    torque = found["trends"]["diameter"][0]["torque_nm"]
+def _draw_diameter(axes: Axes, results: dict[str, Any]) -> None:
+    torque = results["trends"]["diameter"][0]["torque_nm"]
     title = f"Stiffness over diameter at {torque:g} N m"
     set_up(axes, title, "tool diameter (mm)", "$k_y$ (N/m),  $k_\\theta$ (N m/rad)")
-    joints = sorted((j for j in found["identified"] if j["torque_nm"] == torque), key=lambda j: float(j["diameter_mm"]))
+    joints = sorted(
+        (j for j in results["identified"] if j["torque_nm"] == torque), key=lambda j: float(j["diameter_mm"])
+    )
     x = np.array([j["diameter_mm"] for j in joints])
-    for law, colour in zip(found["trends"]["diameter"], COLOURS, strict=False):
+    for law, colour in zip(results["trends"]["diameter"], COLOURS, strict=False):
         name = law["quantity"]
         y = np.array([j[name] for j in joints])
         low, high = np.array([j[f"{name}_interval"] for j in joints], dtype=float).T
@@ -86,12 +88,12 @@ def _draw_diameter(axes: Axes, found: dict[str, Any]) -> None:
     axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(0.0, 0.52))
 
 
-def _draw_torque(axes: Axes, found: dict[str, Any]) -> None:
-    low, high = found["trends"]["torque_range_nm"]
+def _draw_torque(axes: Axes, results: dict[str, Any]) -> None:
+    low, high = results["trends"]["torque_range_nm"]
     title = f"Change of stiffness from {low:g} to {high:g} N m, fitted line"
     set_up(axes, title, "tool diameter (mm)", "change (%)")
-    diameters = sorted({trend["diameter_mm"] for trend in found["trends"]["torque"]})
-    for trend in found["trends"]["torque"]:
+    diameters = sorted({trend["diameter_mm"] for trend in results["trends"]["torque"]})
+    for trend in results["trends"]["torque"]:
         column = ("k_y", "k_theta").index(trend["quantity"])
         change, ends = trend["change_percent"], trend["interval"]
         x = diameters.index(trend["diameter_mm"]) + (-0.19, 0.19)[column]
@@ -105,7 +107,7 @@ def _draw_torque(axes: Axes, found: dict[str, Any]) -> None:
     axes.legend(frameon=False, fontsize=9, loc="upper left")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top + 0.16 * (top - bottom))
-    fine, coarse, change = found["settings"]["resolution"].values()
+    fine, coarse, change = results["settings"]["resolution"].values()
     note = f"whiskers: readings in steps of {fine:g} Hz,\n{coarse:g} Hz from {change / 1e3:g} kHz on"
     axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=PALE)
 

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.identification import MeasuredFrequencies, Unknown, identify
 from receptance.identification.covariance import confidence_multiplier
 from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = [

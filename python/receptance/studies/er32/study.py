@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.report import versions
@@ -31,9 +32,6 @@ from receptance.studies.er32.joints import (
 )
 from receptance.studies.er32.report import findings
 from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["ER32Settings", "run"]
 
@@ -103,8 +101,8 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
     Examples
     --------
     >>> from receptance.studies import er32
-    >>> found = er32.run(er32.ER32Settings(starts=1, draws=1))
-    >>> round(found["published_predictions"]["rms_percent"], 2)
+    >>> results = er32.run(er32.ER32Settings(starts=1, draws=1))
+    >>> round(results["published_predictions"]["rms_percent"], 2)
     0.49
     """
     chosen = settings or ER32Settings()
@@ -134,7 +132,7 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
         }
         for row in theirs
     ]
-    found: dict[str, Any] = {
+    results: dict[str, Any] = {
         "study": "er32",
         "source": SOURCE,
         "settings": asdict(chosen),
@@ -160,7 +158,7 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
         "long_first_mode_bias": bias,
         "disagreements": find_disagreements(published, joints),
     }
-    return {**found, "findings": findings(found)}
+    return {**results, "findings": findings(results)}
 
 
 def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.float64]]:
