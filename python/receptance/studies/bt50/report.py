@@ -155,8 +155,8 @@ def _on_damping(results: dict[str, Any]) -> Iterator[str]:
     yield (
         f"Above {results['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: "
         f"half-power {rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, "
-        f"circle {fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual "
-        "rig rises smoothly there."
+        f"circle {fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the "
+        "virtual rig rises smoothly there."
     )
     yield (
         "The response has not decayed at the end of a block of 50 ms: without a window the estimate warns of this on "
