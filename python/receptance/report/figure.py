@@ -24,6 +24,7 @@ __all__ = [
     "PALE",
     "add_heading",
     "add_legend",
+    "add_room",
     "as_image",
     "draw_condition",
     "finished",
@@ -190,6 +191,12 @@ def add_legend(place: Axes | Figure | SubFigure, *entries: Any, **options: Any) 
     if not isinstance(place, Axes):
         options = {"loc": "outside lower center", **options}
     place.legend(*entries, **{"frameon": False, "fontsize": 9, **options})
+
+
+def add_room(axes: Axes, share: float) -> None:
+    """Extend the vertical axis upwards by a share of its length, for a legend."""
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + share * (top - bottom))
 
 
 def label_point(

@@ -66,19 +66,11 @@ class CandidateModel(ABC):
 
     def receptance(self, values: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptances `(m, n_freq)` of candidates `(m, p)`."""
-        rows = self._rows(values)
-        out = np.empty((len(rows), self.lines), dtype=np.complex128)
-        for chunk in self._chunks(rows):
-            self._fill(rows[chunk], out[chunk])
-        return out
+        return self._filled(values, np.complex128)
 
     def magnitude(self, values: ArrayLike) -> NDArray[np.float64]:
         """Return the moduli of the receptances `(m, n_freq)` of candidates `(m, p)`."""
-        rows = self._rows(values)
-        out = np.empty((len(rows), self.lines))
-        for chunk in self._chunks(rows):
-            self._fill(rows[chunk], out[chunk])
-        return out
+        return self._filled(values, np.float64)
 
     def misfit(
         self,
@@ -104,6 +96,13 @@ class CandidateModel(ABC):
             raise ValueError("measured: a receptance of zero has no logarithm")
         parts = [self._misfit(rows[chunk], target, factor, residual == "logarithm") for chunk in self._chunks(rows)]
         return np.concatenate([np.empty(0), *parts])
+
+    def _filled(self, values: ArrayLike, dtype: type[np.complex128] | type[np.float64]) -> NDArray[Any]:
+        rows = self._rows(values)
+        out = np.empty((len(rows), self.lines), dtype)
+        for chunk in self._chunks(rows):
+            self._fill(rows[chunk], out[chunk])
+        return out
 
     def _rows(self, values: ArrayLike) -> NDArray[np.float64]:
         rows = np.ascontiguousarray(values, dtype=np.float64)

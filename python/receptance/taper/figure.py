@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, NORMAL_95, add_legend, finished, set_up, surface
+from receptance.report.figure import COLOURS, NORMAL_95, add_legend, add_room, finished, set_up, surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from receptance.taper import ForceSeries
 
-__all__ = ["add_room", "draw_force_series", "draw_over_levels", "draw_with_law"]
+__all__ = ["draw_force_series", "draw_over_levels", "draw_with_law"]
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 _LAWS = {"constant": "constant", "linear": "K0 + a F", "power": "K0 + a F^n"}
@@ -51,12 +51,6 @@ def draw_with_law(axes: Axes, series: ForceSeries, over: str, unit: str) -> None
         law += f", n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})"
     add_room(axes, 0.3)
     add_legend(axes, loc="upper left", title=law, title_fontsize=9, alignment="left")
-
-
-def add_room(axes: Axes, share: float) -> None:
-    """Extend the vertical axis upwards by a share of its length, for a legend."""
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + share * (top - bottom))
 
 
 def draw_over_levels(

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
 from receptance.studies.bt50.report import series_of
 from receptance.taper import ForceSeries
-from receptance.taper.figure import add_room, draw_over_levels
+from receptance.taper.figure import draw_over_levels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,7 +69,7 @@ def _draw_axial_stiffness(axes: Axes, series: dict[str, ForceSeries], published:
         stiffness = series[f"{name} k_z1"]
         draw_over_levels(axes, stiffness, 1e-9, colour, f"{text}, {_power(stiffness)}")
     add_room(axes, 0.3)
-    axes.legend(frameon=False, fontsize=9, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
+    add_legend(axes, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
 
 
 def _draw_axial_damping(
@@ -86,7 +86,7 @@ def _draw_axial_damping(
     damping = [factor * mode["frequency_hz"] * mode["damping_ratio"] for mode in truth]
     axes.plot(force, damping, color=INK, linewidth=1.0, linestyle=":", label="virtual rig (eq. 15)")
     add_room(axes, 0.25)
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    add_legend(axes, loc="upper left")
 
 
 def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
@@ -107,7 +107,7 @@ def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
     ):
         axes.plot(force, [level[key] for level in levels], style, color=colour, markersize=4.5, label=label)
     add_room(axes, 0.35)
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    add_legend(axes, loc="upper left")
     share = np.mean([100.0 * (level["simulated_hz"] / level["experiment_hz"] - 1.0) for level in levels])
     axes.text(0.98, 0.3, f"{share:+.1f} % on average", transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
     _break(above, axes)
@@ -136,14 +136,8 @@ def _draw_radial(axes: Axes, series: dict[str, ForceSeries], kind: str, title: s
         parameter = series[f"elastic {kind}_{end}"]
         draw_over_levels(axes, parameter, factor, colour, f"{text}, {_power(parameter)}")
     add_room(axes, 0.25)
-    axes.legend(
-        frameon=False,
-        fontsize=9,
-        loc="upper left" if kind == "k" else "upper right",
-        title="elastic holder, $K_0 + a F^n$",
-        title_fontsize=9,
-        alignment="left",
-    )
+    place = "upper left" if kind == "k" else "upper right"
+    add_legend(axes, loc=place, title="elastic holder, $K_0 + a F^n$", title_fontsize=9, alignment="left")
 
 
 def _draw_left_out(axes: Axes, left_out: list[dict[str, Any]], published: dict[str, Any]) -> None:
@@ -170,4 +164,4 @@ def _draw_left_out(axes: Axes, left_out: list[dict[str, Any]], published: dict[s
     axes.axhline(percent, color=BAD, linewidth=0.8, linestyle="--", label=f"paper: about {percent:g} %")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top * 100.0)
-    axes.legend(frameon=False, fontsize=8, loc="upper left", ncols=2)
+    add_legend(axes, fontsize=8, loc="upper left", ncols=2)

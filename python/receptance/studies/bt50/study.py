@@ -29,6 +29,7 @@ from receptance.taper import (
     Shape,
     axial_from_mode,
     fit_axial,
+    fit_laws,
     fit_radial,
     radial_from_modes,
 )
@@ -302,13 +303,8 @@ def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -
 
 def _law_between(series: ForceSeries) -> list[float]:
     """Return the values at every second level from the law of the others."""
-    half = ForceSeries(
-        name=series.name,
-        force=series.force[::2],
-        values=series.values[::2],
-        standard_errors=series.standard_errors[::2],
-    )
-    return list(half.law.at(series.force[1::2]))
+    laws = fit_laws(series.force[::2], series.values[::2], series.standard_errors[::2])
+    return list(min(laws, key=lambda law: law.criterion).at(series.force[1::2]))
 
 
 def _left_out(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,7 +85,7 @@ def _draw_diameter(axes: Axes, results: dict[str, Any]) -> None:
     axes.set_yscale("log")
     axes.set_xticks(x, [f"{value:g}" for value in x])
     axes.minorticks_off()
-    axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(0.0, 0.52))
+    add_legend(axes, loc="center left", bbox_to_anchor=(0.0, 0.52))
 
 
 def _draw_torque(axes: Axes, results: dict[str, Any]) -> None:
@@ -104,9 +104,8 @@ def _draw_torque(axes: Axes, results: dict[str, Any]) -> None:
         axes.errorbar(x, change, whiskers, color=INK, capsize=4, linewidth=1.2)
     axes.set_xticks(range(len(diameters)), [f"{value:g}" for value in diameters])
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.16 * (top - bottom))
+    add_legend(axes, loc="upper left")
+    add_room(axes, 0.16)
     fine, coarse, change = results["settings"]["resolution"].values()
     note = f"whiskers: readings in steps of {fine:g} Hz,\n{coarse:g} Hz from {change / 1e3:g} kHz on"
     axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=PALE)
@@ -198,4 +197,4 @@ def _draw_sources(axes: Axes, bias: dict[str, Any]) -> None:
 
 
 def _add_titled_legend(axes: Axes, title: str) -> None:
-    axes.legend(frameon=False, fontsize=9, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")
+    add_legend(axes, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")
