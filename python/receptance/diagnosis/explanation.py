@@ -10,8 +10,9 @@ from receptance.diagnosis.adequacy import Adequacy, judge, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
+from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE
 
-__all__ = ["Explanation", "Selection", "best_of_each"]
+__all__ = ["Explanation", "Selection", "behind_limit", "best_of_each"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,20 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
     for one in sorted(found, key=lambda one: -one.evidence):
         best.setdefault(one.ids, one)
     return list(best.values())
+
+
+def behind_limit(without: float, found: Iterable[float]) -> float:
+    """Return the largest chi-square that an explanation may have to be fitted on all lines.
+
+    Parameters
+    ----------
+    without : float
+        Chi-square without a cause.
+    found : iterable of float
+        Chi-square of the explanations.
+    """
+    best = min([without, *found])
+    return best + BEHIND + BEHIND_SHARE * (without - best)
 
 
 @dataclass(eq=False)

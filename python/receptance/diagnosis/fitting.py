@@ -29,6 +29,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 from receptance.identification.fit import conclude
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import InfeasibleError
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import fit_direct, fit_staged
 
@@ -86,7 +87,10 @@ class Fit:
     @cached_property
     def residual(self) -> NDArray[np.float64]:
         """All residuals, priors last."""
-        return self.problem.residual(self.x).copy()
+        try:
+            return self.problem.value(self.x)
+        except InfeasibleError:
+            return np.full(self.problem.size, np.inf)
 
     @property
     def parts(self) -> list[NDArray[np.float64]]:
@@ -236,6 +240,13 @@ class Exploration:
     def chi_square(self) -> float:
         """Smallest chi-square on few lines."""
         return self.ends[0][0] if self.ends else np.inf
+
+    @property
+    def misfit(self) -> float:
+        """Smallest chi-square on few lines divided by its expectation from noise and floor."""
+        pairs = zip(self.model.observations, informative_lines(self.model), strict=True)
+        values = sum((one if lines is None else one.select(lines)).independent_values for one, lines in pairs)
+        return self.chi_square / max(values - sum(unknown.prior is None for unknown in self.model.unknowns), 1.0)
 
     def finish(self) -> Fit | None:
         """Return the fit on all lines, the better one from the best end point and from another one nearly as good.

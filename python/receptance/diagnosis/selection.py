@@ -13,7 +13,7 @@ from typing import TypeVar
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
-from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
+from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Exploration, Fit, evaluate, explore, fit_base, refit, with_null
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
@@ -24,7 +24,6 @@ from receptance.diagnosis.thresholds import (
     ADDED_EVIDENCE,
     ALTERNATIVES_FINISHED,
     BEHIND,
-    BEHIND_SHARE,
     CONVERGED,
     EVALUATED_ON_INTERRUPT,
     LEADING_CAUSES,
@@ -402,8 +401,9 @@ class Search:
         """Yield explanations on all lines: fitted where they come close to the best one, else evaluated."""
         own, stage = self.selection, "together" if steps else "causes"
         without = root.chi_square_on_few_lines
-        best = min([without, *(few.chi_square for _, few in explored)])
-        limit = best + BEHIND + BEHIND_SHARE * (without - best)
+        limit = behind_limit(without, (few.chi_square for _, few in explored))
+        # Far from the data short fits are unreliable, unless one of them has come close.
+        fit_all = root.misfit > SCREENING_LIMIT and all(few.misfit > MISFIT_LIMIT for _, few in explored[:1])
         leaders: dict[str, float] = {}
         finished: list[tuple[Direction, Exploration]] = []
         fits: list[Callable[[], Fit | None]] = []
@@ -417,7 +417,7 @@ class Search:
                 yield self._predict(steps, root, direction)
                 continue
             finished.append((direction, few))
-            fits.append(few.finish if is_close or root.misfit > SCREENING_LIMIT else few.evaluate)
+            fits.append(few.finish if is_close or fit_all else few.evaluate)
         leading: Explanation | None = None
         done = 0
         titles = [f"{_title(steps, direction)}, on all lines" for direction, _ in finished]
