@@ -18,13 +18,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.model.coordinates import Unplaced
 from receptance.units import FORMS, Form
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf.frf import FRF
 
 __all__ = [

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make, make_frf, missing_phase_notes, sampling, to_si
@@ -14,9 +15,6 @@ from receptance.io.description import ABOUT, about_text, arrays_of, kind_of, mea
 from receptance.io.errors import FileFormatError, placed
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions, resolve_frf
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["measurements_of", "named_items", "requested_names"]
 

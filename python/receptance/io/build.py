@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.frf import FRF
@@ -16,8 +17,6 @@ from receptance.io.options import ReadOptions
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.units import Form
 
 __all__ = [

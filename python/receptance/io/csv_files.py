@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._files import inert
 from receptance.frf import FRF
@@ -17,9 +18,6 @@ from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions, Resolved, resolve_frf
 from receptance.io.table import EXAMPLE, MARK, QUALITIES, Table, column_in_unit, column_unit, read_table
 from receptance.io.text import check_ascending
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["csv_bytes", "read_csv"]
 

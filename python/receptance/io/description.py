@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.frf.plausibility import DRIVE_POINT_NOTE
@@ -21,9 +22,6 @@ from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions
 from receptance.model.coordinates import Coordinate, Unplaced
 from receptance.units import parse_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "ABOUT",

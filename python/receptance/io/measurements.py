@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence, check_labels, check_lines
 from receptance.units import channel_kind, parse_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_note"]
 

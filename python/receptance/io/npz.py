@@ -6,18 +6,16 @@ import io
 import zipfile
 import zlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.io.arrays import measurements_of, named_items
 from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_size, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["arrays_in", "npz_bytes", "read_npz"]
 

@@ -6,9 +6,10 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.io.description import parse_about
 from receptance.io.errors import FileFormatError, placed
@@ -16,9 +17,6 @@ from receptance.io.limits import check_fields, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
 from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "EXAMPLE",

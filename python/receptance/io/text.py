@@ -5,16 +5,13 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.io.errors import FileFormatError
 from receptance.io.limits import check_time
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "check_ascending",

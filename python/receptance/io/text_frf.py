@@ -7,9 +7,9 @@ text behind the first row; an export has nine header lines with channels and uni
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make_frf, to_si
@@ -18,9 +18,6 @@ from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
 from receptance.units import UnitError, parse_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["cutpro_bytes", "dataphysics_bytes", "is_dataphysics", "read_cutpro", "read_dataphysics"]
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.measurement.windows import Windows
 
 __all__ = ["TruncationError", "force_noise_power", "force_outside_window", "truncation_error"]

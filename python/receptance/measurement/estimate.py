@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
@@ -16,8 +17,6 @@ from receptance.measurement.windows import ExponentialOn, Windows, make_windows
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["estimate_frf"]

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.measurement.contacts import CLEAR, Contact, clipped_samples, find_contacts, noise_level, second_contact
 from receptance.measurement.records import HammerRecords
 from receptance.report import Column, Renderable, Table
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Hit", "Hits", "find_hits", "single_records"]
 

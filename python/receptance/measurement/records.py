@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.model.coordinates import Coordinate, measured_coordinates
 from receptance.units import ROTATIONS, channel_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.io.measurements import TimeSeries
     from receptance.model.coordinates import Side
 

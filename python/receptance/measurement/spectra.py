@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.frf.variance import pool_variance
@@ -15,8 +16,6 @@ from receptance.measurement.contacts import CLEAR
 from receptance.measurement.windows import correlated_lines, noncircularity
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.measurement.hits import Hits
     from receptance.measurement.windows import Windows
 

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.measurement.hits import Hits
 
 __all__ = ["ExponentialOn", "Windows", "correlated_lines", "make_windows", "noncircularity"]

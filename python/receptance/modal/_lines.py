@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.frf.variance import additive_share
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 

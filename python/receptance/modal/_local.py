@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.modal._lines import Lines
 
 BACKGROUND = (-1,)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 _CIRCLE_SHARE = 0.9
 """Share of the unit circle onto which the band is mapped; the rest separates its ends."""

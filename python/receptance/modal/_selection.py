@@ -7,12 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.modal._lines import Lines
 
 Scatter = Literal["absolute", "relative"]

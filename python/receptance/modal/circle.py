@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.modal._lines import check_one_entry, select_lines
@@ -14,8 +15,6 @@ from receptance.modal._local import highest_line, lines_around_peak, mobility, s
 from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["CircleFit", "circle_fit"]

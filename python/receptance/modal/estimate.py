@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf.variance import interval_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.modal._least_squares import PoleFit
 
 __all__ = ["ModeEstimate"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf.presentation import PHASE_FROM
 from receptance.report.figure import (
@@ -22,7 +23,6 @@ from receptance.report.figure import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.modal import ModalFit, RingDown
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
@@ -17,8 +18,6 @@ from receptance.modal._selection import Scatter, Search, refine, weights_of
 from receptance.modal.modal_fit import ModalFit, make_modal_fit
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["fit_modes"]

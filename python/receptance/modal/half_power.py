@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.modal._lines import check_one_entry, select_lines
@@ -15,8 +16,6 @@ from receptance.modal._local import highest_line, mobility, polar_errors, relati
 from receptance.modal.estimate import ModeEstimate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["half_power"]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.modal._lines import Lines, check_one_entry, select_lines
@@ -13,8 +14,6 @@ from receptance.modal._local import lines_around_peak, mobility, polar_errors
 from receptance.modal.estimate import ModeEstimate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["find_peaks"]

@@ -6,9 +6,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import tau
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
@@ -35,9 +36,6 @@ from receptance.model.tables import (
     rows_of,
 )
 from receptance.model.terminals import MeasuredPart
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Assembly"]
 

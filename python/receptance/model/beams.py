@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
 from receptance.errors import warn_user
@@ -16,8 +17,6 @@ from receptance.model.joints import WIDTHS
 from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.tables import Flat
 
 __all__ = ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"]

@@ -14,13 +14,12 @@ from math import tau
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.model.addresses import listed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 

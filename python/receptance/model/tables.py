@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.errors import GrossSlipError, SingularInterfaceError
@@ -20,8 +21,6 @@ from receptance.model.joints import WIDTHS, MicroslipJoint
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.coordinates import Coordinate
 
 __all__ = ["MOTIONS", "Flat", "Motion", "Tables", "Tied", "flatten", "force_amplitudes"]

@@ -10,14 +10,12 @@ from math import tau
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
 from receptance.model.fields import Element, Field, Number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from receptance.frf import FRF
     from receptance.model.tables import Flat
 

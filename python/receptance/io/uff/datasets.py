@@ -16,17 +16,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.io.build import complex_values
 from receptance.io.errors import FileFormatError, placed
 from receptance.io.limits import check_time
 from receptance.io.text import excerpt
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "Axis",

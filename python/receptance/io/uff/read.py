@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import make, make_frf, missing_phase_notes, sampling, to_si
@@ -26,8 +27,6 @@ from receptance.io.uff.header import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.units import Form
 
 __all__ = ["read_uff"]

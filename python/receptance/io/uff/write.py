@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.uff.datasets import Axis, Function, Point
 from receptance.io.uff.header import MOTION_CODES, WIDTH, code_of, coordinates_line, values_line
 from receptance.model.coordinates import Coordinate, Unplaced
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["uff_bytes"]
 
