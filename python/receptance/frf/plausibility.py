@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def drive_point_notes(frf: FRF) -> list[str]:
     chosen = slice(None) if frf.usable is None else frf.usable
     for i, response in enumerate(frf.responses):
         for j, excitation in enumerate(frf.excitations):
-            if isinstance(response, Unplaced) or response != excitation:
+            if isinstance(response, UnknownPosition) or response != excitation:
                 continue
             verdict = check_drive_point(frf.frequency_hz[chosen], frf.values[chosen, i, j], frf.form)
             if not verdict.contradicted:

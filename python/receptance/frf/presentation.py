@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 from receptance.report import Table
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
 
@@ -94,7 +94,7 @@ def _name(frf: FRF, row: int, column: int) -> str:
     if frf.labels is not None and (frf.labels[0][row] or frf.labels[1][column]):
         return f"{frf.labels[0][row]} over {frf.labels[1][column]}"
     load = "force" if excitation.direction == "y" else "moment"
-    if isinstance(response, Unplaced) or isinstance(excitation, Unplaced):
+    if isinstance(response, UnknownPosition) or isinstance(excitation, UnknownPosition):
         return f"{response.direction} {row} over {load} {column}" if frf.values[0].size > 1 else ""
     return f"{response.describe()} over {load}{excitation.describe().removeprefix(excitation.direction)}"
 

@@ -13,7 +13,7 @@ from receptance._files import inert
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make, make_frf, sampling, to_si
 from receptance.io.description import about_text, arrays_of, measurement_of
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions, Resolved, resolve_frf
 from receptance.io.table import EXAMPLE, MARK, QUALITIES, Table, column_in_unit, column_unit, read_table
@@ -34,7 +34,7 @@ def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
     """
     table = read_table(data, options)
     frequency, time = table.of("frequency"), table.of("time")
-    with placed(line=table.header or None):
+    with error_location(line=table.header or None):
         return [_time_series(table, time[0], options) if time else _by_frequency(table, frequency[0], options)]
 
 

@@ -16,8 +16,8 @@ from receptance.io.errors import FileFormatError
 __all__ = [
     "LARGEST",
     "allowed_seconds",
-    "check_fields",
-    "check_lines",
+    "check_line_count",
+    "check_number_count",
     "check_size",
     "check_time",
     "decompress",
@@ -54,7 +54,7 @@ def check_size(size: int, what: str = "the contents") -> None:
         )
 
 
-def check_lines(data: bytes) -> None:
+def check_line_count(data: bytes) -> None:
     """Raise if a text exceeds the limit of lines."""
     count = data.count(b"\n") or data.count(b"\r")
     if count > MAX_LINES:
@@ -64,7 +64,7 @@ def check_lines(data: bytes) -> None:
         )
 
 
-def check_fields(count: int) -> None:
+def check_number_count(count: int) -> None:
     """Raise if a table exceeds the limit of numbers."""
     if count > MAX_FIELDS:
         raise FileFormatError(

@@ -31,7 +31,7 @@ from receptance.io.limits import BYTES_PER_SECOND, LARGEST, allowed_seconds, che
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
 
-__all__ = ["hdf5_bytes", "mat_bytes", "read_hdf5", "read_mat"]
+__all__ = ["hdf5_bytes", "is_hdf5", "is_mat", "mat_bytes", "read_hdf5", "read_mat"]
 
 Kind = Literal["mat", "hdf5"]
 _WAIT_SECONDS = 60.0
@@ -40,8 +40,18 @@ _CRASH_SIGNALS = ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")
 _COMPRESSED_ELEMENT = 15
 """Type of a zlib-compressed element of a MAT file."""
 _PIECE = 1 << 18
-_NAMES = {"mat": "MAT", "hdf5": "HDF5"}
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LIBRARIES = {"mat": "scipy.io", "hdf5": "libhdf5"}
+
+
+def is_mat(start: bytes) -> bool:
+    """Return whether a file begins like a MAT file before version 7.3, which is HDF5."""
+    return start.startswith(b"MATLAB ")
+
+
+def is_hdf5(start: bytes) -> bool:
+    """Return whether a file begins like an HDF5 file, in MATLAB's version 7.3 after 512 bytes of text."""
+    return start.startswith(_HDF5_SIGNATURE) or start[512:520] == _HDF5_SIGNATURE
 
 
 def mat_bytes(measurements: Sequence[Measurement]) -> bytes:
@@ -72,12 +82,18 @@ def hdf5_bytes(measurements: Sequence[Measurement]) -> bytes:
 
 def read_mat(path: Path, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in a MAT file: those written by this library, else the variables of the options."""
+    with open_file(path) as file:
+        if file.read(10) != b"MATLAB 5.0":
+            raise FileFormatError("this is not a MAT file of version 5 to 7 (save it with -v7)", byte=0)
     items, listed = _load(path, "mat", requested_names(options))
     return measurements_of(items, options, separator=".", listed=listed)
 
 
 def read_hdf5(path: Path, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in an HDF5 file: those written by this library, else the data sets of the options."""
+    with open_file(path) as file:
+        if not is_hdf5(file.read(520)):
+            raise FileFormatError("this is not an HDF5 file: the HDF5 signature is missing", byte=0)
     items, listed = _load(path, "hdf5", requested_names(options))
     return measurements_of(items, options, separator="/", listed=listed)
 
@@ -110,7 +126,7 @@ def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> tuple[dict[str
     }
     answer = _ask(request, _WAIT_SECONDS + allowed_seconds(LARGEST))
     if isinstance(answer, str):
-        raise FileFormatError(f"this {_NAMES[kind]} file cannot be read: {answer}")
+        raise FileFormatError(f"this {kind.upper()} file cannot be read: {answer}")
     arrays, texts, listed = answer
     return arrays | texts, listed
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.io.description import parse_about
-from receptance.io.errors import FileFormatError, placed
-from receptance.io.limits import check_fields, check_time
+from receptance.io.errors import FileFormatError, error_location
+from receptance.io.limits import check_number_count, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
 from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
@@ -131,7 +131,7 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     about = None
     for line, text in lines:
         if text.startswith(MARK):
-            with placed(line=line):
+            with error_location(line=line):
                 about = parse_about(text.removeprefix(MARK).strip())
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
@@ -279,7 +279,7 @@ def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, 
         if index % 1024 == 0:
             check_time()
         fields_so_far += text.count(delimiter) + 1
-        check_fields(fields_so_far)
+        check_number_count(fields_so_far)
         if '"' not in text:
             rows.append((line, text.split(delimiter)))
             continue

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make_frf, to_si
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
@@ -143,7 +143,7 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     if not rows:
         raise FileFormatError("there are no rows of numbers behind the header", line=_EXPORT_HEADER)
     table, notes = _read_rows(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]))
-    with placed(line=9):
+    with error_location(line=9):
         resolved = resolve_frf(options, declared=unit, form=None, directions=None)
     label = lines[2].removeprefix("Channel Name").strip().rstrip(":").strip()
     channels = ((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
-__all__ = ["Coordinate", "Side", "Unplaced", "as_coordinates", "measured_coordinates"]
+__all__ = ["Coordinate", "Side", "UnknownPosition", "as_coordinates", "measured_coordinates"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class Unplaced(Coordinate):
+class UnknownPosition(Coordinate):
     """A coordinate with a known direction and an unknown position, as in files without positions.
 
     It differs from every `Coordinate` with a position. Where a position is needed, the tip of the first part is used.
@@ -59,9 +59,9 @@ class Unplaced(Coordinate):
 
     Examples
     --------
-    >>> from receptance.model.coordinates import Unplaced
-    >>> Unplaced("theta")
-    Unplaced('theta')
+    >>> from receptance.model.coordinates import UnknownPosition
+    >>> UnknownPosition("theta")
+    UnknownPosition('theta')
     """
 
     def __init__(self, direction: str = "y") -> None:
@@ -72,7 +72,7 @@ class Unplaced(Coordinate):
         return f"{self.direction} at unknown position"
 
     def __repr__(self) -> str:
-        return f"Unplaced({self.direction!r})"
+        return f"UnknownPosition({self.direction!r})"
 
 
 Side: TypeAlias = Coordinate | str | Sequence[Coordinate | str] | None
@@ -95,7 +95,7 @@ def as_coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coor
 
 
 def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> tuple[Coordinate, ...]:
-    """Return the coordinates of a measurement's responses or excitations; `Unplaced` where no position is given.
+    """Return the coordinates of a measurement's responses or excitations; `UnknownPosition` where no position is given.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> t
         Another number than `count`, or an entry that is neither a coordinate nor a direction.
     """
     if side is None:
-        return (Unplaced(),) * count
+        return (UnknownPosition(),) * count
     given = tuple(side) if isinstance(side, Iterable) and not isinstance(side, str) else (side,)
     if len(given) != count:
         raise ValueError(f"{owner}: there are {len(given)} {quantity} for values with {count}, expected {count}")
@@ -114,5 +114,5 @@ def _measured_coordinate(owner: str, quantity: str, one: Any) -> Coordinate:
     if isinstance(one, Coordinate):
         return one
     if one in ("y", "theta"):
-        return Unplaced(one)
+        return UnknownPosition(one)
     raise TypeError(f"{owner}: {quantity} is {one!r}, expected a Coordinate, or 'y' or 'theta' for a direction alone")

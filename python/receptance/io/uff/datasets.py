@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.io.build import complex_values
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.limits import check_time
 from receptance.io.text import excerpt
 
@@ -61,9 +61,9 @@ class Line:
         """Return an error at this line, or at its first byte behind binary data."""
         return FileFormatError(problem, line=self.number, byte=self.byte if self.number is None else None)
 
-    def placed(self) -> AbstractContextManager[None]:
+    def error_location(self) -> AbstractContextManager[None]:
         """Return a context that adds this line to errors without a place."""
-        return placed(line=self.number, byte=self.byte if self.number is None else None)
+        return error_location(line=self.number, byte=self.byte if self.number is None else None)
 
     def shown(self) -> str:
         """Return the beginning of the line for a message."""

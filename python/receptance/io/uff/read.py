@@ -111,7 +111,7 @@ def _describe_item(item: Function | Other) -> str:
 
 def _entry(function: Function, options: ReadOptions) -> _Entry:
     """Return one FRF in SI."""
-    with function.line.placed():
+    with function.line.error_location():
         expect_abscissa(function, 18)
         form = declared_form(function)
         resolved = resolve_frf(
@@ -195,7 +195,7 @@ def _frf(
             for place, e in zip(places, entries, strict=True)
         ):
             known[name] = tuple(place[side] for place in places if place is not None)
-    with first.line.placed():
+    with first.line.error_location():
         return make_frf(
             frequency_hz=lines,
             values=values,
@@ -241,7 +241,7 @@ def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
     first = matrix[0][0].function
     labels = tuple(row[0].pair[0] for row in matrix), tuple(entry.pair[1] for entry in matrix[0])
     remarks = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
-    with first.line.placed():
+    with first.line.error_location():
         expect_abscissa(first, 18)
         return make(
             Coherence,
@@ -274,12 +274,12 @@ def _sampling_groups(functions: Sequence[Function]) -> list[list[Function]]:
 def _time_series(functions: Sequence[Function], notes: Sequence[str], options: ReadOptions) -> TimeSeries:
     """Return a time series of channels that were sampled together."""
     names, first = _names(functions), functions[0]
-    with first.line.placed():
+    with first.line.error_location():
         given = options.channel_units(names)
     units: list[tuple[str, float]] = []
     remarks = list(notes)
     for function, name, unit_in_options in zip(functions, names, given, strict=True):
-        with function.line.placed():
+        with function.line.error_location():
             expect_abscissa(function, 17)
             unit, factor, note = channel_unit(function, name, unit_in_options)
         units.append((unit, factor))
@@ -287,7 +287,7 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
         if np.iscomplexobj(function.ordinate):
             raise function.line.error(f"the time series {name!r} is complex, expected real numbers")
     exact: float | None = stored_values(first.texts).get("sample_rate_hz")
-    with first.line.placed():
+    with first.line.error_location():
         # A single sample has no time step.
         step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
         rate, start = sampling(first.abscissa, options, step=step)

@@ -17,7 +17,7 @@ from receptance.frf import FRF
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.uff.datasets import Axis, Function, Point
 from receptance.io.uff.header import MOTION_CODES, WIDTH, code_of, coordinates_line, values_line
-from receptance.model.coordinates import Coordinate, Unplaced
+from receptance.model.coordinates import Coordinate, UnknownPosition
 
 __all__ = ["uff_bytes"]
 
@@ -96,7 +96,7 @@ def _values_text(frf: FRF, lost: list[str]) -> str:
 
 def _coordinates_text(response: Coordinate, excitation: Coordinate, lost: list[str]) -> str:
     """Return ID line 4 of an FRF; empty without positions."""
-    if isinstance(response, Unplaced) and isinstance(excitation, Unplaced):
+    if isinstance(response, UnknownPosition) and isinstance(excitation, UnknownPosition):
         return ""
     line = coordinates_line(response, excitation)
     if line is None:
@@ -136,13 +136,13 @@ def _points(
     """Return a unique point for each response or excitation; equal positions have equal nodes on both sides."""
     points: list[Point] = []
     for index in range(count):
-        place = coordinates[index] if coordinates is not None else Unplaced()
+        place = coordinates[index] if coordinates is not None else UnknownPosition()
         rotation = place.direction == "theta"
         point = _point_of_label(labels[index]) if labels is not None else None
         if point is None or point in points or (point.direction and rotation != (abs(point.direction) > 3)):
             if labels is not None:
                 lost.append("labels that are not like '22:+3' or at most 10 characters")
-            key: object = object() if isinstance(place, Unplaced) else (place.part, place.position)
+            key: object = object() if isinstance(place, UnknownPosition) else (place.part, place.position)
             point = Point("", numbers.setdefault(key, len(numbers) + 1), 6 if rotation else 2)
             if point in points:
                 point = Point("", numbers.setdefault(object(), len(numbers) + 1), point.direction)
