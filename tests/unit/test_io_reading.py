@@ -210,7 +210,7 @@ def test_time_series() -> None:
         ({"values": [1.0, 2.0]}, ValueError, r"shape \(2, 1\), expected \(n_samples, 2\)"),
         ({"values": np.zeros((0, 2))}, ValueError, r"shape \(0, 2\)"),
         ({"channels": ["a", "a"]}, ValueError, "different names"),
-        ({"channels": "ab"}, TypeError, "channels is 'ab', expected a list"),
+        ({"channels": "ab"}, TypeError, "channels is 'ab', expected a sequence"),
         ({"units": ["N"]}, ValueError, "there are 1 units for 2 channels"),
         ({"units": ["N", 3]}, TypeError, "units holds 3"),
         ({"sample_rate_hz": 0.0}, ValueError, "sample_rate_hz is 0"),

@@ -347,7 +347,7 @@ def test_time_series_are_grouped_by_sampling(tmp_path: Path) -> None:
     ):
         with pytest.raises(FileFormatError, match=message):
             read(file(tmp_path, record(1, 12, unit)), **options)
-    with pytest.raises(FileFormatError, match="one unit, 'g', was given for 2 channels"):
+    with pytest.raises(FileFormatError, match="a single unit, 'g', was given for 2 channels"):
         read(file(tmp_path, record(1, 12, ""), record(2, 12, "")), unit="g")
     assert read_time_series(file(tmp_path, MM, record(1, 12, ""))).values[0, 0] == pytest.approx(1e-3)
     assert read_time_series(file(tmp_path, record(1, 12, "")), unit="SI").units == ("m/s^2",)

@@ -18,6 +18,7 @@ __all__ = [
     "check_form",
     "check_labels",
     "check_lines",
+    "check_texts",
     "checked_fields",
     "per_line",
 ]
@@ -54,10 +55,10 @@ def checked_fields(
     array = _response_values(owner, values, lines)
     shape = array.shape
     quality = per_entry(owner, "coherence", coherence, shape)
-    remark = ""
+    coherence_note = ""
     if quality is not None:
-        quality, remark = check_coherence(owner, quality, lines)
-    found: dict[str, Any] = {
+        quality, coherence_note = check_coherence(owner, quality, lines)
+    checked: dict[str, Any] = {
         "frequency_hz": lines,
         "values": array,
         "form": check_form(owner, form),
@@ -73,9 +74,9 @@ def checked_fields(
         "labels": check_labels(owner, labels, (shape[1], shape[2])),
         "label": "" if label is None else str(label),
         "source": "" if source is None else str(source),
-        "notes": _texts(owner, "notes", notes) + ((remark,) if remark else ()),
+        "notes": check_texts(owner, "notes", notes) + ((coherence_note,) if coherence_note else ()),
     }
-    return _without_undefined_zero_line(owner, found)
+    return _without_undefined_zero_line(owner, checked)
 
 
 def check_form(owner: str, form: Any) -> Form:
@@ -212,11 +213,15 @@ def _usable_mask(owner: str, value: ArrayLike | None, n: int) -> NDArray[np.bool
     return array
 
 
-def _texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
-    """Return several texts as a tuple; a single string, which would be split into letters, is refused."""
+def check_texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Return texts as a tuple; a single string, which would be split into letters, is refused."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise TypeError(f"{owner}: {quantity} is {value!r}, expected a sequence of texts")
-    return tuple(str(one) for one in value)
+    texts = tuple(value)
+    for text in texts:
+        if not isinstance(text, str):
+            raise TypeError(f"{owner}: {quantity} holds {text!r}, expected texts")
+    return texts
 
 
 def check_labels(
@@ -250,32 +255,31 @@ def average_count(owner: str, value: Any) -> int:
     return count
 
 
-def _without_undefined_zero_line(owner: str, found: dict[str, Any]) -> dict[str, Any]:
+def _without_undefined_zero_line(owner: str, checked: dict[str, Any]) -> dict[str, Any]:
     """Return the fields, without the line at 0 Hz if it is not finite; raise if any other line is not finite.
 
     At 0 Hz the receptance of a free structure is infinite, and the coherence of AC-coupled sensors is 0 / 0.
     """
-    frequency_hz = found["frequency_hz"]
-    names = [name for name, array in found.items() if isinstance(array, np.ndarray)]
-    bad = {"values": ~np.isfinite(found["values"])}
+    frequency_hz = checked["frequency_hz"]
+    names = [name for name, array in checked.items() if isinstance(array, np.ndarray)]
+    bad = {"values": ~np.isfinite(checked["values"])}
     for name in ("coherence", "log_variance", "degrees_of_freedom"):
-        if found[name] is not None:
-            bad[name] = np.isnan(found[name])
+        if checked[name] is not None:
+            bad[name] = np.isnan(checked[name])
     rows = {name: np.flatnonzero(wrong.reshape(frequency_hz.size, -1).any(axis=1)) for name, wrong in bad.items()}
     for name, index in rows.items():
         elsewhere = index[frequency_hz[index] > 0.0]
         if elsewhere.size:
-            wrong = found[name][elsewhere[0]].ravel()
-            value = wrong[bad[name][elsewhere[0]].ravel()][0]
+            value = checked[name][elsewhere[0]][bad[name][elsewhere[0]]][0]
             raise ValueError(
                 f"{owner}: {name} at {frequency_hz[elsewhere[0]]:g} Hz is {value}, expected a finite number; "
                 "leave the line out"
             )
     if not any(index.size for index in rows.values()):
-        return found
+        return checked
     if frequency_hz.size == 1:
         raise ValueError(f"{owner}: the only line is at 0 Hz and not finite")
     undefined = " and ".join(name for name, index in rows.items() if index.size)
-    changed: dict[str, Any] = {**found, **{name: found[name][1:] for name in names}}
-    changed["notes"] = (*found["notes"], f"the line at 0 Hz is dropped: {undefined} not finite there")
+    changed: dict[str, Any] = {**checked, **{name: checked[name][1:] for name in names}}
+    changed["notes"] = (*checked["notes"], f"the line at 0 Hz is dropped: {undefined} not finite there")
     return changed

@@ -26,7 +26,7 @@ __all__ = [
 
 MAX_LINES = 1 << 24
 """Most lines of a text; each takes at least 100 bytes of memory."""
-MAX_FIELDS = 1 << 26
+MAX_NUMBERS = 1 << 26
 """Most numbers in a text; each takes 60 bytes of memory while the text is read."""
 _BASE_SECONDS = 0.3
 """Processor time allowed for an empty file."""
@@ -46,11 +46,11 @@ def allowed_seconds(size: int) -> float:
     return min(_BASE_SECONDS + size / BYTES_PER_SECOND, _MAX_SECONDS)
 
 
-def check_size(size: int, what: str = "the contents") -> None:
+def check_size(size: int, name: str = "the contents") -> None:
     """Raise if expanded data exceed the limit of bytes."""
     if size > LARGEST:
         raise FileFormatError(
-            f"{what} take more than {LARGEST >> 20} MiB when expanded, the limit for one file; split the file"
+            f"{name} take more than {LARGEST >> 20} MiB when expanded, the limit for one file; split the file"
         )
 
 
@@ -66,9 +66,9 @@ def check_line_count(data: bytes) -> None:
 
 def check_number_count(count: int) -> None:
     """Raise if a table exceeds the limit of numbers."""
-    if count > MAX_FIELDS:
+    if count > MAX_NUMBERS:
         raise FileFormatError(
-            f"the table has more than {MAX_FIELDS} numbers, the limit for one text; split the file, or "
+            f"the table has more than {MAX_NUMBERS} numbers, the limit for one text; split the file, or "
             "store the numbers in a NumPy file (.npz)"
         )
 

@@ -34,7 +34,7 @@ _EXPORT_UNITS = re.compile(r"\((?P<response>[^()]+)\)\((?P<reference>[^()]+)\)")
 
 def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of a `.frf` file, and the fields that it does not store."""
-    _check_one_entry(frf)
+    _check_single_entry(frf)
     if frf.unit.split("/")[0] != "m" or not frf.unit.endswith("/N"):
         raise ValueError(f"a .frf file holds displacement per force, this FRF is in {frf.unit}")
     lost = [name for name in ("coherence", "log_variance", "usable", "labels") if getattr(frf, name) is not None]
@@ -78,7 +78,7 @@ def is_dataphysics(data: bytes) -> bool:
 
 def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of an export, and the fields that it does not store."""
-    _check_one_entry(frf)
+    _check_single_entry(frf)
     lost = [name for name in ("coherence", "log_variance", "usable", "averages") if getattr(frf, name) is not None]
     if frf.decay_rate:
         lost.append("decay_rate (the values belong to complex lines)")
@@ -150,7 +150,7 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]
 
 
-def _check_one_entry(frf: FRF) -> None:
+def _check_single_entry(frf: FRF) -> None:
     if frf.shape[1:] != (1, 1):
         raise ValueError(
             f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
@@ -170,9 +170,9 @@ def _read_rows(
 ) -> tuple[NDArray[np.float64], list[str]]:
     """Return the columns, and notes on a text that may be truncated; a declared number of rows is checked."""
     table = parse_rows([(line, row.split()) for line, row in rows], _COLUMNS)
-    infinite = np.flatnonzero(~np.isfinite(table).all(axis=1))
-    if infinite.size:
-        raise FileFormatError("the numbers are not all finite", line=rows[infinite[0]][0])
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if bad.size:
+        raise FileFormatError("the numbers are not all finite", line=rows[bad[0]][0])
     check_ascending(table[:, 0].tolist(), [line for line, _ in rows])
     if declared:
         check_row_count(text, len(rows), int(declared["rows"]), rows[-1][0])
