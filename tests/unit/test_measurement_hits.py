@@ -96,7 +96,7 @@ def test_a_kept_double_hit_extends_to_its_last_contact():
     with pytest.warns(ReceptanceWarning, match="hit 2: double hit"):
         hits = find_hits(records_of(force, made.response), double_hits="keep")
     assert len(hits) == 2
-    assert "double hit" in hits.hits[1].remark
+    assert "double hit" in hits.hits[1].note
     assert hits.hits[1].release == pytest.approx(0.0304 * RATE, abs=4)
 
 
@@ -248,9 +248,9 @@ def test_invalid_settings(options, message):
 
 
 def test_invalid_records():
-    with pytest.raises(ValueError, match="there are no records"):
+    with pytest.raises(ValueError, match="records is empty, expected at least one HammerRecords"):
         find_hits([])
-    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected HammerRecords"):
+    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected a HammerRecords"):
         find_hits([5])
 
 

@@ -52,7 +52,7 @@ def test_shapes(force, response, shape):
             {"quantity": "accelerance"},
             "quantity is 'accelerance', expected one of displacement, velocity, acceleration",
         ),
-        ({"force": 1e40 * FORCE}, "the largest value of force is 1e.40, which no sensor gives"),
+        ({"force": 1e40 * FORCE}, "the largest value of force is 1e.40, outside the range"),
         ({"sample_rate_hz": 0.0}, "sample_rate_hz is 0, expected more than zero Hz"),
         (
             {"response_unit": "N"},
