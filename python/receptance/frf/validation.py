@@ -80,7 +80,7 @@ def checked_fields(
 
 
 def check_form(owner: str, form: Any) -> Form:
-    """Return the form, or raise where it is none of receptance, mobility and accelerance."""
+    """Return the form, or raise if it is not receptance, mobility or accelerance."""
     for known in FORMS:
         if form == known:
             return known
@@ -139,7 +139,7 @@ def per_entry(
     at_least: float = -np.inf,
     above: float = -np.inf,
 ) -> NDArray[np.float64] | None:
-    """Return real numbers as `(n, n_responses, n_excitations)`, from one number, one a line, or one an entry.
+    """Return real numbers as `(n, n_responses, n_excitations)`, from a number, or a number per line or entry.
 
     Infinite values are allowed. NaN is checked by `_without_undefined_zero_line`.
     """
@@ -160,7 +160,7 @@ def per_entry(
 
 
 def per_line(owner: str, quantity: str, value: ArrayLike, n: int, *, at_least: float) -> NDArray[np.float64]:
-    """Return finite real numbers `(n,)`, from one number for all lines or one for each."""
+    """Return finite real numbers `(n,)`, from a number, or a number per line."""
     array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), (n,)):
         raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or ({n},)")
@@ -176,7 +176,7 @@ def per_line(owner: str, quantity: str, value: ArrayLike, n: int, *, at_least: f
 def check_coherence(
     owner: str, coherence: NDArray[np.float64], frequency_hz: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], str]:
-    """Return coherence `(n, ...)` clipped to 0 to 1, and a note where rounding was clipped; NaN is kept.
+    """Return coherence `(n, ...)` clipped to 0 to 1, and a note if rounding was clipped; NaN is kept.
 
     Raises
     ------

@@ -179,13 +179,12 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
 
 def _check_options_agree(frf: FRF, options: ReadOptions) -> None:
     """Raise if the given unit or quantity contradicts the file."""
-    units = {unit for row in frf.units for unit in row}
     given = parse_unit(options.unit) if isinstance(options.unit, str) and options.unit != SI else None
     if options.quantity not in (None, frf.form) or (
-        given is not None and any(parse_unit(unit) != given for unit in units)
+        given is not None and any(parse_unit(unit) != given for unit in frf.distinct_units)
     ):
         raise FileFormatError(
-            f"the file holds a {frf.form} in {', '.join(sorted(units))}, but quantity={options.quantity!r} "
+            f"the file holds a {frf.form} in {', '.join(frf.distinct_units)}, but quantity={options.quantity!r} "
             f"and unit={options.unit!r} were given; leave them out"
         )
 
