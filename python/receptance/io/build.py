@@ -12,7 +12,7 @@ from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
-from receptance.io.measurements import Measurement, low_coherence_note
+from receptance.io.measurements import Measurement, low_coherence_notes
 from receptance.io.options import ReadOptions
 from receptance.model.coordinates import Coordinate
 
@@ -65,10 +65,7 @@ def make_frf(
         notes.append("the coherence in the file was ignored on request")
     if coherence is not None:
         coherence = file_coherence(frequency_hz, coherence)
-        low = low_coherence_note(coherence)
-        if low:
-            notes.append(low)
-            warn_user(low)
+        notes += low_coherence_notes(coherence)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),

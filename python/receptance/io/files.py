@@ -16,9 +16,9 @@ from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.io.csv_files import csv_bytes, read_csv
 from receptance.io.errors import FileFormatError, error_location
-from receptance.io.limits import check_line_count, decompress, time_limit
+from receptance.io.limits import MAX_LINES, check_count, decompress, time_limit
 from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
-from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_note
+from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
 from receptance.io.npz import is_npz, npz_bytes, read_npz
 from receptance.io.options import ReadKeywords, ReadOptions
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
@@ -261,7 +261,7 @@ def _read_data(kind: str, data: bytes, options: ReadOptions) -> list[Measurement
     with time_limit(len(data)):
         if kind == "npz":
             return read_npz(data, options)
-        check_line_count(data)
+        check_count(data.count(b"\n") or data.count(b"\r"), MAX_LINES, "lines")
         return _TEXT_READERS[kind](data, options)
 
 
@@ -334,10 +334,7 @@ def _with_coherence(frf: FRF, path: Path) -> FRF:
             f"they are {_listing(coherences) or 'none'}",
             file=path.name,
         )
-    low = low_coherence_note(matching[0].values)
-    if low:
-        warn_user(low)
-    notes = (*frf.notes, f"coherence of {path.name}", *([low] if low else []))
+    notes = (*frf.notes, f"coherence of {path.name}", *low_coherence_notes(matching[0].values))
     return frf.with_(coherence=matching[0].values, notes=notes)
 
 

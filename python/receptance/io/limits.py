@@ -16,8 +16,7 @@ from receptance.io.errors import FileFormatError
 __all__ = [
     "LARGEST",
     "allowed_seconds",
-    "check_line_count",
-    "check_number_count",
+    "check_count",
     "check_size",
     "check_time",
     "decompress",
@@ -54,22 +53,12 @@ def check_size(size: int, name: str = "the contents") -> None:
         )
 
 
-def check_line_count(data: bytes) -> None:
-    """Raise if a text exceeds the limit of lines."""
-    count = data.count(b"\n") or data.count(b"\r")
-    if count > MAX_LINES:
+def check_count(count: int, most: int, name: str) -> None:
+    """Raise if a text exceeds a limit of lines or numbers."""
+    if count > most:
         raise FileFormatError(
-            f"the text has {count} lines, the limit for one file is {MAX_LINES}; split the file, or store the numbers "
-            "in a NumPy file (.npz)"
-        )
-
-
-def check_number_count(count: int) -> None:
-    """Raise if a table exceeds the limit of numbers."""
-    if count > MAX_NUMBERS:
-        raise FileFormatError(
-            f"the table has more than {MAX_NUMBERS} numbers, the limit for one text; split the file, or "
-            "store the numbers in a NumPy file (.npz)"
+            f"the text has {count} {name} or more, expected at most {most}; split the file, or store the numbers in a "
+            "NumPy file (.npz)"
         )
 
 

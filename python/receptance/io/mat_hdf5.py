@@ -20,7 +20,7 @@ import threading
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from receptance.io.options import ReadOptions
 
 __all__ = ["hdf5_bytes", "is_hdf5", "is_mat", "mat_bytes", "read_hdf5", "read_mat"]
 
-Kind = Literal["mat", "hdf5"]
 _WAIT_SECONDS = 60.0
 """Wall-clock seconds added to the limit of processor time, for a busy machine."""
 _CRASH_SIGNALS = ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")
@@ -103,7 +102,7 @@ _reader: subprocess.Popen[bytes] | None = None
 """The process that reads files."""
 
 
-def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> tuple[dict[str, Any], dict[str, str]]:
+def _load(path: Path, kind: str, names: Sequence[str] | None) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the named contents of a MAT or HDF5 file, and shape and type of all its variables.
 
     Without names, the measurements written by this library are loaded.

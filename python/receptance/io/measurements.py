@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
 from receptance.units import channel_kind, parse_unit
 
-__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_note"]
+__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_notes"]
 
 _LOW_COHERENCE = 0.5
 """Below, more of the response is unexplained than explained."""
@@ -262,27 +263,29 @@ Measurement: TypeAlias = FRF | TimeSeries | Coherence
 """Contents of a file."""
 
 
-def low_coherence_note(coherence: NDArray[np.float64]) -> str | None:
-    """Return a note on a coherence with a median below one half, or None.
+def low_coherence_notes(coherence: NDArray[np.float64]) -> list[str]:
+    """Warn of a coherence with a median below one half, and return the note; an empty list for others.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance.io.measurements import low_coherence_note, Measurement
-    >>> low_coherence_note(np.full(100, 0.31))[:34]
-    'the median coherence is 0.31 over '
+    >>> from receptance.io.measurements import low_coherence_notes
+    >>> low_coherence_notes(np.full(100, 0.91))
+    []
     """
     median = float(np.nanmedian(coherence))
     if median >= _LOW_COHERENCE:
-        return None
+        return []
     below = float(np.mean(coherence < _LOW_COHERENCE))
-    return (
+    note = (
         f"the median coherence is {median:.2f} over {coherence.shape[0]} lines, and below {_LOW_COHERENCE} on "
         f"{below:.0%} of them: on half of the lines the force explains less than {median:.0%} of the response; the "
         "rest is noise, a second source, leakage or a structure that changes between hits. Such an FRF does not "
         "determine a joint: measure again (another hammer tip, more averages, sensor range, cables), or use only lines "
         "of high coherence"
     )
+    warn_user(note)
+    return [note]
 
 
 def _si_unit(text: str) -> tuple[str, str, float]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from receptance.io.description import QUALITY, parse_about
 from receptance.io.errors import FileFormatError, error_location
-from receptance.io.limits import check_number_count, check_time
+from receptance.io.limits import MAX_NUMBERS, check_count, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
 from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
@@ -287,7 +287,7 @@ def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, 
         if index % 1024 == 0:
             check_time()
         count += text.count(delimiter) + 1
-        check_number_count(count)
+        check_count(count, MAX_NUMBERS, "numbers")
         if '"' not in text:
             rows.append((line, text.split(delimiter)))
             continue

@@ -319,12 +319,8 @@ class Search:
                 continue
             tried.append(pole)
             tries[role] -= 1
-            enlarged, larger_fit = poles.joined_with(candidates.subset(np.array([index]))).fitted(problem, loose=True)
-            good = self._plausible(enlarged)
-            if not good.all():
-                # Poles that are no longer plausible are removed; the rest must still be an improvement.
-                enlarged, larger_fit = enlarged.subset(good).fitted(problem, loose=True)
-            enlarged = self.assigned(enlarged)
+            candidate = candidates.subset(np.array([index]))
+            enlarged, larger_fit = self._fit_plausible(poles.joined_with(candidate), problem)
             if not self._plausible(enlarged).all() or self._missing_count(enlarged) > self._missing_count(poles):
                 continue
             if self._missing_count(enlarged) < self._missing_count(poles) and enlarged.values.size > poles.values.size:
@@ -339,6 +335,14 @@ class Search:
                 return enlarged, after
         return None
 
+    def _fit_plausible(self, poles: Poles, problem: PoleProblem) -> tuple[Poles, PoleFit]:
+        """Return the fit of poles, without those that are not plausible, which may still be an improvement."""
+        poles, fit = poles.fitted(problem, loose=True)
+        plausible = self._plausible(poles)
+        if not plausible.all():
+            poles, fit = poles.subset(plausible).fitted(problem, loose=True)
+        return self.assigned(poles), fit
+
     def _add_all_given(self, poles: Poles, fit: PoleFit) -> tuple[Poles, PoleFit] | None:
         """Return the fit of poles at all given frequencies at once, if adding single ones fails.
 
@@ -347,11 +351,7 @@ class Search:
         if not isinstance(self.modes, tuple) or not self._missing_count(poles):
             return None
         problem = self._problem(fit)
-        enlarged, larger_fit = self._given.joined_with(poles.subset(poles.role < 0)).fitted(problem, loose=True)
-        good = self._plausible(enlarged)
-        if not good.all():
-            enlarged, larger_fit = enlarged.subset(good).fitted(problem, loose=True)
-        enlarged = self.assigned(enlarged)
+        enlarged, larger_fit = self._fit_plausible(self._given.joined_with(poles.subset(poles.role < 0)), problem)
         if not self._plausible(enlarged).all() or self._missing_count(enlarged) >= self._missing_count(poles):
             return None
         return enlarged, larger_fit
