@@ -157,10 +157,10 @@ def _point_of_label(label: str) -> Point | None:
     return None
 
 
-def _short(text: str, width: int, what: str, lost: list[str]) -> str:
+def _short(text: str, width: int, name: str, lost: list[str]) -> str:
     short = "".join(c if c.isprintable() else " " for c in text)[:width].strip()
     if short != text or text == "NONE":
-        lost.append(f"{what} of more than {width} characters")
+        lost.append(f"{name} of more than {width} characters")
     return short
 
 
@@ -228,8 +228,8 @@ def _exact_lines(lines: NDArray[np.float64]) -> list[float] | None:
 
 def _in_13(number: float) -> str:
     """Return a number in at most 13 columns as exactly as possible, with the decimal point of Fortran."""
-    whole = len(str(int(abs(number)))) + (number < 0)
-    texts = [repr(number), f"{number:.7E}", f"{number:.6E}", f"{number:.5E}", f"{number:.{max(12 - whole, 1)}f}"]
+    digits = len(str(int(abs(number)))) + (number < 0)
+    texts = [repr(number), f"{number:.7E}", f"{number:.6E}", f"{number:.5E}", f"{number:.{max(12 - digits, 1)}f}"]
     fitting = [text for text in texts if len(text) <= 13 and "." in text]
     return min(fitting, key=lambda text: abs(float(text) - number))
 
