@@ -140,7 +140,7 @@ def test_no_number_is_cut(
         return
     wide = _numbers(output.out)
     assert wide
-    for columns in ("40", "80", "120", None):
+    for columns in ("40", "80", None):
         if columns is None:
             monkeypatch.delenv("COLUMNS")
         else:
