@@ -408,7 +408,7 @@ def test_reader_that_blocks_or_crashes(tmp_path: Path, monkeypatch: pytest.Monke
             read(path)
         monkeypatch.undo()
         mat_hdf5._close_reader()
-        assert read_frf(path).shape == (3, 1, 1)
+    assert read_frf(path).shape == (3, 1, 1)
 
 
 def test_reading_in_a_forked_process(tmp_path: Path) -> None:
