@@ -100,15 +100,14 @@ def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> tuple[campa
 
 def _at_start(model: Model) -> Fit:
     task = model.task
-    problem = task.problem()
     values = {}
     for unknown in task.variables.unknowns:
         small = 1e-4 * (unknown.upper - unknown.lower) if unknown.scale == "linear" else 0.0
         values[unknown.name] = min(max(float(unknown.start or 0.0) + small, unknown.lower), unknown.upper)
     x = task.variables.from_values(np.array(list(values.values())))
-    residual = problem.residual(x)
-    assert np.isfinite(residual).all(), problem.reason
-    return Fit(model, problem, x, float(residual @ residual), True)
+    residual = model.problem.residual(x)
+    assert np.isfinite(residual).all(), model.problem.reason
+    return Fit(model, x, float(residual @ residual), True)
 
 
 UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution"}

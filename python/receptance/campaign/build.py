@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
+from receptance._peaks import local_maxima
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.problems import path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
@@ -601,13 +602,11 @@ def _mean(seen: list[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 def _frequencies(given: list[float | None], lines: NDArray[np.float64], logarithm: NDArray[np.float64]) -> list[float]:
     """Return a frequency for each mode: the given one, or one of the lowest peaks in ascending order."""
-    from scipy.signal import find_peaks
-
     known = [one for one in given if one is not None]
     missing = len(given) - len(known)
     # A free structure that joins the plane raises no natural frequency: the n-th of the assembly is at most that
     # of the spindle (separation of eigenvalues). So the lowest peaks are taken, not the highest.
-    peaks = [float(f) for f in lines[find_peaks(logarithm, prominence=_PROMINENCE)[0]]]
+    peaks = [float(f) for f in lines[local_maxima(logarithm, _PROMINENCE)[0]]]
     free = [f for f in peaks if all(abs(f - one) > _SAME * one for one in known)][:missing]
     # Modes without a peak are distributed over the band.
     rest = missing - len(free)

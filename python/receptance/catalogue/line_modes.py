@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance._peaks import local_maxima
+
 __all__ = ["LineModes", "line_modes"]
 
 _PROMINENCE = 1.05
@@ -97,10 +99,7 @@ def line_modes(
 
 def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return first and last line (exclusive) around each distinct peak."""
-    from scipy.signal import find_peaks
-
-    all_peaks, properties = find_peaks(np.log(size), prominence=np.log(_PROMINENCE))
-    prominence = np.asarray(dict(properties)["prominences"])
+    all_peaks, prominence = local_maxima(np.log(size), np.log(_PROMINENCE))
     peaks = all_peaks[prominence > _NOISE_PROMINENCE * (noise / size)[all_peaks]]
     fewest, most = _NOISY_LINES if noise.any() else _LINES
     windows = []

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance._peaks import local_maxima
 from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
 
@@ -185,15 +186,13 @@ def _agreement(convention: Convention, peaks: list[_Peak]) -> float:
 
 def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) -> list[_Peak]:
     """Return the prominent peaks that are fitted by one mode."""
-    from scipy.signal import find_peaks  # slow to import
-
     known = (frequency_hz > 0.0) & (values != 0.0)
     frequency_hz, values = frequency_hz[known], values[known]
     if frequency_hz.size < _MIN_PEAK_LINES:
         return []
     size = np.log(np.abs(values))
-    tops, properties = find_peaks(size, prominence=_PROMINENCE)
-    chosen = np.sort(tops[np.argsort(-properties["prominences"])[:_MAX_PEAKS]])
+    tops, prominences = local_maxima(size, _PROMINENCE)
+    chosen = np.sort(tops[np.argsort(-prominences)[:_MAX_PEAKS]])
     peaks = []
     for number, top in enumerate(chosen):
         # Limited by the lowest line between this peak and the next.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.errors import ReceptanceWarning
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal._pole_candidates import poles_of_bands, reduce_references, stabilisation, stable_poles
@@ -206,17 +207,14 @@ def _candidates(poles_hz: NDArray[np.complex128], lines: Lines, highest_damping:
 
 def _poles_at_peaks(lines: Lines) -> NDArray[np.complex128]:
     """Return complex frequencies in Hz of the most prominent peaks in the combined mobility of all entries."""
-    from scipy.signal import find_peaks, peak_prominences
-
     f = lines.frequency_hz
     powers = np.abs(lines.receptance * f[:, None]) ** 2
     level = powers.mean(axis=0)
     power = np.sum(powers[:, level > 0.0] / level[level > 0.0], axis=1)
     # The logarithm of a line of zeros is limited.
     power = np.maximum(power, 1e-30)
-    peaks, _ = find_peaks(power)
-    height = np.log(power)
-    peaks = peaks[np.argsort(-peak_prominences(height, peaks)[0])[:_PEAKS]]
+    peaks, prominences = local_maxima(np.log(power))
+    peaks = peaks[np.argsort(-prominences)[:_PEAKS]]
     # The inverse power of one mode is a parabola: a + b x + c x^2 through the peak and its neighbours.
     left, right = f[peaks - 1] - f[peaks], f[peaks + 1] - f[peaks]
     below, above = 1.0 / power[peaks - 1] - 1.0 / power[peaks], 1.0 / power[peaks + 1] - 1.0 / power[peaks]

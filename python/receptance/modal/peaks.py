@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.modal._lines import Lines, select_lines_of_single_entry
 from receptance.modal._local import lines_around_peak, polar_errors
 from receptance.modal.estimate import ModeEstimate
@@ -65,13 +66,11 @@ def find_peaks(
     >>> [f"{peak.frequency_hz:.0f} Hz" for peak in find_peaks(FRF(frequency_hz=f, values=h))]
     ['251 Hz', '700 Hz']
     """
-    from scipy.signal import find_peaks as find_maxima  # slow to import
-
     owner = "find_peaks"
     least = _checks.positive(owner, "prominence_db", prominence_db, unit="dB")
     lines, mobility = select_lines_of_single_entry(owner, frf, low_hz, high_hz, _LEAST)
     size = np.maximum(np.abs(mobility), np.finfo(np.float64).tiny)
-    maxima, _ = find_maxima(20.0 * np.log10(size), prominence=least)
+    maxima, _ = local_maxima(20.0 * np.log10(size), least)
     return tuple(
         _estimate(lines, mobility, int(peak))
         for peak in maxima

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.zeroth_order import critical_depths, limit_over_speed
@@ -193,8 +194,6 @@ class Lobes(Result):
         ValueError
             As `best`.
         """
-        from scipy.signal import find_peaks
-
         depth, finite = self._finite(probability)
         order = np.argsort(self.speeds_rpm, kind="stable")
         depth = np.where(finite, depth, np.min(depth))[order]
@@ -202,7 +201,7 @@ class Lobes(Result):
         height = np.log(np.maximum(depth, np.finfo(np.float64).tiny))
         # The padding makes maxima at the ends of the range count as peaks.
         padded = np.pad(height, 1, constant_values=height.min() - 2.0 * _PROMINENCE)
-        peaks = find_peaks(padded, prominence=_PROMINENCE)[0] - 1
+        peaks = local_maxima(padded, _PROMINENCE)[0] - 1
         cuts = []
         for peak in sorted(peaks.tolist(), key=lambda i: -depth[i])[:count]:
             low = np.flatnonzero(depth < _SHOULDER * depth[peak])
