@@ -17,7 +17,7 @@ from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, Observation, as_observations
 from receptance.identification.peaks import check_bands
 from receptance.identification.result import Identification, Start
-from receptance.identification.search import STAGE_TOLERANCE, fit_direct, fit_staged
+from receptance.identification.search import Search, Strategy
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, Variables
 from receptance.report import Provenance
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 __all__ = ["conclude", "identify"]
 
 Objective = Literal["log", "percentage"]
-Strategy = Literal["direct", "staged"]
 Noise = Literal["scaled", "stated"]
 _SMOOTHING_PERCENT = 0.1
 """The cost is the absolute value of percentages well above this, and the square of those below."""
@@ -158,15 +157,12 @@ def identify(
     for name, value, options in (
         ("objective", objective, get_args(Objective)),
         ("noise", noise, get_args(Noise)),
-        ("strategy", strategy, get_args(Strategy)),
     ):
         if value not in options:
             raise ValueError(f"{name} is {value!r}, expected one of {', '.join(options)}")
     if strategy == "staged" and objective != "log":
         raise ValueError('the strategy "staged" is for the objective "log"')
-    for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
-        _checks.whole_number("identify", name, number, least=least)
-    _checks.positive("identify", "tolerance", tolerance)
+    search = Search(strategy=strategy, starts=starts, seed=seed, max_evaluations=max_evaluations, tolerance=tolerance)
     _checks.thread_count(threads)
     chosen = None if bands is None else check_bands(bands)
     units = _units(observed, objective)
@@ -186,17 +182,11 @@ def identify(
     notes = [note for observation in observed for note in observation.notes]
     notes += [*parameters.notes, *_weight_notes(observed, units, objective)]
 
-    x = variables.draw(starts, seed)
-
     def fit(task: Task, problem: Problem) -> Identification:
-        if strategy == "staged":
-            runs = fit_staged(task, problem, x, seed, max_evaluations, tolerance)
-        else:
-            ends = None if smoothing is None else task.approach().fit(x, max_evaluations, tolerance=STAGE_TOLERANCE)
-            runs = fit_direct(problem, x, max_evaluations, tolerance, ends)
+        runs = search.fits(task, problem, None if smoothing is None else task.approach())
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(
-                f"the model has no value at any of the {len(x)} starts; at the first: {runs[0].message}"
+                f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}"
             )
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 

@@ -241,6 +241,7 @@ class Part(Renderable):
                 flat.nodes[name, right] = node = far
             start = end
         for i, segment in enumerate(self.segments):
+            values = segment.columns()
             for address, place in segment.places().items():
                 entries = [(SEGMENTS, row, 2 + place, 1.0) for row in pieces[i]]
                 if address == "length":
@@ -251,6 +252,7 @@ class Part(Renderable):
                         if len(later) > 1:
                             entries += [(SEGMENTS, later[0], 2 + place, -1.0), (SEGMENTS, later[-1], 2 + place, 1.0)]
                 flat.entries[f"{name}.segment[{i}].{address}"] = entries
+                flat.values[f"{name}.segment[{i}].{address}"] = values[place]
         return node
 
     def segment_rows(self) -> NDArray[np.float64]:

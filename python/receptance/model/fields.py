@@ -246,13 +246,6 @@ class Element:
             if column.address and _is_present(self, column.path)
         }
 
-    def value(self, address: str) -> float:
-        """Return the value of a parameter by its address within the element."""
-        value: Any = self
-        for name in self._path(address):
-            value = getattr(value, name)
-        return float(value)
-
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the element with new values of some parameters, replaced together."""
         changes: dict[str, Any] = {}

@@ -475,13 +475,6 @@ class ModalPart(Terminal):
             raise ValueError(f"{self.owner} has no parameter {parameter!r}")
         return int(match[1]), match[2]
 
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter."""
-        if parameter in RESIDUALS:
-            return super().value(parameter)
-        index, quantity = self._place(parameter)
-        return float(getattr(self.modes[index], quantity))
-
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the same with other values of some parameters."""
         own: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
