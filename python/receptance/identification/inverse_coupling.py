@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance import _checks
+from receptance import _checks, units
 from receptance.identification.common_lines import check_observations, common_lines, masked_lines
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
@@ -471,10 +471,6 @@ def _equations(
     threads: int | None,
 ) -> Equations:
     parts = [_with_rigid_joint(o.assembly, joint, lines, o, threads) for o in observed]
-    known = _joint_of(observed[0].assembly, joint)
-    w = 2.0 * np.pi * lines.astype(np.complex128)
-    springs = np.array([[known.k_y, known.k_ytheta], [known.k_ytheta, known.k_theta]])
-    dashpots = np.array([[known.c_y, known.c_ytheta], [known.c_ytheta, known.c_theta]])
     deviations = [np.asarray(o.standard_deviation)[row] for o, row in zip(observed, rows, strict=True)]
     return Equations(
         rigid=np.stack([part[0] for part in parts], axis=1),
@@ -483,8 +479,8 @@ def _equations(
         excitation=np.stack([part[2] for part in parts], axis=1),
         surroundings=np.stack([part[3] for part in parts], axis=1),
         deviation=np.stack(deviations, axis=1),
-        known=(1.0 + 1j * known.loss_factor) * springs + 1j * w[:, None, None] * dashpots,
-        angular_frequency=w,
+        known=_joint_of(observed[0].assembly, joint).stiffness(lines),
+        angular_frequency=2.0 * np.pi * lines.astype(np.complex128),
         terms=terms,
     )
 
@@ -560,7 +556,7 @@ def _check_joint(observed: tuple[MeasuredFRF, ...], joint: str, terms: tuple[str
     """Raise if the joints of the observations differ in their known terms."""
     solved = {name for term in terms for name in (term, f"c{term[1:]}")}
     if len(terms) == len(TERMS):
-        solved.add("loss_factor")
+        solved |= {name for name, quantity in PointJoint.quantities.items() if quantity is units.LOSS_FACTOR}
     first = _joint_of(observed[0].assembly, joint)
     for one in observed[1:]:
         other = _joint_of(one.assembly, joint)

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from receptance import _checks
+from receptance import _checks, units
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 from receptance.identification.peaks import peak_indices
 from receptance.identification.result import Start
+from receptance.model.addresses import QUANTITIES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,6 +54,7 @@ _STAGE_TOLERANCE = 1e-4
 """Tolerance of all fits before the last one."""
 _PEAK_DEVIATION = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
+_DASHPOTS = (units.DAMPING, units.ROTATIONAL_DAMPING, units.COUPLING_DAMPING)
 _LOSS_FACTOR = 0.02
 """Loss factor of dampings before they are fitted."""
 _DRAWN = 15
@@ -231,7 +233,9 @@ class Continuation:
         self.variables = exact.variables
         self.count = len(exact.variables.unknowns)
         names = [unknown.address.split(" ")[0].rsplit(".", 1)[-1] for unknown in exact.variables.unknowns]
-        self._damping = np.array([name.startswith("c_") or name == "loss_factor" for name in names])
+        quantities = [QUANTITIES.get(name) for name in names]
+        self._loss = np.array([quantity is units.LOSS_FACTOR for quantity in quantities])
+        self._damping = self._loss | np.array([quantity in _DASHPOTS for quantity in quantities])
         self._coupling = np.array([name.endswith("_ytheta") for name in names])
         self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
         self._angular = 2.0 * np.pi * float(np.median([np.median(o.frequency_hz.real) for o in task.observed]))
@@ -254,7 +258,7 @@ class Continuation:
             if not self._damping[column]:
                 continue
             stiffness = self._columns.get(name.replace(".c_", ".k_"))
-            if name.rsplit(".", 1)[-1].startswith("loss_factor"):
+            if self._loss[column]:
                 values[:, column] = _LOSS_FACTOR
             elif stiffness is not None:
                 values[:, column] = _LOSS_FACTOR * values[:, stiffness] / self._angular

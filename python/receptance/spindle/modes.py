@@ -307,7 +307,7 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
     w = 2.0 * np.pi * high_hz
     y, theta = np.abs(shapes[:, :2]).max(axis=0) * np.sqrt(len(shapes)) / w
     for quantity, scale in (("residual_y", y * y), ("residual_theta", theta * theta), ("residual_ytheta", y * theta)):
-        value = start.value(quantity)
+        value = getattr(start, quantity)
         most = 100.0 * max(scale, abs(value))
         result.append(Unknown(address=f"{start.name}.{quantity}", lower=-most, upper=most, start=value))
     return result
