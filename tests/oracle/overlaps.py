@@ -22,13 +22,15 @@ COLUMNS = (
     *(f"{beam}_{name}" for beam in ("inner", "outer") for name in (
         "outer_diameter", "inner_diameter", "youngs_modulus", "density", "poisson_ratio", "loss_factor",
         "core_youngs_modulus", "core_density", "core_poisson_ratio", "core_loss_factor", "shear_model")),
-    "k_y", "k_theta", "c_y", "c_theta", "loss_factor", "points",
+    "k_y", "k_theta", "c_y", "c_theta", "loss_factor", "slope", "points",
 )  # fmt: skip
-"""Columns of the overlap table; `points` is 0 for a layer, else the number of springs in a row."""
+"""Columns of the overlap table; `points` is 0 for a layer, else the number of springs in a row. Their stiffness changes
+linearly along the insertion: a spring at x has the share (1 + slope (2 x / length - 1)) / points."""
 BEAMS = (3, 14)
 """The first column of each beam."""
 LAYER = 25
-FIXED = (0, 1, 13, 24, 30)
+SLOPE, POINTS = 30, 31
+FIXED = (0, 1, 13, 24, POINTS)
 """Columns that are no physical quantities."""
 
 FIRST_DIGITS = 160
@@ -45,10 +47,11 @@ def overlap(
     outer: Sequence[float],
     layer: Sequence[float],
     points: int = 0,
+    slope: float = 0.0,
 ) -> list[float]:
     """Return a row: beams as (outer diameter, bore, E, rho, nu, loss), layer (k_y, k_theta, c_y, c_theta, loss)."""
     beams = [[*beam, 0.0, 0.0, 0.0, 0.0, COWPER] for beam in (inner, outer)]
-    return [a, b, length, *beams[0], *beams[1], *layer, float(points)]
+    return [a, b, length, *beams[0], *beams[1], *layer, slope, float(points)]
 
 
 def receptance_complex128(
@@ -135,20 +138,20 @@ def reduced_stiffness(row: Sequence[Scalar], given: Sequence[float], w: Scalar, 
     k_y, k_theta, c_y, c_theta, loss = row[LAYER : LAYER + 5]
     lossy, rate = ar.complex(1 + 0 * loss, loss), w * ar.complex(0 * loss, 1 + 0 * loss)
     layer = [lossy * k_y + rate * c_y, lossy * k_theta + rate * c_theta]
-    length, points = row[2], int(given[30])
+    length, points = row[2], int(given[POINTS])
     if points == 0:
         transfer = exponential(equations(sections, [k / length for k in layer], w, zero), length, ar)
     else:
         half = exponential(equations(sections, [zero, zero], w, zero), length / (2 * points), ar)
-        spring = _identity(8, zero)
-        for i, k in enumerate(layer):
-            for beam, sign in ((0, 1), (1, -1)):
-                spring[4 * beam + 2 + i][i] += sign * k / points
-                spring[4 * beam + 2 + i][4 + i] -= sign * k / points
-        one = product(half, product(spring, half))
-        transfer = one
-        for _ in range(points - 1):
-            transfer = product(one, transfer)
+        transfer = _identity(8, zero)
+        for number in range(points):
+            share = (1 + row[SLOPE] * (ar.real(2 * number + 1) / points - 1)) / points
+            spring = _identity(8, zero)
+            for i, k in enumerate(layer):
+                for beam, sign in ((0, 1), (1, -1)):
+                    spring[4 * beam + 2 + i][i] += sign * k * share
+                    spring[4 * beam + 2 + i][4 + i] -= sign * k * share
+            transfer = product(half, product(spring, product(half, transfer)))
     return _reduce(transfer)
 
 

@@ -30,7 +30,7 @@ def chain(
     Unknowns 2 and 3 are those at the far end. `overlap` is a row of `overlaps`; a layer is cut into
     `layer_cells` elements, each stretch between two points into two, each other beam into `cells`.
     """
-    length, points = overlap[2], int(overlap[30])
+    length, slope, points = overlap[2], overlap[30], int(overlap[31])
     k = [overlap[25], overlap[26]]
     tool = [(beam[0] / cells, *beam[1:]) for beam in tool for _ in range(cells)]
     holder = [(beam[0] / cells, *beam[1:]) for beam in holder for _ in range(cells)]
@@ -60,8 +60,9 @@ def chain(
     if points:
         for number in range(points):
             a, b = 2 * inner_nodes[len(tool) + 1 + 2 * number], 2 * outer_nodes[2 * number + 1]
+            share = (1.0 + slope * ((2 * number + 1) / points - 1.0)) / points
             for direction in (0, 1):
-                spring = math.sqrt(k[direction] / points) * np.array([[1.0, -1.0]])
+                spring = math.sqrt(k[direction] * share) * np.array([[1.0, -1.0]])
                 strains.append((np.array([a + direction, b + direction]), spring))
     else:
         for cell in range(layer_cells):

@@ -16,20 +16,20 @@ TOOL = [(0.05, 0.012, 0.0, *CARBIDE)]
 HOLDER = [(0.03, 0.04, 0.012, *STEEL), (0.05, 0.06, 0.02, *STEEL)]
 
 
-def model(row_length: float, layer: tuple[float, ...], points: int = 0):
+def model(row_length: float, layer: tuple[float, ...], points: int = 0, slope: float = 0.0):
     """Return the tables of a tool and a holder whose nodes are 0, 1 and 2, 4, 3, and the overlap between 1 and 2."""
     tables = make([
         segment(0, 1, 0.05, 0.012, CARBIDE),
         segment(2, 4, 0.03, 0.04, STEEL, inner_diameter=0.012),
         segment(4, 3, 0.05, 0.06, STEEL, inner_diameter=0.02),
     ])  # fmt: skip
-    return tables, [overlaps.overlap(1, 2, row_length, SHANK, BORE, layer, points)]
+    return tables, [overlaps.overlap(1, 2, row_length, SHANK, BORE, layer, points, slope)]
 
 
-@pytest.mark.parametrize("points", [0, 1, 3])
+@pytest.mark.parametrize(("points", "slope"), [(0, 0.0), (1, 0.0), (3, 0.0), (3, -0.8), (4, 0.5)])
 @pytest.mark.parametrize("k_y", [1e6, 1e9, 1e12])
-def test_exponential_and_finite_elements_agree(points: int, k_y: float) -> None:
-    tables, rows = model(0.04, (k_y, 1e-4 * k_y, 0.0, 0.0, 0.0), points)
+def test_exponential_and_finite_elements_agree(points: int, slope: float, k_y: float) -> None:
+    tables, rows = model(0.04, (k_y, 1e-4 * k_y, 0.0, 0.0, 0.0), points, slope)
     strain, inertia = side_by_side.chain(TOOL, rows[0], HOLDER, cells=8)
     for hz in (200.0, 1700.0, 9000.0):
         w = 2 * np.pi * hz

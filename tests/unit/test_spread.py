@@ -43,26 +43,30 @@ def make(**changes: Any) -> Assembly:
     return Assembly([TOOL, SpreadJoint(**{**GOOD, **changes}, name="joint"), HOLDER])
 
 
-@pytest.mark.parametrize("points", [None, 5])
-def test_every_parameter_has_its_derivative(points: int | None) -> None:
-    assembly = make(points=points, shank=Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE))
+@pytest.mark.parametrize(("points", "slope"), [(None, 0.0), (5, 0.0), (4, -0.6)])
+def test_every_parameter_has_its_derivative(points: int | None, slope: float) -> None:
+    shank = Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE)
+    assembly = make(points=points, slope=slope, shank=shank)
     names = [name for name in assembly.parameters if name.startswith("joint.")]
     assert {"joint.length", "joint.k_y", "joint.shank.outer_diameter", "joint.sleeve.youngs_modulus"} <= set(names)
-    assert len(names) == 6 + 2 * 6
+    assert len(names) == 7 + 2 * 6
     ends = {"response": Coordinate("holder", "end", "y"), "excitation": Coordinate("tool", 0.0, "y")}
     for places in ({}, ends):
-        h, slope = assembly.derivatives(LINES, names, **places)
+        h, slopes = assembly.derivatives(LINES, names, **places)
         np.testing.assert_array_equal(h, assembly.receptance(LINES, **places))
         for column, name in enumerate(names):
             value = assembly.get(name)
+            if name == "joint.slope" and points is None:
+                assert not slopes[:, column].any()  # a layer is uniform
+                continue
             # a loss factor that is zero is moved by a share of one
             step = 1e-5 * (value or 1.0)
             down = value - step if value else 0.0
             sides = [assembly.replace({name: x}).receptance(LINES, **places) for x in (value + step, down)]
             expected = (sides[0] - sides[1]) / (value + step - down)
             # the difference of two receptances has an absolute error of rounding over the step
-            allowed = (1e-6 if value else 1e-3) * np.abs(expected) + 1e-9 * np.abs(h) / (value or 1.0)
-            assert np.all(np.abs(slope[:, column] - expected) <= allowed), name
+            allowed = (1e-6 if value else 1e-3) * np.abs(expected) + 1e-9 * np.abs(h) / abs(value or 1.0)
+            assert np.all(np.abs(slopes[:, column] - expected) <= allowed), name
 
 
 def test_values_are_read_and_replaced() -> None:
@@ -111,6 +115,8 @@ def test_invalid_parameter_is_an_error(address: str) -> None:
         ({"points": 0}, ValueError, "points is 0, expected a whole number from 1 to 1000 or None"),
         ({"points": 2.0}, TypeError, "points is 2.0, expected a whole number"),
         ({"points": True}, TypeError, "points is True, expected a whole number"),
+        ({"points": 4, "slope": -1.5}, ValueError, "slope is -1.5, expected"),
+        ({"slope": 0.5}, ValueError, "slope is 0.5 and points is None"),
         ({"sleeve": replace(SLEEVE, core=CARBIDE)}, ValueError, "sleeve has a core, expected an open bore"),
         (
             {"sleeve": replace(SLEEVE, inner_diameter=0.01)},

@@ -63,9 +63,11 @@ def case(rng: np.random.Generator, n_lines: int = 2) -> Case:
     ]
     grounds = [[FAR, 1e8, 1e5, 0.0, 0.0, 0.0, 0.0, 0.02]] if rng.random() < 0.3 else []
     masses = [[0, 1e-3, 1e-8]] if rng.random() < 0.2 else []
-    row = overlaps.overlap(1, 2, length, inner, outer, layer, points)
+    slope = float(rng.uniform(-1.0, 1.0)) if points else 0.0
+    row = overlaps.overlap(1, 2, length, inner, outer, layer, points, slope)
     label = (
-        f"{'lossy' if lossy else 'lossless'}, k_y {k_y:.2g}, L {length:.3g}, d {diameter:.2g}, {points} points, {hz}"
+        f"{'lossy' if lossy else 'lossless'}, k_y {k_y:.2g}, L {length:.3g}, d {diameter:.2g}, {points} points, "
+        f"slope {slope:.2g}, {hz}"
     )
     return Case(make(segments, (), masses, grounds), np.array([row]), w, label)
 

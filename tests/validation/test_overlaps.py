@@ -24,20 +24,22 @@ TOOL = [(0.05, 0.012, 0.0, *CARBIDE)]
 HOLDER = [(0.05, 0.04, 0.012, *STEEL), (0.05, 0.06, 0.02, *STEEL)]
 LAYER = (6e8, 5e4, 0.0, 0.0, 0.0)
 LINES = 2.0 * np.pi * np.array([50.0, 700.0, 2100.0, 5300.0, 9700.0]) + 0j
-PHYSICAL = [column for column in range(2, overlaps.LAYER + 5) if column not in overlaps.FIXED]
+PHYSICAL = [column for column in range(2, overlaps.POINTS) if column not in overlaps.FIXED]
 CORE = [*range(9, 13), *range(20, 24)]
 """Columns of cores, which no beam here has."""
 Summarise = Callable[[str, str, object], None]
 
 
-def chain(length: float, layer: tuple[float, ...] = LAYER, points: int = 0) -> tuple[Tables, np.ndarray]:
+def chain(
+    length: float, layer: tuple[float, ...] = LAYER, points: int = 0, slope: float = 0.0
+) -> tuple[Tables, np.ndarray]:
     """Return the model whose finite elements are TOOL, the overlap and HOLDER."""
     tables = make([
         segment(0, 1, 0.05, 0.012, CARBIDE),
         segment(2, 4, 0.05, 0.04, STEEL, inner_diameter=0.012),
         segment(4, 3, 0.05, 0.06, STEEL, inner_diameter=0.02),
     ])  # fmt: skip
-    return tables, np.array([overlaps.overlap(1, 2, length, SHANK, BORE, layer, points)])
+    return tables, np.array([overlaps.overlap(1, 2, length, SHANK, BORE, layer, points, slope)])
 
 
 def receptance(tables: Tables, rows: np.ndarray, w: np.ndarray = LINES, threads: int = 1) -> np.ndarray:
@@ -104,10 +106,10 @@ def test_a_layer_and_points_against_finite_elements() -> None:
                 assert np.max(np.abs(found - expected) / scale) <= 1e-4
 
 
-@pytest.mark.parametrize("points", [0, 1, 2, 7])
+@pytest.mark.parametrize(("points", "slope"), [(0, 0.0), (1, 0.0), (2, 1.0), (7, 0.0), (7, -0.9)])
 @pytest.mark.parametrize("k_y", [1e4, 1e7, 1e9, 1e11])
-def test_all_natural_frequencies_are_found(points: int, k_y: float) -> None:
-    tables, rows = chain(0.04, (k_y, 1e-4 * k_y, 5.0, 0.0, 0.1), points)
+def test_all_natural_frequencies_are_found(points: int, slope: float, k_y: float) -> None:
+    tables, rows = chain(0.04, (k_y, 1e-4 * k_y, 5.0, 0.0, 0.1), points, slope)
     factors = side_by_side.chain(TOOL, rows[0], HOLDER, cells=5)
     expected = side_by_side.natural_frequencies(*factors, 40e3)
     found, _ = _core.Model(0, *tables, rows).natural_frequencies(2 * np.pi * 40e3, 1000, NONE)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of
-from receptance.diagnosis.thresholds import COLLET_GYRATION, SAME_PLACE, SHORTEST_SPREAD, VARIED
+from receptance.diagnosis.thresholds import COLLET_GYRATION, LAYER_POINTS, SAME_PLACE, SHORTEST_SPREAD, VARIED
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import covered
@@ -266,21 +266,23 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     longest = _mouth(model, anatomy)
     length = p["length"]
     upper = min(length.upper, 0.98 * longest)
+    slope = p["slope"].unknown(f"{joint}.slope")
     tolerances = tuple(replace(t, moves=_extend_moves(t.moves, anatomy)) for t in model.tolerances)
     unknowns = tuple(
         replace(u, moves=_extend_moves(u.moves, anatomy)) if isinstance(u, Move) else u for u in model.unknowns
     )
-    for points in (None, 2, 4):
-        name = "layer" if points is None else f"{points} points"
+    for points, is_uneven in ((None, False), (2, False), (4, False), (2, True), (4, True), (LAYER_POINTS, True)):
+        name = "layer" if points is None else f"{points} points{', uneven' if is_uneven else ''}"
+        more = (slope,) if is_uneven else ()
         partly = _spread_model(model, anatomy, points, whole=False)
         lengths = {f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0}
         unknown = length.move(lengths, upper=upper - SHORTEST_SPREAD)
-        yield Variant(name, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown))
+        yield Variant(name, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown, *more))
         if inside:
             continue
         wholly = _spread_model(model, anatomy, points, whole=True)
         kept = replace(wholly, unknowns=_restrict(unknowns, wholly), tolerances=_restrict(tolerances, wholly))
-        yield Variant(f"{name} over the whole insertion", kept)
+        yield Variant(f"{name} over the whole insertion", kept.plus(*more))
 
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:
@@ -407,7 +409,10 @@ JOINT_CAUSES = (
     Cause(
         id="joint_spread",
         group="structure",
-        parameters=(Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02, plausible=(0.0, 0.08)),),
+        parameters=(
+            Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02, plausible=(0.0, 0.08)),
+            Parameter(name="slope", unit="", lower=-0.99, upper=0.99, typical=-0.3, secondary=True),
+        ),
         change=_spread,
         meaning="the joint holds the shank along the insertion and not at one point",
         remedy="use a SpreadJoint of the insertion's length",

@@ -173,6 +173,8 @@ VARIED = 1.05
 """Ratio of the largest and the smallest value from which a condition has been varied."""
 SHORTEST_SPREAD = 1e-4
 """Length in m of a spread joint that replaces a point joint."""
+LAYER_POINTS = 12
+"""Points that stand for a layer whose stiffness changes along the insertion."""
 COLLET_GYRATION = 0.6
 """Radius of gyration of a collet as a multiple of the shank's diameter."""
 TIP_STEP = 1e-5

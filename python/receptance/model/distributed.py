@@ -22,11 +22,12 @@ _LARGEST_FIT = 1.02
 class SpreadJoint(Element):
     """A joint along an insertion: shank and sleeve are two beams, connected by an elastic layer or at points.
 
-    It replaces a `PointJoint` between two parts of an assembly. The part before it continues as the shank, which ends
-    at the end of the insertion; the sleeve begins at the mouth of the holder and continues as the part after it. The
-    length is that of the insertion, which neither part contains. Stiffness and damping are those of the whole
-    insertion, K(w) = (1 + i loss_factor) k + i w c, uniformly distributed. In the limit of zero length it becomes the
-    point joint with the same k_y and k_theta, in the limit of a stiff layer a bonded section (`Segment.core`).
+    It replaces a `PointJoint` between two parts of an assembly. The part before it continues as the shank, which
+    ends at the end of the insertion; the sleeve begins at the mouth of the holder and continues as the part after
+    it. The length is that of the insertion, which neither part contains. Stiffness and damping are those of the
+    whole insertion, K(w) = (1 + i loss_factor) k + i w c, uniformly distributed or, at points, with a slope. In the
+    limit of zero length it becomes the point joint with the same k_y and k_theta, in the limit of a stiff layer a
+    bonded section (`Segment.core`).
 
     Parameters
     ----------
@@ -70,6 +71,14 @@ class SpreadJoint(Element):
     c_y: Annotated[float, Number(units.DAMPING, "translational viscous damping")] = 0.0
     c_theta: Annotated[float, Number(units.ROTATIONAL_DAMPING, "rotational viscous damping")] = 0.0
     loss_factor: Annotated[float, Number(units.LOSS_FACTOR, "hysteretic loss factor of both stiffnesses")] = 0.0
+    slope: Annotated[
+        float,
+        Number(
+            units.SLOPE,
+            "slope of the shares of the points: the one at x has (1 + slope (2 x / length - 1)) / points of the "
+            "stiffness and damping, so the mouth holds more where it is negative; only with `points`",
+        ),
+    ] = 0.0
     points: Annotated[
         int | None,
         Count(
@@ -95,6 +104,11 @@ class SpreadJoint(Element):
             )
         if self.k_y == 0.0 and self.c_y == 0.0:
             raise ValueError(f"{owner}: k_y and c_y are both zero, so the translation is free; give k_y or c_y")
+        if self.slope != 0.0 and points is None:
+            raise ValueError(
+                f"{owner}: slope is {self.slope:g} and points is None, but the stiffness of a layer is uniform; "
+                "give points, for example points = 12"
+            )
         if points == 1 and self.k_theta == 0.0 and self.c_theta == 0.0:
             raise ValueError(
                 f"{owner}: k_theta and c_theta are both zero, so the rotation about the one point is free; "

@@ -9,7 +9,7 @@
 use crate::line::block::Block;
 use crate::line::exponential;
 use crate::line::kernel::{Choice, Kernel, Wave, parity};
-use crate::line::layer::{DERIVATIVES, LAYER, LENGTH};
+use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
 use crate::model::assembly::{Model, Table};
 use crate::model::overlap::{Overlap, column as overlap_column};
@@ -64,11 +64,12 @@ fn overlap_factors(overlap: &Overlap, column: usize) -> ([Complex64; DERIVATIVES
         }
         overlap_column::K..overlap_column::C => factors[LAYER + column - overlap_column::K] = loss,
         overlap_column::C..overlap_column::LOSS_FACTOR => rates[column - overlap_column::C] = 1.0,
-        _ => {
+        overlap_column::LOSS_FACTOR => {
             for i in 0..2 {
                 factors[LAYER + i] = Complex64::I * overlap.k[i];
             }
         }
+        _ => factors[SLOPE] = Complex64::ONE,
     }
     (factors, rates)
 }

@@ -35,8 +35,8 @@ pub struct Pair {
     pub inertia: Two,
     /// Stiffness of the layer per length.
     pub layer: [Complex64; 2],
-    /// Stiffness of one point.
-    point: [Complex64; 2],
+    /// Stiffness of all points together.
+    points: [Complex64; 2],
 }
 
 /// An overlap on one line, as seen when the outer or the inner beam lies behind.
@@ -45,6 +45,8 @@ pub struct Line {
     pub pair: Pair,
     /// The way across one piece.
     transfer: [Eight; 8],
+    /// Shares of the points in the whole stiffness, in the order in which they are passed.
+    shares: Vec<f64>,
 }
 
 /// Result of a way through an overlap.
@@ -90,7 +92,7 @@ impl Pair {
             compliance: beams.map(|beam| beam.compliance),
             inertia: beams.map(|beam| beam.kinetic.map(|m| m * (w * w))),
             layer: if points == 0 { spread } else { zero },
-            point: if points == 0 { zero } else { total.map(|k| k / points as f64) },
+            points: if points == 0 { zero } else { total },
         }
     }
 
@@ -147,7 +149,10 @@ impl Line {
                 transfer[i][column] = sum[i];
             }
         }
-        Self { pair, transfer }
+        let places = (1..=pieces.count).filter(|&passed| pieces.point_after(passed));
+        let side = if forward { 1.0 } else { -1.0 };
+        let shares = places.map(|passed| beside.overlap.share(side * pieces.place(passed))).collect();
+        Self { pair, transfer, shares }
     }
 
     /// From the plane of what lies behind, (u, f) rows over its independent variables, to that of the near beam.
@@ -155,6 +160,7 @@ impl Line {
         let mut basis = start(&behind);
         let (mut negatives, mut log_determinant) = (0, ZERO);
         let mut trace: Vec<(Basis, Four)> = Vec::new();
+        let mut shares = self.shares.iter();
         let stiff = if wanted == Wanted::Count { self.stiffness() } else { [[ZERO; 4]; 4] };
         for piece in 1..=pieces.count {
             let mut near = self.across(&basis);
@@ -169,9 +175,10 @@ impl Line {
                 _ => {}
             }
             if pieces.point_after(piece) {
+                let share = shares.next().copied().unwrap_or_default();
                 for i in 0..2 {
                     for column in 0..4 {
-                        let load = self.pair.point[i] * near[i][column];
+                        let load = self.pair.points[i] * share * near[i][column];
                         near[4 + i][column] += load;
                     }
                 }
@@ -344,12 +351,14 @@ fn negative_at_end(mut basis: Basis, weights: &[f64; 4]) -> usize {
 /// Products of the states of two loads: y_a, theta_a, y_b, theta_b; V_a, M_a, V_b, M_b; d_y, d_theta.
 pub const PRODUCTS: usize = 10;
 /// Derivatives of H by the inertias of both beams (4), their compliances (4), the total stiffnesses of the layer (2),
-/// and the length.
-pub const DERIVATIVES: usize = PRODUCTS + 1;
+/// the length, and the slope of the points' shares.
+pub const DERIVATIVES: usize = PRODUCTS + 2;
 /// Where the layer's two begin.
 pub const LAYER: usize = 8;
 /// Where the length is.
 pub const LENGTH: usize = 10;
+/// Where the slope is.
+pub const SLOPE: usize = 11;
 
 /// Points (from 0 to 1) and weights of the rule of eight points.
 const GAUSS: [[f64; 2]; 8] = [
@@ -422,18 +431,20 @@ pub fn derivatives(
         out[LAYER + i] = -sums[LAYER + i] / length;
     }
     if points > 0 {
-        let (mut passed, mut at_points) = (0, [ZERO; 2]);
-        for (r, s) in left.iter().zip(right) {
+        let total = beside.overlap.stiffness(w);
+        let (mut by_stiffness, mut by_slope) = ([ZERO; 2], ZERO);
+        for (passed, (r, s)) in left.iter().zip(right).enumerate() {
             // The point that was passed before this piece moves as the piece's end does.
             if pieces.point_after(passed) {
+                let place = pieces.place(passed);
                 for i in 0..2 {
-                    at_points[i] -= r[i] * s[i] / points as f64;
+                    by_stiffness[i] -= r[i] * s[i] * beside.overlap.share(place);
+                    by_slope -= r[i] * s[i] * total[i] * (place / points as f64);
                 }
             }
-            passed += 1;
         }
-        out[LAYER] = at_points[0];
-        out[LAYER + 1] = at_points[1];
+        out[LAYER..LAYER + 2].copy_from_slice(&by_stiffness);
+        out[SLOPE] = by_slope;
     }
     out[LENGTH] = by_length(&pair, pieces, length, left, right);
     if points == 0 {

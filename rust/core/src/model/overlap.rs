@@ -23,10 +23,12 @@ pub mod column {
     pub const C: usize = 27;
     /// Loss factor of the layer.
     pub const LOSS_FACTOR: usize = 29;
+    /// Slope of the shares of the points along x, from -1 to 1; 0 for equal shares.
+    pub const SLOPE: usize = 30;
     /// 0 for a layer, else the number of points that share it.
-    pub const POINTS: usize = 30;
+    pub const POINTS: usize = 31;
     /// Number of columns.
-    pub const COUNT: usize = 31;
+    pub const COUNT: usize = 32;
 }
 
 /// Most points in a row.
@@ -51,6 +53,8 @@ pub struct Overlap {
     pub c: [f64; 2],
     /// Loss factor of the stiffness.
     pub loss_factor: f64,
+    /// Slope of the shares of the points along x: a point at x has the share (1 + slope (2 x / length - 1)) / points.
+    pub slope: f64,
     /// 0 for a layer, else the number of points.
     pub points: usize,
 }
@@ -71,7 +75,7 @@ impl Overlap {
             Err(Error::Quantity { element: "overlap", row, quantity, value, expected })
         };
         let names = ["k_y", "k_theta", "c_y", "c_theta", "loss_factor"];
-        for (quantity, &value) in names.into_iter().zip(&values[column::K..column::POINTS]) {
+        for (quantity, &value) in names.into_iter().zip(&values[column::K..column::SLOPE]) {
             if !(value.is_finite() && value >= 0.0) {
                 return fail(quantity, value, "zero or a positive finite number");
             }
@@ -80,12 +84,20 @@ impl Overlap {
         if !(points >= 0.0 && points.fract() == 0.0 && points <= MOST_POINTS) {
             return fail("points", points, "0 (a layer) or a whole number up to 1000");
         }
+        let slope = values[column::SLOPE];
+        if !(-1.0..=1.0).contains(&slope) {
+            return fail("slope", slope, "a number from -1 to 1");
+        }
+        if slope != 0.0 && points == 0.0 {
+            return fail("slope", slope, "0 for a layer, whose stiffness is uniform; give points");
+        }
         Ok(Self {
             nodes,
             beams,
             k: [values[column::K], values[column::K + 1]],
             c: [values[column::C], values[column::C + 1]],
             loss_factor: values[column::LOSS_FACTOR],
+            slope,
             points: points as usize,
         })
     }
@@ -99,6 +111,11 @@ impl Overlap {
     pub(crate) fn stiffness(&self, w: Complex64) -> [Complex64; 2] {
         let iw = Complex64::I * w;
         [0, 1].map(|i| Complex64::new(self.k[i], self.k[i] * self.loss_factor) + iw * self.c[i])
+    }
+
+    /// Share of the whole stiffness that the point at a place has.
+    pub(crate) fn share(&self, place: f64) -> f64 {
+        (1.0 + self.slope * place) / self.points as f64
     }
 
     /// The first of translation and rotation that nothing holds, with dashpots counting or not; one row of
@@ -135,6 +152,11 @@ pub struct Pieces {
 }
 
 impl Pieces {
+    /// Place after so many pieces from the end of larger x, from -1 at the start of the overlap to 1 at its end.
+    pub fn place(&self, passed: usize) -> f64 {
+        1.0 - 2.0 * passed as f64 / self.count as f64
+    }
+
     /// Whether a point follows when so many pieces have been passed, from either end.
     pub fn point_after(&self, passed: usize) -> bool {
         self.apart > 0 && passed % self.apart == self.apart / 2
