@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -191,7 +191,6 @@ def compare_candidates(
     *,
     given: Mapping[str, float] | None = None,
     store: str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Compare candidates with the measurements that are not held out; see `Campaign.compare`."""
     from receptance.sweep import Misfit, sweep
@@ -200,13 +199,13 @@ def compare_candidates(
         text = 'there is no measurement with the role "identify" to compare candidates with'
         raise CampaignError.about(campaign.file, text)
     given = dict(given or {})
-    observations, fit = _observations(campaign, candidates.addresses, given, progress)
+    observations, fit = _observations(campaign, candidates.addresses, given)
     found = sweep(
         campaign,
         candidates,
         Misfit(observations),
         store=store,
-        progress=None if progress is None else lambda state: progress(str(state)),
+        progress=lambda state: campaign.progress(str(state)),
     )
     expected, limit = _expected_misfit(observations)
     laws = [u.address for u in campaign.unknowns if isinstance(u, Law) and u.address in candidates.addresses]
@@ -225,10 +224,7 @@ def compare_candidates(
 
 
 def _observations(
-    campaign: Campaign,
-    varied: Sequence[str],
-    given: Mapping[str, float],
-    progress: Callable[[str], None] | None,
+    campaign: Campaign, varied: Sequence[str], given: Mapping[str, float]
 ) -> tuple[tuple[MeasuredFRF | MeasuredFrequencies, ...], Identification | None]:
     """Return the observations with given and identified values of parameters that do not vary, and the fit."""
     measurements = dict(campaign.to_identify)
@@ -253,7 +249,7 @@ def _observations(
         table=campaign.table.model_copy(update={"settings": settings}),
         measurements=measurements,
         unknowns=unknowns,
-    ).identify(progress=progress)
+    ).identify()
     identified = []
     for name, measured, assembly in zip(measurements, observations, fit.assemblies, strict=True):
         observation = altered(measured, assembly=assembly)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import SeriesTable, SettingsTable
+    from receptance.campaign.schema import SeriesTable
     from receptance.identification import Identification
     from receptance.identification.observations import Observation
     from receptance.report.table import Cell
@@ -92,18 +92,14 @@ class LevelSeries(Results[ForceSeries]):
 
 
 def started_by_level(
-    observations: Sequence[Observation],
-    unknowns: Sequence[Unknown],
-    settings: SettingsTable,
-    *,
-    threads: int | None = None,
-    say: Callable[[str], None] = lambda _: None,
+    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
 ) -> list[Unknown]:
     """Return the unknowns with start values of free ones from separate fits of each configuration.
 
     A joint fit of many levels has too many free values to converge from distant starts. The first level of each kind of
     assembly is fitted from several starts, the others from the values of the previous level.
     """
+    starts = campaign.table.settings.starts
     groups: dict[str, list[Observation]] = {}
     for one in observations:
         groups.setdefault(one.configuration, []).append(one)
@@ -113,14 +109,14 @@ def started_by_level(
         mine = [u for u in unknowns if any(covered(u.address, one.assembly) for one in own)]
         if not mine:
             continue
-        say(f"fitting {name}")
+        campaign.progress(f"fitting {name}")
         kind = tuple(unknown.address for unknown in mine)
         values, rms = last.get(kind, ({}, np.inf))
         fits = []
         if values:
-            fits.append(_fitted(own, mine, values, settings, threads, starts=1, staged=False))
+            fits.append(_fitted(campaign, own, mine, values, starts=1, staged=False))
         if not values or fits[0] is None or fits[0].rms > _WORSE * rms:
-            fits.append(_fitted(own, mine, {}, settings, threads, starts=settings.starts, staged=True))
+            fits.append(_fitted(campaign, own, mine, {}, starts=starts, staged=True))
         ended = [fit for fit in fits if fit is not None]
         if not ended:
             continue
@@ -135,15 +131,15 @@ def started_by_level(
 
 
 def _fitted(
+    campaign: Campaign,
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     values: Mapping[str, float],
-    settings: SettingsTable,
-    threads: int | None,
     *,
     starts: int,
     staged: bool,
 ) -> Identification | None:
+    settings = campaign.table.settings
     plain = [
         Unknown(
             address=one.address,
@@ -164,7 +160,7 @@ def _fitted(
             starts=starts,
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
-            threads=threads,
+            threads=campaign.threads,
             strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
         )
     except (ReceptanceError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from receptance.campaign.measurements import Measurement
     from receptance.campaign.problems import KeyPath
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import CampaignTable, StabilityTable, TipTable
+    from receptance.campaign.schema import CampaignTable, TipTable
     from receptance.diagnosis import HeldOut, Metric
     from receptance.frf import FRF
     from receptance.identification import Identification
@@ -220,14 +220,8 @@ class Tips:
         The campaign.
     identified : Identification or None
         Fit for predicted tips.
-    draws : int
-        Number of draws of uncertain receptances.
-    seed : int
-        Seed of the draws.
     tips : sequence of Tip or None
         Tips in the direction of feed and across it; None for a rigid one.
-    threads : int or None
-        As in `Assembly.receptance`.
 
     Attributes
     ----------
@@ -243,11 +237,9 @@ class Tips:
         self,
         campaign: Campaign,
         identified: Identification | None,
-        draws: int,
-        seed: int,
         tips: Sequence[Tip | None],
-        threads: int | None,
     ) -> None:
+        draws, seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
         self.notes: list[str] = []
         # The same tip in both directions has the same draws.
         given = [tip for tip in tips if tip is not None]
@@ -261,7 +253,7 @@ class Tips:
         self._sources: list[_Source] = []
         for tip, made in zip(own, predicted, strict=True):
             if made is not None:
-                self._sources.append(_PredictedTip(made, self.lines, draws, seed, threads))
+                self._sources.append(_PredictedTip(made, self.lines, draws, seed, campaign.threads))
             elif tip.frf is not None:
                 self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, draws, seed, self.notes))
         self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
@@ -415,11 +407,8 @@ def stability_of_campaign(
     identified: Identification | None,
     *,
     cuts: Sequence[str] = (),
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Stability:
     """Return the stability of the cuts of a campaign; see `Campaign.stability`."""
-    say = progress or (lambda _: None)
     chosen = campaign.select_cuts(cuts)
     asked = campaign.table.stability
     speeds = campaign.spindle_speeds()
@@ -427,28 +416,22 @@ def stability_of_campaign(
     if not predicted:
         identified = None
     elif identified is None and campaign.unknowns:
-        identified = campaign.identify(threads=threads, progress=progress)
+        identified = campaign.identify()
     found = {}
     provenance = campaign.provenance(settings=asked.model_dump())
     for cut in chosen:
-        say(f"lobes of {cut.name}")
+        campaign.progress(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
-            tips = Tips(campaign, identified, asked.number_of_draws, asked.seed, directions, threads)
-            found[cut.name] = replace(_lobes(cut, tips, speeds, asked, threads, say), provenance=provenance)
+            tips = Tips(campaign, identified, directions)
+            found[cut.name] = replace(_lobes(campaign, cut, tips, speeds), provenance=provenance)
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
 
 
-def _lobes(
-    cut: CampaignCut,
-    tips: Tips,
-    speeds: NDArray[np.float64],
-    asked: StabilityTable,
-    threads: int | None,
-    say: Callable[[str], None],
-) -> Lobes:
+def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.float64]) -> Lobes:
+    asked = campaign.table.stability
     several = cut.drawn(asked.number_of_draws, asked.seed)
     uncertain = tips.uncertain or several is not None
     if asked.method == "mean force":
@@ -475,8 +458,8 @@ def _lobes(
             most=most,
             draws=modes,
             cuts=_selected(several, good),
-            threads=threads,
-            progress=say,
+            threads=campaign.threads,
+            progress=campaign.progress,
         )
     notes = [*tips.notes, *lobes.notes]
     if not uncertain:

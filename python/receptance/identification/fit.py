@@ -25,7 +25,8 @@ from receptance.report import Provenance
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import Problem, Unit
+    from receptance.identification.observations import Unit
+    from receptance.identification.problem import Problem
 
 __all__ = ["conclude", "identify"]
 
@@ -104,7 +105,7 @@ def identify(
     tolerance : float, optional
         Relative change of the cost and of the variables at which a fit has converged.
     threads : int, optional
-        As in `Assembly.receptance`.
+        As in `Assembly.receptance`; for predictions of the result as well.
     tolerances : sequence of Tolerance, optional
         Errors of dimensions and materials, which are fitted as well, each with its prior.
     strategy : {"direct", "staged"}, optional
@@ -230,9 +231,8 @@ def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
         )
     if all(known):
         return ["standard deviations"] * len(observed)
-    kinds = {type(observation) for observation in observed}
-    frequencies: Unit = "percent" if len(kinds) == 1 else "relative"
-    return ["logarithm" if isinstance(observation, MeasuredFRF) else frequencies for observation in observed]
+    units: list[Unit] = [observation.unit for observation in observed]
+    return ["percent"] * len(units) if set(units) == {"relative"} else units
 
 
 def _weight_notes(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:

@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
 from receptance.identification.mapping import FACTORS
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Unit
 from receptance.model.joints import PointJoint
 from receptance.model.tables import Tied
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["End", "InfeasibleError", "Observed", "Problem", "Unit", "only_joint", "prior_table", "residuals_at"]
 
-Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
-"""Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
 _STATUS = {
@@ -479,9 +477,8 @@ def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]
     """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
     mapping = one.mapping
     factors = [(FACTORS.index(name), i) for i, name in enumerate(mapping.addresses) if name in FACTORS]
-    frf = one.observation
-    points = (frf.response, frf.excitation) if isinstance(frf, MeasuredFRF) else ()
-    tied = frf.assembly.tied(mapping.addresses, points, others=FACTORS)
+    observation = one.observation
+    tied = observation.assembly.tied(mapping.addresses, observation.coordinates, others=FACTORS)
     start = np.where(mapping.base >= 0, mapping.scale, mapping.fixed)
     columns = [mapping.base, start, mapping.second, mapping.share, mapping.exponents, mapping.shifts]
     addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from receptance.identification.laws import Law
 from receptance.identification.mapping import ParameterMap, Parameters
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import MeasuredFRF, Observation, Unit
 from receptance.identification.peaks import find_bands, within
-from receptance.identification.problem import Observed, Problem, Unit
+from receptance.identification.problem import Observed, Problem
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -96,8 +96,7 @@ class Task:
 
         Percentages in bands around measured peaks do not depend on calculated peaks outside of them.
         """
-        units: list[Unit] = ["logarithm" if isinstance(o, MeasuredFRF) else "relative" for o in self.observed]
-        return replace(self, units=tuple(units), band_width_percent=0.0).problem()
+        return replace(self, units=tuple(one.unit for one in self.observed), band_width_percent=0.0).problem()
 
     def noisier(self, factor: float) -> Task:
         """Return the task with the stated standard deviations times a factor."""

@@ -34,7 +34,7 @@ QUANTITIES = {
     )
     for name, quantity in element.quantities.items()
 }
-"""Quantities of parameters by the last word of their addresses; those of ground springs and resonators are among them."""
+"""Quantities of parameters by the last word of their addresses; ground springs and resonators add no names."""
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
