@@ -8,9 +8,9 @@ segments (n, 14): node a, node b (x larger), length, outer diameter, inner diame
 joints (n, 2 + p): node a, node b, then the p parameters of a `PointJoint` in the order of its fields;
 masses (n, 3): node, mass, inertia;
 grounds (n, 1 + p): node, then as a joint;
-overlaps (n, 31): node where the shank goes on, node where the sleeve does (x larger), length, the shank's section as in
-    a segment from the outer diameter to the shear model (11), the sleeve's, k_y, k_theta, c_y, c_theta, loss_factor of
-    the whole layer, number of points (0: a layer); bending only.
+overlaps (n, 32): node where the shank goes on, node where the sleeve does (x larger), length, the shank's section as in
+    a segment from the outer diameter to the shear model (11), the sleeve's, k_y, k_theta, c_y, c_theta, loss_factor and
+    slope of the whole layer, number of points (0: a layer); bending only.
 
 terminals (n, 4), by `Model.with_terminals`: node, and the constant part of y/F, theta/M and y/M;
 modes (m, 7), with them: row of the terminal, natural frequency in rad/s, damping ratio, y, theta, y_imaginary,

@@ -177,7 +177,7 @@ pub fn used(joints: &[f64]) -> Vec<usize> {
     let any = |effect: fn(&Term) -> bool| {
         let rows = joints.chunks_exact(SPRING_COLUMNS);
         rows.into_iter()
-            .any(|row| row.iter().zip(&SPRING).any(|(value, (_, term))| effect(term) && *value != 0.0))
+            .any(|row| row.iter().zip(SPRING).any(|(value, (_, term))| effect(term) && *value != 0.0))
     };
     let damped = any(|term| matches!(term, Term::Dashpot(_)));
     let couples = any(|term| matches!(term, Term::Stiffness(2) | Term::Dashpot(2)));

@@ -15,7 +15,7 @@ pub enum Term {
 }
 
 /// Names and effects of the columns of a spring; stiffnesses are first, then dashpots, then loss factors.
-pub const SPRING: [(&str, Term); 7] = [
+pub const SPRING: &[(&str, Term)] = &[
     ("k_y", Term::Stiffness(0)),
     ("k_theta", Term::Stiffness(1)),
     ("k_ytheta", Term::Stiffness(2)),
@@ -47,7 +47,7 @@ impl Spring {
         let columns = core::array::from_fn(|column| values[column]);
         let mut out = Self { columns, k: [0.0; 3], c: [0.0; 3], loss: [0.0; 3] };
         for (value, (_, term)) in columns.iter().zip(SPRING) {
-            match term {
+            match *term {
                 Term::Stiffness(entry) => out.k[entry] = *value,
                 Term::Dashpot(entry) => out.c[entry] = *value,
                 Term::Loss(shares) => {
