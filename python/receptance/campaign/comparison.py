@@ -96,7 +96,7 @@ class Comparison(Result):
         """Misfit of the fit; None without a fit or without standard deviations."""
         if self.fit is None or not self.fit.known_scatter:
             return None
-        return float(sum(np.sum(np.square(one)) for one in self.fit.residuals))
+        return float(sum(np.sum(np.square(residual)) for residual in self.fit.residuals))
 
     @property
     def agrees(self) -> bool | None:
@@ -228,18 +228,18 @@ def _observations(
 ) -> tuple[tuple[MeasuredFRF | MeasuredFrequencies, ...], Identification | None]:
     """Return the observations with given and identified values of parameters that do not vary, and the fit."""
     measurements = dict(campaign.to_identify)
-    every = [one.observation.assembly for one in measurements.values()]
+    every = [measurement.observation.assembly for measurement in measurements.values()]
     for address in (*varied, *given):
         if not any(covered(address, assembly) for assembly in every):
             known = sorted({name for assembly in every for name in assembly.parameters})
             text = f'no measured assembly has the parameter "{address}"{instead_of(address, known)}'
             raise CampaignError.about(campaign.file, text)
     for address, value in given.items():
-        for name, one in measurements.items():
-            assembly = one.observation.assembly
+        for name, measurement in measurements.items():
+            assembly = measurement.observation.assembly
             assembly = assembly.replace(dict.fromkeys(covered(address, assembly), value))
-            measurements[name] = replace(one, observation=altered(one.observation, assembly=assembly))
-    observations = tuple(one.observation for one in measurements.values())
+            measurements[name] = replace(measurement, observation=altered(measurement.observation, assembly=assembly))
+    observations = tuple(measurement.observation for measurement in measurements.values())
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
@@ -276,10 +276,14 @@ def _expected_misfit(
     from receptance.diagnosis.thresholds import MISFIT_CHANCE, MISFIT_LIMIT
 
     count = 0.0
-    for one in observations:
-        if not one.weighted:
+    for observation in observations:
+        if not observation.weighted:
             return None, None
-        count += 2.0 * one.independent_lines if isinstance(one, MeasuredFRF) else one.frequency_hz.size
+        count += (
+            2.0 * observation.independent_lines
+            if isinstance(observation, MeasuredFRF)
+            else observation.frequency_hz.size
+        )
     return count, float(np.maximum(MISFIT_LIMIT * count, chdtri(count, MISFIT_CHANCE)))
 
 

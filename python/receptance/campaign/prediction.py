@@ -124,7 +124,7 @@ class Prediction(Result):
             "level": self.level,
             "rms_percent": self.rms_percent,
             "natural_frequencies": [one.data(self.level) for one in self.frequencies],
-            "frfs": [one.data(self.level) for one in self.frfs],
+            "frfs": [frf.data(self.level) for frf in self.frfs],
             "not_predicted": self.not_predicted,
             "identified": None if self.identified is None else self.identified.to_dict(),
         }

@@ -132,7 +132,7 @@ def from_data(
     table, builder, built = _build(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
     reader = MeasurementReader(table, builder, file.parent, effects)
-    conditions = {name: one.conditions for name, one in table.assemblies.items() if one.conditions}
+    conditions = {name: assembly.conditions for name, assembly in table.assemblies.items() if assembly.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         say(f"reading {name}")
@@ -160,7 +160,7 @@ def from_data(
         conditions=conditions,
         places=places,
         candidates={name: one for name, one in possible.items() if one is not None},
-        cuts={name: one for name, one in cuts.items() if one is not None},
+        cuts={name: cut for name, cut in cuts.items() if cut is not None},
         built=built,
         contents=data,
         templates={

@@ -173,13 +173,13 @@ class Campaign:
     @property
     def unmeasured(self) -> dict[str, Assembly]:
         """Assemblies without any measurement."""
-        measured = {one.assembly for one in self.measurements.values()}
+        measured = {measurement.assembly for measurement in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
 
     @property
     def highest_frequency(self) -> float | None:
         """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
-        measured = [float(one.observation.frequency_hz[-1].real) for one in self.measurements.values()]
+        measured = [float(measurement.observation.frequency_hz[-1].real) for measurement in self.measurements.values()]
         asked = self.table.prediction.upper
         return max(measured, default=None) if asked is None else asked
 
@@ -235,12 +235,12 @@ class Campaign:
         """Return the measurements; those of a series in a table of their own."""
         groups: dict[str, list[Measurement]] = {}
         rows = []
-        for name, one in self.measurements.items():
+        for name, measurement in self.measurements.items():
             if name in self.templates:
-                groups.setdefault(self.templates[name], []).append(one)
+                groups.setdefault(self.templates[name], []).append(measurement)
             else:
-                assembly = one.assembly if one.assembly != name else ""
-                rows.append((name, assembly, one.observation.describe(), one.sensor, one.role))
+                assembly = measurement.assembly if measurement.assembly != name else ""
+                rows.append((name, assembly, measurement.observation.describe(), measurement.sensor, measurement.role))
         tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
         series = []
         for template, own in groups.items():
@@ -341,7 +341,11 @@ class Campaign:
                 notes.append(
                     f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
                 )
-            seen = [one.observation for one in measured.values() if isinstance(one.observation, MeasuredFRF)]
+            seen = [
+                measurement.observation
+                for measurement in measured.values()
+                if isinstance(measurement.observation, MeasuredFRF)
+            ]
             with errors_about(self.file, f"{name}: "):
                 one = invert_coupling(
                     seen,
@@ -479,16 +483,17 @@ class Campaign:
             There are no unknowns, fewer than two assemblies were measured, or as in `identify`.
         """
         self._check_unknowns()
-        if len({one.assembly for one in self.measurements.values()}) < 2:
+        if len({measurement.assembly for measurement in self.measurements.values()}) < 2:
             text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
             raise CampaignError.about(self.file, text)
         notes = list(self.notes)
-        if any(one.held_out for one in self.measurements.values()):
+        if any(measurement.held_out for measurement in self.measurements.values()):
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
         measured, settings = self.measurements, self.table.settings
         tolerances = weighted_tolerances(self, measured)
         observations = [
-            one.observation.configured(one.assembly, one.observation.conditions) for one in measured.values()
+            measurement.observation.configured(measurement.assembly, measurement.observation.conditions)
+            for measurement in measured.values()
         ]
         _, unknowns, options = fit_options(self, observations, self.unknowns)
         with errors_about(self.file):
@@ -598,7 +603,9 @@ def fit_options(
 ) -> tuple[bool, list[Unknown], dict[str, Any]]:
     """Return whether the levels of a series are fitted separately first, unknowns with start values, and options."""
     settings = campaign.table.settings
-    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
+    by_level = campaign.table.series is not None and any(
+        isinstance(unknown, Law) and unknown.free for unknown in unknowns
+    )
     started = list(unknowns)
     if by_level:
         started = started_by_level(campaign, observations, unknowns)

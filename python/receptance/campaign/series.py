@@ -101,32 +101,34 @@ def started_by_level(
     """
     starts = campaign.table.settings.starts
     groups: dict[str, list[Observation]] = {}
-    for one in observations:
-        groups.setdefault(one.configuration, []).append(one)
+    for observation in observations:
+        groups.setdefault(observation.configuration, []).append(observation)
     found: dict[str, dict[str, float]] = {}
     last: dict[tuple[str, ...], tuple[dict[str, float], float]] = {}
-    for name, own in groups.items():
-        mine = [u for u in unknowns if any(covered(u.address, one.assembly) for one in own)]
-        if not mine:
+    for name, group in groups.items():
+        present = [u for u in unknowns if any(covered(u.address, observation.assembly) for observation in group)]
+        if not present:
             continue
         campaign.progress(f"fitting {name}")
-        kind = tuple(unknown.address for unknown in mine)
+        kind = tuple(unknown.address for unknown in present)
         values, rms = last.get(kind, ({}, np.inf))
         fits = []
         if values:
-            fits.append(_fitted(campaign, own, mine, values, starts=1, staged=False))
+            fits.append(_fitted(campaign, group, present, values, starts=1, staged=False))
         if not values or fits[0] is None or fits[0].rms > _WORSE * rms:
-            fits.append(_fitted(campaign, own, mine, {}, starts=starts, staged=True))
+            fits.append(_fitted(campaign, group, present, {}, starts=starts, staged=True))
         ended = [fit for fit in fits if fit is not None]
         if not ended:
             continue
         best = min(ended, key=lambda fit: fit.rms)
         last[kind] = best.values, max(best.rms, 1.0)
-        for unknown in mine:
+        for unknown in present:
             found.setdefault(unknown.address, {})[name] = best.values[unknown.address]
     return [
-        replace(one, starts=found.get(one.address, {})) if isinstance(one, Law) and one.free else one
-        for one in unknowns
+        replace(unknown, starts=found.get(unknown.address, {}))
+        if isinstance(unknown, Law) and unknown.free
+        else unknown
+        for unknown in unknowns
     ]
 
 
@@ -142,16 +144,16 @@ def _fitted(
     settings = campaign.table.settings
     plain = [
         Unknown(
-            address=one.address,
-            lower=one.lower,
-            upper=one.upper,
-            start=values.get(one.address, one.start),
-            scale=one.scale,
-            prior=one.prior,
+            address=unknown.address,
+            lower=unknown.lower,
+            upper=unknown.upper,
+            start=values.get(unknown.address, unknown.start),
+            scale=unknown.scale,
+            prior=unknown.prior,
         )
-        for one in unknowns
+        for unknown in unknowns
     ]
-    weighed = all(getattr(one, "standard_deviation", None) is not None for one in observations)
+    weighed = all(getattr(observation, "standard_deviation", None) is not None for observation in observations)
     try:
         return identify(
             observations,

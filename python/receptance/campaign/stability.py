@@ -334,7 +334,10 @@ class _PredictedTip:
         nothing = np.full(self._lines.size, np.nan, np.complex128)
         assemblies = self._forecast.drawn(self._draws, self._seed)
         return np.array(
-            [nothing if one is None else one.receptance(self._lines, threads=self._threads) for one in assemblies]
+            [
+                nothing if assembly is None else assembly.receptance(self._lines, threads=self._threads)
+                for assembly in assemblies
+            ]
         )
 
     def modes(self) -> TipModes:
@@ -342,7 +345,7 @@ class _PredictedTip:
 
     def drawn_modes(self) -> list[TipModes | None]:
         assemblies = self._forecast.drawn(self._draws, self._seed)
-        return [None if one is None else self._modes_of(one) for one in assemblies]
+        return [None if assembly is None else self._modes_of(assembly) for assembly in assemblies]
 
     def _modes_of(self, assembly: Assembly) -> TipModes:
         found = damped_modes(assembly, float(self._lines[-1]), threads=self._threads)
@@ -472,7 +475,7 @@ def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.
 
 
 def _selected(cuts: Sequence[Any] | None, good: NDArray[np.bool_]) -> list[Any] | None:
-    return None if cuts is None else [one for one, kept in zip(cuts, good, strict=True) if kept]
+    return None if cuts is None else [cut for cut, kept in zip(cuts, good, strict=True) if kept]
 
 
 _METRICS = ("stable_depth",)
@@ -498,7 +501,7 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
         if not campaign.cuts:
             text = f"there is no cut for the metric {name}, expected [cuts.NAME]"
             raise CampaignError.about(campaign.file, text)
-        if not any(_is_tip_receptance(one.observation) for one in campaign.measurements.values()):
+        if not any(_is_tip_receptance(measurement.observation) for measurement in campaign.measurements.values()):
             text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
             text += "both along y"
             raise CampaignError.about(campaign.file, text)

@@ -420,17 +420,19 @@ def _misfit_advice(
     return []
 
 
-def _comparable(one: Observation, other: Observation) -> bool:
+def _comparable(observation: Observation, other: Observation) -> bool:
     # Two structures may have the same natural frequencies to the digits that are written.
-    if isinstance(one, MeasuredFRF):
+    if isinstance(observation, MeasuredFRF):
         return True
-    return one.assembly is other.assembly or bool(one.configuration and one.configuration == other.configuration)
+    return observation.assembly is other.assembly or bool(
+        observation.configuration and observation.configuration == other.configuration
+    )
 
 
 def _copy_advice(observed: Sequence[Observation]) -> list[str]:
     """Return advice on observations with the same numbers, which noise would make different."""
     advice = []
-    names = [one.title(i) for i, one in enumerate(observed)]
+    names = [observation.title(i) for i, observation in enumerate(observed)]
     pairs = [
         (i, j)
         for i in range(len(observed))
@@ -438,7 +440,9 @@ def _copy_advice(observed: Sequence[Observation]) -> list[str]:
         if type(observed[i]) is type(observed[j]) and _comparable(observed[i], observed[j])
     ]
     # Sorting can take longer than a fit, so only comparable observations are sorted.
-    values = {i: np.unique(one.data) for i, one in enumerate(observed) if any(i in pair for pair in pairs)}
+    values = {
+        i: np.unique(observation.data) for i, observation in enumerate(observed) if any(i in pair for pair in pairs)
+    }
     for i, j in pairs:
         same = np.intersect1d(values[i], values[j], assume_unique=True).size
         least = min(values[i].size, values[j].size)

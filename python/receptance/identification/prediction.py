@@ -455,7 +455,7 @@ class Forecast:
         assemblies = [one for one in self.drawn(draws, seed) if one is not None]
         if 2 * len(assemblies) < draws:
             raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
-        drawn = [np.log(np.abs(one.receptance(frequency_hz, **options))) for one in assemblies]
+        drawn = [np.log(np.abs(assembly.receptance(frequency_hz, **options))) for assembly in assemblies]
         return PredictedFRF(
             response=response,
             excitation=excitation,

@@ -159,7 +159,7 @@ class Identification(Result):
     @property
     def labels(self) -> list[str]:
         """Label of each observation, or its number."""
-        return [one.title(i) for i, one in enumerate(self.task.observed)]
+        return [observation.title(i) for i, observation in enumerate(self.task.observed)]
 
     @property
     def rms(self) -> float:

@@ -329,24 +329,24 @@ def _fit_stages(
 
 def _peak_problem(task: Task) -> Problem | None:
     """Return the problem with the peaks of receptances as natural frequencies, numbered from the lowest."""
-    if not all(one.assembly.countable for one in task.observed):
+    if not all(observation.assembly.countable for observation in task.observed):
         return None
     found: list[Observation] = []
-    for one in task.observed:
-        if isinstance(one, MeasuredFrequencies):
-            found.append(one)
+    for observation in task.observed:
+        if isinstance(observation, MeasuredFrequencies):
+            found.append(observation)
             continue
-        frequency = one.frequency_hz.real[peak_indices(one.receptance)]
+        frequency = observation.frequency_hz.real[peak_indices(observation.receptance)]
         if not frequency.size:
             return None
         found.append(
             MeasuredFrequencies(
-                assembly=one.assembly,
+                assembly=observation.assembly,
                 frequency_hz=frequency,
                 standard_deviation_hz=_PEAK_DEVIATION * frequency,
-                label=one.label,
-                configuration=one.configuration,
-                conditions=one.conditions,
+                label=observation.label,
+                configuration=observation.configuration,
+                conditions=observation.conditions,
             )
         )
     return task.on(found).problem()
