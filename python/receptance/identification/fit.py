@@ -17,7 +17,7 @@ from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, Observation, as_observations
 from receptance.identification.peaks import check_bands
 from receptance.identification.result import Identification, Start
-from receptance.identification.search import Search, Strategy
+from receptance.identification.search import GlobalSearch, Strategy
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, Variables
 from receptance.report import Provenance
@@ -163,7 +163,9 @@ def identify(
             raise ValueError(f"{name} is {value!r}, expected one of {', '.join(options)}")
     if strategy == "staged" and objective != "log":
         raise ValueError('the strategy "staged" is for the objective "log"')
-    search = Search(strategy=strategy, starts=starts, seed=seed, max_evaluations=max_evaluations, tolerance=tolerance)
+    search = GlobalSearch(
+        strategy=strategy, starts=starts, seed=seed, max_evaluations=max_evaluations, tolerance=tolerance
+    )
     _checks.thread_count(threads)
     chosen = None if bands is None else check_bands(bands)
     units = _units(observed, objective)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End, Problem
 from receptance.identification.task import Task
 
-__all__ = ["Continuation", "Search", "Strategy", "different_ends", "fit_direct", "fit_staged", "smeared"]
+__all__ = ["Continuation", "GlobalSearch", "Strategy", "different_ends", "fit_direct", "fit_staged", "smeared"]
 
 Strategy = Literal["direct", "staged"]
 
@@ -74,7 +74,7 @@ _MIN_LINES = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class GlobalSearch:
     """Settings of a search for the global optimum.
 
     Parameters

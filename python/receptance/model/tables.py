@@ -144,12 +144,12 @@ class Flat:
             Factors from the values of the element to those in the table; by default 1.
         """
         rows, number = self.rows[table], Tables._fields.index(table)
-        self.values |= {address: values[column] for address, column in (columns or {}).items()}
-        if rates is not None:
-            values = [value * rate for value, rate in zip(values, rates, strict=True)]
         for address, column in (columns or {}).items():
             rate = 1.0 if rates is None else rates[column]
             self.entries.setdefault(address, []).append((number, len(rows), len(nodes) + column, rate))
+            self.values[address] = values[column]
+        if rates is not None:
+            values = [value * rate for value, rate in zip(values, rates, strict=True)]
         rows.append([*nodes, *values])
         return len(rows) - 1
 
