@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
 
-__all__ = ["Comparison", "compare_candidates"]
+__all__ = ["Comparison", "compare_candidates", "expected_misfit"]
 
 _BEST = 10
 """Largest number of candidates in tables and `to_dict`."""
@@ -207,7 +207,7 @@ def compare_candidates(
         store=store,
         progress=lambda state: campaign.progress(str(state)),
     )
-    expected, limit = _expected_misfit(observations)
+    expected, limit = expected_misfit(observations)
     laws = [u.address for u in campaign.unknowns if isinstance(u, Law) and u.address in candidates.addresses]
     one_value = "a candidate has one value of {} for all assemblies, although the campaign has a law"
     settings = {name: json.loads(text) for name, text in found.attrs.items() if name != "receptance"}
@@ -264,7 +264,7 @@ def _observations(
     return tuple(identified), fit
 
 
-def _expected_misfit(
+def expected_misfit(
     observations: Sequence[MeasuredFRF | MeasuredFrequencies],
 ) -> tuple[float, float] | tuple[None, None]:
     """Return the misfit of the true model expected from noise, and the largest misfit that noise explains.
@@ -275,15 +275,9 @@ def _expected_misfit(
 
     from receptance.diagnosis.thresholds import MISFIT_CHANCE, MISFIT_LIMIT
 
-    count = 0.0
-    for observation in observations:
-        if not observation.weighted:
-            return None, None
-        count += (
-            2.0 * observation.independent_lines
-            if isinstance(observation, MeasuredFRF)
-            else observation.frequency_hz.size
-        )
+    if not all(observation.weighted for observation in observations):
+        return None, None
+    count = sum(observation.independent_values for observation in observations)
     return count, float(np.maximum(MISFIT_LIMIT * count, chdtri(count, MISFIT_CHANCE)))
 
 

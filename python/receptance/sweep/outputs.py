@@ -422,6 +422,7 @@ class Misfit(Output):
                 found += [one.receptance, one.standard_deviation, repr(one.response), repr(one.excitation), one.force]
             else:
                 found += [list(one.modes), one.standard_deviation_hz]
+                found += [one.damping_ratio, one.standard_deviation_damping] if one.damped.size else []
         return found
 
 
