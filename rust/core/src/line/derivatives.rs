@@ -231,11 +231,11 @@ pub(crate) fn spring_derivative<S: Simd, const D: usize>(
     right: &[C<S>; D],
 ) -> C<S> {
     let simd = iw.simd;
-    match SPRING[column].1 {
+    match &SPRING[column].1 {
         Term::Stiffness(entry) => {
-            C::splat(simd, Complex64::new(1.0, spring.loss[entry])) * spring_term(entry, left, right)
+            C::splat(simd, Complex64::new(1.0, spring.loss[*entry])) * spring_term(*entry, left, right)
         }
-        Term::Dashpot(entry) => iw * spring_term(entry, left, right),
+        Term::Dashpot(entry) => iw * spring_term(*entry, left, right),
         Term::Loss(shares) => {
             let mut sum = C::zero(simd);
             for entry in 0..3 {

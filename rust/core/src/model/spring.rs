@@ -67,11 +67,14 @@ impl Spring {
     }
 
     /// The stiffness without dashpots, k (1 + i loss) of each entry.
+    // The kernels call it; a call that is not inlined has other instructions.
+    #[inline(always)]
     pub fn hysteretic(&self) -> [Complex64; 3] {
         [0, 1, 2].map(|i| Complex64::new(self.k[i], self.k[i] * self.loss[i]))
     }
 
     /// The dynamic stiffness at an angular frequency: k (1 + i loss) + i w c of each entry.
+    #[inline(always)]
     pub fn at(&self, w: Complex64) -> [Complex64; 3] {
         let (k, iw) = (self.hysteretic(), Complex64::I * w);
         [0, 1, 2].map(|i| k[i] + iw * self.c[i])
