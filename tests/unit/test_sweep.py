@@ -238,8 +238,8 @@ def test_block_duration_is_limited() -> None:
     ):
         for models in (pair(), {"one": pair(), "other": pair(0.12)}):
             block = Definition.of(models, Grid({"joint.k_y": [1e7, 1e8]}), output).block_size()
-            own = len(models) if isinstance(models, dict) and output.per_assembly else 1
-            assert block * output.candidate_s * own <= 0.5
+            count = len(models) if isinstance(models, dict) and output.per_assembly else 1
+            assert block * output.candidate_s * count <= 0.5
             blocks.append(block)
-    # Joints are many at once.
+    # Joints are evaluated in large blocks.
     assert blocks[0] > 10_000

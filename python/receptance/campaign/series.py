@@ -17,7 +17,7 @@ from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries
-from receptance.taper.figure import axis_unit, draw_with_law
+from receptance.taper.figure import draw_with_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -232,8 +232,7 @@ def _draw(found: LevelSeries, ax: Axes | None) -> Figure:
     rows = -(-count // columns)
     figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
     for axes, (name, series) in zip(panels(figure, count, columns), found.items(), strict=True):
-        factor, label = axis_unit(kind_of(name).unit, series)
-        draw_with_law(axes, series, factor, over, label)
+        draw_with_law(axes, series, over, kind_of(name).unit)
     if found.provenance.title:
         title_left(figure, found.provenance.title)
     return finished(figure)
