@@ -136,11 +136,6 @@ class PosteriorPrediction:
         return [own.apply(one.assembly, values) for one, own in pairs]
 
     @property
-    def chi_square(self) -> float:
-        """Increase of chi-square when the new data are fitted together with the data of the fit."""
-        return 2.0 * self._with_all_variables.cost
-
-    @property
     def log_score(self) -> float:
         """Natural logarithm of the predictive density of the data: of log FRFs, and of frequencies in Hz."""
         end = self._with_all_variables

@@ -6,9 +6,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import tau
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
@@ -35,9 +36,6 @@ from receptance.model.tables import (
     rows_of,
 )
 from receptance.model.terminals import MeasuredPart
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Assembly"]
 
@@ -276,15 +274,15 @@ class Assembly:
         >>> from receptance import STEEL, Assembly, Part, Segment
         >>> bar = Segment(length=0.2, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.002))
         >>> bar = Assembly([Part([bar], name="bar")])
-        >>> found, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
-        >>> round(float(found[0].imag / abs(found[0])), 5)  # half the loss factor
+        >>> frequency, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
+        >>> round(float(frequency[0].imag / abs(frequency[0])), 5)  # half the loss factor
         0.001
         """
         flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
-        near = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
+        undamped = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
         with flat.joints_by_name():
-            angular, slope = flat.model.complex_frequencies(tau * near, rows)
+            angular, slope = flat.model.complex_frequencies(tau * undamped, rows)
         return angular / tau, slope @ matrix / tau
 
     def get(self, address: str) -> float:
@@ -333,9 +331,11 @@ class Assembly:
             shifts = [new[old.index(x)] - x for x in along]
             if max(shifts) - min(shifts) <= 1e-9 * old[-1]:
                 elements[name] = replace(elements[name], position=along[0] + shifts[0] - attachment.offsets[0])
-        full = {name: one if one.name == name else replace(one, name=name) for name, one in elements.items()}
-        points = [full[name] for name in self._attachments]
-        return Assembly([full[name] for name in self._elements], points, motion=self.motion)
+        named = {
+            name: element if element.name == name else replace(element, name=name) for name, element in elements.items()
+        }
+        points = [named[name] for name in self._attachments]
+        return Assembly([named[name] for name in self._elements], points, motion=self.motion)
 
     def reduced_to_joint(
         self,
@@ -406,8 +406,8 @@ class Assembly:
         """
         flat = self.flat()
         with flat.joints_by_name():
-            found, missed = flat.model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
-        return found / tau, missed
+            angular, missed = flat.model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
+        return angular / tau, missed
 
     def flat(self, points: tuple[Coordinate, ...] = ()) -> Flat:
         """Return the tables of the core, with a node at each coordinate; they are computed once."""
@@ -512,7 +512,7 @@ class Assembly:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Assembly):
             return NotImplemented
-        mine, theirs = ((a.motion, a._elements, a._attachments) for a in (self, other))
-        return mine == theirs
+        contents, others = ((a.motion, a._elements, a._attachments) for a in (self, other))
+        return contents == others
 
     __hash__ = None  # type: ignore[assignment]

@@ -315,7 +315,7 @@ class ColletJoint(Element):
     def __post_init__(self) -> None:
         self.check()
         # Addresses use the name of the field.
-        _checks.set_fields(self, {which: replace(getattr(self, which), name="") for which in ("inner", "outer")})
+        _checks.set_fields(self, {side: replace(getattr(self, side), name="") for side in ("inner", "outer")})
 
     def add_to(self, flat: Flat, name: str, node: int) -> int:
         """Add the rows of both springs and of the mass between them."""
@@ -422,13 +422,13 @@ class MicroslipJoint(_Interface):
         super().__post_init__()
         owner = self.owner
         most = largest_share(self.exponent)
-        for which, share in zip(("y", "theta"), self.shares, strict=True):
-            if getattr(self, f"k_{which}") == 0.0:
-                raise ValueError(f"{owner}: k_{which} is zero, expected a positive stiffness for slip")
+        for direction, share in zip(("y", "theta"), self.shares, strict=True):
+            if getattr(self, f"k_{direction}") == 0.0:
+                raise ValueError(f"{owner}: k_{direction} is zero, expected a positive stiffness for slip")
             if share > most:
                 raise ValueError(
-                    f"{owner}: the level {self.level:g} reduces k_{which} by a share of {share:.3g}, expected at most "
-                    f"{most:.3g}, the onset of gross slip"
+                    f"{owner}: the level {self.level:g} reduces k_{direction} by a share of {share:.3g}, expected at "
+                    f"most {most:.3g}, the onset of gross slip"
                 )
         y, theta = (1.0 - share for share in self.shares)
         if self.k_ytheta**2 > self.k_y * y * self.k_theta * theta * (1.0 + 1e-12):

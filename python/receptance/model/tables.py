@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.errors import GrossSlipError, SingularInterfaceError
@@ -20,8 +21,6 @@ from receptance.model.joints import WIDTHS, MicroslipJoint
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.coordinates import Coordinate
 
 __all__ = ["MOTIONS", "Flat", "Motion", "Tables", "Tied", "flatten", "force_amplitudes"]
@@ -117,8 +116,8 @@ class Flat:
     @cached_property
     def tables(self) -> Tables:
         """Tables of the core, read only because all calls share them."""
-        each = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
-        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in each.items()})
+        arrays = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
+        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in arrays.items()})
 
     def add(
         self,
@@ -203,7 +202,7 @@ class Flat:
     def with_joint_name(self, text: str) -> str:
         """Return an error of the core with the name of the joint instead of its row."""
         pattern = r"^(joint|overlap) (\d+)"
-        return re.sub(pattern, lambda found: f"joint {self.titles[found[1], int(found[2])]!r}", text)
+        return re.sub(pattern, lambda match: f"joint {self.titles[match[1], int(match[2])]!r}", text)
 
 
 def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -250,15 +249,15 @@ def distinct(
     entries: Sequence[Sequence[Entry]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the distinct table entries `(k, 3)` of addresses, and the matrix `(k, m)` of their rates."""
-    found: dict[tuple[int, int, int], int] = {}
+    numbers: dict[tuple[int, int, int], int] = {}
     weights = []
-    for column, own in enumerate(entries):
-        for table, row, place, weight in own:
-            weights.append((found.setdefault((table, row, place), len(found)), column, weight))
-    matrix = np.zeros((len(found), len(entries)))
-    for index, column, weight in weights:
-        matrix[index, column] += weight
-    return np.array(list(found), dtype=np.float64).reshape(-1, 3), matrix
+    for address, address_entries in enumerate(entries):
+        for table, row, column, weight in address_entries:
+            weights.append((numbers.setdefault((table, row, column), len(numbers)), address, weight))
+    matrix = np.zeros((len(numbers), len(entries)))
+    for number, address, weight in weights:
+        matrix[number, address] += weight
+    return np.array(list(numbers), dtype=np.float64).reshape(-1, 3), matrix
 
 
 @dataclass(frozen=True, eq=False)
