@@ -305,14 +305,19 @@ class Builder:
             return
         if self.problems.at(("assemblies",)):
             return  # an assembly with a mistake may have the parameter
-        measured = {*built.sensors, *(name for one in campaign.measurements.values() for name in one.attachments)}
+        measured = {
+            *built.sensors,
+            *(name for measurement in campaign.measurements.values() for name in measurement.attachments),
+        }
         claimed: dict[tuple[str, str], str] = {}
         for title, unknown in built.unknowns.items():
             owned = addresses_of(unknown)
             for address in unknown.addresses:
                 if address.split(".", 1)[0] in measured or address in FACTORS:
                     continue
-                found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
+                found = sorted(
+                    (name, own) for name, assembly in built.assemblies.items() for own in covered(address, assembly)
+                )
                 if not found:
                     first = next(iter(built.assemblies.values()))
                     text = unknown_address(address, first, "is a parameter of no assembly")
@@ -346,7 +351,9 @@ class Builder:
             own = covered(address, assembly)
             if not own:
                 self.problems.add(here, unknown_address(address, assembly))
-            elif any(own & covered(a, assembly) for one in self.built.unknowns.values() for a in addresses_of(one)):
+            elif any(
+                own & covered(a, assembly) for unknown in self.built.unknowns.values() for a in addresses_of(unknown)
+            ):
                 self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
         if self.problems.at((*path, "set")):
             return None
@@ -521,11 +528,11 @@ def modal_unknowns(
             continue
         path: KeyPath = ("modal_parts", name)
         seen = [
-            one.observation
-            for one in measurements.values()
-            if not one.held_out
-            and isinstance(one.observation, MeasuredFRF)
-            and name in one.observation.assembly.elements
+            measurement.observation
+            for measurement in measurements.values()
+            if not measurement.held_out
+            and isinstance(measurement.observation, MeasuredFRF)
+            and name in measurement.observation.assembly.elements
         ]
         if not seen:
             builder.problems.add(
@@ -544,8 +551,8 @@ def modal_unknowns(
         automatic = _of_part(name, part, seen)
         given = {own for unknown in built.unknowns.values() for own in addresses_of(unknown)}
         found |= {address: unknown for address, unknown in automatic.items() if address not in given}
-        for title, one in table.assemblies.items():
-            for address in one.set:
+        for title, assembly in table.assemblies.items():
+            for address in assembly.set:
                 if title in built.assemblies and covered(address, built.assemblies[title]) & automatic.keys():
                     here: KeyPath = ("assemblies", title, "set", address)
                     builder.problems.add(
@@ -557,7 +564,7 @@ def modal_unknowns(
 def _of_part(name: str, part: ModalPartTable, seen: list[MeasuredFRF]) -> dict[str, Unknown]:
     lines, logarithm = _mean(seen)
     frequencies = _frequencies([mode.frequency_hz for mode in part.modes], lines, logarithm)
-    length = [one for one in seen[0].assembly.elements.values() if isinstance(one, Part)][-1].length
+    length = [element for element in seen[0].assembly.elements.values() if isinstance(element, Part)][-1].length
     lower, middle, upper = _DAMPING
     found: list[Unknown] = []
     compliance = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -120,10 +120,10 @@ def predict_catalogue(
     *,
     draws: int = 0,
     seed: int = 0,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Iterator[ToolPrediction]:
     """Predict the tip of every tool of a catalogue, one after the other in its order.
+
+    As many tools are computed at the same time as the campaign has threads.
 
     Parameters
     ----------
@@ -136,10 +136,6 @@ def predict_catalogue(
         first order in the logarithms.
     seed : int, optional
         Seed of the draws.
-    threads : int, optional
-        Number of tools computed at the same time; by default RECEPTANCE_THREADS, or all available processors.
-    progress : callable, optional
-        Called with a progress message.
 
     Yields
     ------
@@ -153,11 +149,10 @@ def predict_catalogue(
         `Campaign.identify`.
     """
     campaign = catalogue.campaign
-    say = progress or (lambda _: None)
     if identified is None and campaign.unknowns:
-        identified = campaign.identify(threads=threads, progress=progress)
+        identified = campaign.identify()
     predictor = _Predictor(catalogue, identified, draws, seed)
-    workers = _checks.worker_count(threads)
+    workers = _checks.worker_count(campaign.threads)
     running: deque[Future[ToolPrediction]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         try:
@@ -166,7 +161,7 @@ def predict_catalogue(
                 while len(running) < _SUBMITTED * workers and (row := next(rows, None)) is not None:
                     running.append(pool.submit(predictor.predict, row))
                 if number % 50 == 0:
-                    say(f"tool {number + 1} of {len(catalogue)}")
+                    campaign.progress(f"tool {number + 1} of {len(catalogue)}")
                 yield running.popleft().result()
         finally:
             for future in running:

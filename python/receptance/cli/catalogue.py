@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -61,9 +61,9 @@ def catalogue(
     wanted.check(targets)
     begun = time.perf_counter()
 
-    def work(read: Campaign, say: Callable[[str], None]) -> CatalogueSummary:
+    def work(read: Campaign) -> CatalogueSummary:
         wanted.protect_inputs(read, targets)
-        return _run(read, wanted, say)
+        return _run(read, wanted)
 
     _, found = run_on_campaign(campaign, targets, work)
     targets.show(found)
@@ -135,14 +135,14 @@ class _Wanted:
         return name
 
 
-def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> CatalogueSummary:
+def _run(read: Campaign, wanted: _Wanted) -> CatalogueSummary:
     from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
     from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
 
     cut = wanted.check_cut(read)
     chosen = Catalogue(read, wanted.tools, wanted.holders)
     draws = read.table.stability.number_of_draws if cut else _DRAWS if wanted.figures else 0
-    predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed, progress=say)
+    predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
     if wanted.out is not None:
         predictions = write_modes(wanted.out, predictions)
     if wanted.depths is not None:

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
 from receptance import _checks
-from receptance.model.beams import Part, Segment
+from receptance.model.beams import Material, Part, Segment
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
-from receptance.model.terminals import MeasuredPart, ModalPart
+from receptance.model.terminals import MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
@@ -19,6 +19,22 @@ if TYPE_CHECKING:
 
 ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
 Attachment = PointMass | GroundSpring | Resonator
+QUANTITIES = {
+    name: quantity
+    for element in (
+        PointJoint,
+        MicroslipJoint,
+        SpreadJoint,
+        ColletJoint,
+        Segment,
+        Material,
+        PointMass,
+        Mode,
+        ModalPart,
+    )
+    for name, quantity in element.quantities.items()
+}
+"""Quantities of parameters by the last word of their addresses; ground springs and resonators add no names."""
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 

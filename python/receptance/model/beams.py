@@ -222,10 +222,11 @@ class Part(Renderable):
         start = 0.0
         flat.nodes[name, start] = node
         pieces: list[list[int]] = []
-        for segment in self.segments:
+        rows = [segment.columns() for segment in self.segments]
+        for segment, row in zip(self.segments, rows, strict=True):
             end = start + segment.length
             inside = [x for x in flat.positions.get(name, ()) if start < x < end]
-            columns = list(segment.columns())
+            columns = list(row)
             pieces.append([])
             for left, right in pairwise([start, *inside, end]):
                 far = flat.new_node()
@@ -244,7 +245,8 @@ class Part(Renderable):
                     for later in pieces[i + 1 :]:
                         if len(later) > 1:
                             entries += [(SEGMENTS, later[0], 2 + column, -1.0), (SEGMENTS, later[-1], 2 + column, 1.0)]
-                flat.entries[f"{name}.segment[{i}].{address}"] = entries
+                parameter = f"{name}.segment[{i}].{address}"
+                flat.entries[parameter], flat.values[parameter] = entries, rows[i][column]
         return node
 
     def segment_rows(self) -> NDArray[np.float64]:

@@ -180,8 +180,10 @@ class Element:
     """Declarations of the fields by name, in the order of their definition."""
     layout: ClassVar[tuple[Column, ...]] = ()
     """Columns of an element in the tables of the core."""
+    quantities: ClassVar[dict[str, Quantity]] = {}
+    """Quantities of the parameters that are direct fields of the class, by name."""
     columns_of: ClassVar[tuple[str, ...]] = ()
-    """Names of the parameters that are direct fields of the class."""
+    """Names of these parameters."""
     toleranced: ClassVar[bool] = True
     """Whether a campaign can state tolerances of its parameters."""
     role: ClassVar[str] = ""
@@ -191,7 +193,9 @@ class Element:
         super().__init_subclass__(**options)
         cls.declared = _declared(cls)
         cls.layout = _layout(cls.declared)
-        cls.columns_of = tuple(column.address for column in cls.layout if column.path == (column.address,))
+        numbers = {name: field for name, field in cls.declared.items() if isinstance(field, Number) and field.parameter}
+        cls.quantities = {name: field.quantity for name, field in numbers.items()}
+        cls.columns_of = tuple(cls.quantities)
         if cls.__doc__ and "{fields}" in cls.__doc__:
             cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, cls.declared))
 
@@ -245,13 +249,6 @@ class Element:
             for index, column in enumerate(self.layout)
             if column.address and _is_present(self, column.path)
         }
-
-    def value(self, address: str) -> float:
-        """Return the value of a parameter by its address within the element."""
-        value: Any = self
-        for name in self._path(address):
-            value = getattr(value, name)
-        return float(value)
 
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the element with new values of some parameters, replaced together."""

@@ -300,7 +300,7 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
     w = 2.0 * np.pi * high_hz
     y, theta = np.abs(shapes[:, :2]).max(axis=0) * np.sqrt(len(shapes)) / w
     for quantity, scale in (("residual_y", y * y), ("residual_theta", theta * theta), ("residual_ytheta", y * theta)):
-        value = start.value(quantity)
+        value = getattr(start, quantity)
         bound = 100.0 * max(scale, abs(value))
         result.append(Unknown(address=f"{start.name}.{quantity}", lower=-bound, upper=bound, start=value))
     return result

@@ -421,6 +421,7 @@ class Misfit(Output):
                 content += [item.receptance, item.standard_deviation, *points, item.force]
             else:
                 content += [list(item.modes), item.standard_deviation_hz]
+                content += [item.damping_ratio, item.standard_deviation_damping] if item.damped.size else []
         return content
 
 

@@ -6,7 +6,7 @@ import tempfile
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -450,7 +450,7 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
 def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], None]) -> dict[str, Any]:
     """Return the verdict on the rigid holder, with the improvement at the forces that are held out."""
     campaign = rigid_campaign(motion, step_kn, seed)
-    verdict = campaign.diagnose(progress=lambda text: say(f"diagnosis: {text}"))
+    verdict = replace(campaign, progress=lambda text: say(f"diagnosis: {text}")).diagnose()
     return {
         "motion": motion,
         "model": "rigid holder",
