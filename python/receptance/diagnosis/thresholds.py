@@ -138,7 +138,7 @@ EVALUATIONS_OF_PREDICTION = 12
 """Most evaluations of the fits of a prediction."""
 
 FOLDS = 4
-"""Most folds; each repeats the whole selection."""
+"""Most folds; each repeats the choice among the leading explanations."""
 SINGLES_HELD_OUT = 8
 """Causes whose own improvement is measured in each fold, the highest evidence first."""
 SAME_MODE = 0.06
