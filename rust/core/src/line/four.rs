@@ -1,135 +1,247 @@
-//! Algebra of the 4 x 4 blocks of an overlap: bases that keep their digits, an inverse, a determinant, signs of eigenvalues.
+//! Algebra of the four columns that span the states of an overlap: elimination over lanes, signs of eigenvalues.
 
+use crate::simd::lane::{C, MAX_LANES, R};
 use num_complex::Complex64;
+use pulp::{Scalar, Simd};
 
-const ZERO: Complex64 = Complex64::ZERO;
-const ONE: Complex64 = Complex64::ONE;
+/// Rows of four columns.
+pub type Rows<S, const N: usize> = [[C<S>; 4]; N];
+/// Rows of four columns on one line.
+pub type Line<const N: usize> = [[Complex64; 4]; N];
 
-/// Rows of a basis of four columns: four displacements, their loads, two more that are carried along.
-pub type Basis = [[Complex64; 4]; 10];
-/// A 4 x 4 matrix.
-pub type Four = [[Complex64; 4]; 4];
+/// A pivot is taken for all lanes where its square is at least this share of the largest one of each lane.
+const ALIKE: f64 = 0.01;
 
-/// Makes the basis a graph over one of each displacement and its load; the old coordinates from the new.
-pub fn graph(basis: &mut Basis, weights: &[f64; 4]) -> Four {
-    let mut change = identity();
-    // Sizes are squared; rows are made comparable by the weights, columns by their largest entries.
-    let mut scale = [0.0; 8];
-    for i in 0..4 {
-        (scale[i], scale[4 + i]) = (weights[i], 1.0 / weights[i]);
-    }
-    let mut size = [0.0_f64; 4];
-    for i in 0..8 {
-        for column in 0..4 {
-            size[column] = size[column].max(basis[i][column].norm_sqr() * scale[i]);
-        }
-    }
-    let (mut taken, mut used) = ([false; 4], [false; 4]);
-    for _ in 0..4 {
-        let (mut best, mut row, mut column) = (-1.0, 0, 0);
-        for i in 0..8 {
-            for j in 0..4 {
-                if !taken[i % 4] && !used[j] {
-                    let share = basis[i][j].norm_sqr() * scale[i] / size[j];
-                    if share > best {
-                        (best, row, column) = (share, i, j);
-                    }
-                }
+/// `a b`.
+#[inline(always)]
+pub fn product<S: Simd, const N: usize>(a: &Rows<S, N>, b: &Rows<S, 4>) -> Rows<S, N> {
+    let mut out = *a;
+    for (to, from) in out.iter_mut().zip(a) {
+        for j in 0..4 {
+            let mut sum = from[0] * b[0][j];
+            for k in 1..4 {
+                sum = from[k].mul_add(b[k][j], sum);
             }
+            to[j] = sum;
         }
-        taken[row % 4] = true;
-        used[column] = true;
-        let pivot = basis[row][column].inv();
-        let factors = basis[row];
-        sweep_columns(basis, pivot, &factors, column);
-        sweep_columns(&mut change, pivot, &factors, column);
-        // What is one and zero in exact arithmetic is so here.
-        basis[row] = [ZERO; 4];
-        basis[row][column] = ONE;
-    }
-    change
-}
-
-/// The identity.
-fn identity() -> Four {
-    let mut out = [[ZERO; 4]; 4];
-    for (i, row) in out.iter_mut().enumerate() {
-        row[i] = ONE;
     }
     out
 }
 
+/// The identity.
+#[inline(always)]
+pub fn identity<S: Simd>(simd: S) -> Rows<S, 4> {
+    let mut out = [[C::zero(simd); 4]; 4];
+    for i in 0..4 {
+        out[i][i] = C::real(simd, 1.0);
+    }
+    out
+}
+
+/// Rows that may become pivots: the first ones of a basis.
+#[derive(Copy, Clone)]
+pub struct Candidates<'a, S: Simd> {
+    /// Factors on the squares that make the rows comparable.
+    pub scale: &'a [f64],
+    /// One of the rows i, i + `groups`, ... is taken for each i.
+    pub groups: usize,
+    /// One over the square of the largest entry of each column.
+    pub columns: [R<S>; 4],
+}
+
+/// The change of columns by an elimination.
+#[derive(Copy, Clone)]
+pub struct Change<S: Simd> {
+    /// Old coordinates from the new ones.
+    pub matrix: Rows<S, 4>,
+    /// Its determinant.
+    pub determinant: C<S>,
+}
+
+/// Column operations that make one row of each group a row of the identity, the column being that of the group.
+///
+/// Pivots are complete. Lanes that have no pivot in common are taken one by one.
+#[inline(always)]
+pub fn eliminate<S: Simd, const N: usize>(rows: &mut Rows<S, N>, among: Candidates<'_, S>) -> Change<S> {
+    let simd = rows[0][0].simd;
+    let mut change = Change { matrix: identity(simd), determinant: C::real(simd, 1.0) };
+    // The column of each group so far.
+    let mut taken = [None; 4];
+    for _ in 0..among.groups {
+        let Some((row, column)) = pivot(rows, &among, &taken) else {
+            apart(rows, &mut change, &among, taken);
+            return change;
+        };
+        taken[row % among.groups] = Some(column);
+        step(rows, &mut change, row, column);
+    }
+    arrange(rows, &mut change, &taken);
+    change
+}
+
+/// The pivot that is best in the lane where it is worst, if it is about as good as the best one of each lane.
+#[inline(always)]
+fn pivot<S: Simd, const N: usize>(
+    rows: &Rows<S, N>,
+    among: &Candidates<'_, S>,
+    taken: &[Option<usize>; 4],
+) -> Option<(usize, usize)> {
+    let simd = rows[0][0].simd;
+    let mut shares = [[R::splat(simd, 0.0); 4]; 8];
+    let mut most = R::splat(simd, 0.0);
+    for (i, scale) in among.scale.iter().enumerate() {
+        if taken[i % among.groups].is_some() {
+            continue;
+        }
+        for j in 0..4 {
+            if !taken.contains(&Some(j)) {
+                shares[i][j] = (rows[i][j].norm_sqr() * among.columns[j]).scale(*scale);
+                most = most.max(shares[i][j]);
+            }
+        }
+    }
+    let most = most.recip();
+    let (mut found, mut at) = (-1.0, None);
+    for i in 0..among.scale.len() {
+        for j in 0..4 {
+            if taken[i % among.groups].is_none() && !taken.contains(&Some(j)) {
+                let least = (shares[i][j] * most).least();
+                // What is not a number is taken where nothing else is there.
+                if least > found || at.is_none() {
+                    (found, at) = (least, Some((i, j)));
+                }
+            }
+        }
+    }
+    at.filter(|_| found >= ALIKE || S::F64_LANES == 1)
+}
+
+/// One pivot: its row becomes one of the identity.
+#[inline(always)]
+fn step<S: Simd, const N: usize>(rows: &mut Rows<S, N>, change: &mut Change<S>, row: usize, column: usize) {
+    let inverse = rows[row][column].recip();
+    let factors = rows[row];
+    sweep_columns(rows, inverse, &factors, column);
+    sweep_columns(&mut change.matrix, inverse, &factors, column);
+    change.determinant = change.determinant * inverse;
+    // What is one and zero in exact arithmetic is so here.
+    rows[row] = [C::zero(inverse.simd); 4];
+    rows[row][column] = C::real(inverse.simd, 1.0);
+}
+
 /// Column operations that leave nothing but the pivot in its row.
 #[inline(always)]
-fn sweep_columns<const N: usize>(
-    rows: &mut [[Complex64; 4]; N],
-    pivot: Complex64,
-    factors: &[Complex64; 4],
+fn sweep_columns<S: Simd, const N: usize>(
+    rows: &mut Rows<S, N>,
+    inverse: C<S>,
+    factors: &[C<S>; 4],
     column: usize,
 ) {
     for row in rows {
-        let scaled = row[column] * pivot;
+        let scaled = row[column] * inverse;
         for j in 0..4 {
-            if j != column {
-                row[j] -= scaled * factors[j];
-            }
+            row[j] = scaled.neg_mul_add(factors[j], row[j]);
         }
         row[column] = scaled;
     }
 }
 
-/// Restricts the basis to where two rows a + sign b are zero; the two columns that are left.
-pub fn restrict(
-    basis: &mut Basis,
-    rows: &[[usize; 2]; 2],
-    sign: f64,
-    weights: &[f64; 4],
-) -> ([usize; 2], Four) {
-    let mut change = identity();
-    let mut size = [0.0_f64; 4];
-    for i in 0..4 {
-        for column in 0..4 {
-            let (u, f) = (basis[i][column].norm_sqr(), basis[4 + i][column].norm_sqr());
-            size[column] = size[column].max(u * weights[i]).max(f / weights[i]);
+/// Puts the column of each group in the group's place, and the others behind in their order.
+#[inline(always)]
+fn arrange<S: Simd, const N: usize>(
+    rows: &mut Rows<S, N>,
+    change: &mut Change<S>,
+    taken: &[Option<usize>; 4],
+) {
+    let mut order = [0, 1, 2, 3];
+    let mut rest = (0..4).filter(|column| !taken.contains(&Some(*column)));
+    for (to, column) in order.iter_mut().zip(taken) {
+        *to = column.or_else(|| rest.next()).unwrap_or(*to);
+    }
+    if order == [0, 1, 2, 3] {
+        return;
+    }
+    for row in rows.iter_mut().chain(&mut change.matrix) {
+        let before = *row;
+        for (to, column) in row.iter_mut().zip(order) {
+            *to = before[column];
         }
     }
-    let mut used = [false; 4];
-    let mut done = [false; 2];
-    for _ in 0..2 {
-        let (mut best, mut which, mut column, mut factors) = (-1.0, 0, 0, [ZERO; 4]);
-        for (i, &[a, b]) in rows.iter().enumerate() {
-            let mut sum = basis[a];
-            for j in 0..4 {
-                sum[j] += basis[b][j] * sign;
-            }
-            let scale = if a >= 4 { 1.0 / weights[a - 4] } else { weights[a] };
-            for j in 0..4 {
-                let share = sum[j].norm_sqr() * scale / size[j];
-                if !done[i] && !used[j] && share > best {
-                    (best, which, column, factors) = (share, i, j, sum);
-                }
+    let inversions = (0..4).flat_map(|i| (0..i).map(move |j| (i, j))).filter(|(i, j)| order[*j] > order[*i]);
+    if inversions.count() % 2 == 1 {
+        change.determinant = -change.determinant;
+    }
+}
+
+/// The rest of an elimination lane by lane.
+#[inline(never)]
+fn apart<S: Simd, const N: usize>(
+    rows: &mut Rows<S, N>,
+    change: &mut Change<S>,
+    among: &Candidates<'_, S>,
+    taken: [Option<usize>; 4],
+) {
+    let simd = change.determinant.simd;
+    let scalar = Scalar::new();
+    let (mut lines, mut changes) = (by_line(rows), by_line(&change.matrix));
+    let mut determinants = [Complex64::ONE; MAX_LANES];
+    change.determinant.store(&mut determinants);
+    let mut columns = [[0.0; MAX_LANES]; 4];
+    for (to, from) in columns.iter_mut().zip(among.columns) {
+        from.store(to);
+    }
+    for lane in 0..S::F64_LANES {
+        let splat = |value: Complex64| C::splat(scalar, value);
+        let mut rows = lines[lane].map(|row| row.map(splat));
+        let mut change = Change {
+            matrix: changes[lane].map(|row| row.map(splat)),
+            determinant: splat(determinants[lane]),
+        };
+        let columns = columns.map(|column| R::splat(scalar, column[lane]));
+        let among = Candidates { scale: among.scale, groups: among.groups, columns };
+        let mut taken = taken;
+        while let Some((row, column)) = pivot(&rows, &among, &taken) {
+            taken[row % among.groups] = Some(column);
+            step(&mut rows, &mut change, row, column);
+        }
+        arrange(&mut rows, &mut change, &taken);
+        let number = |value: C<Scalar>| Complex64::new(value.re, value.im);
+        lines[lane] = rows.map(|row| row.map(number));
+        changes[lane] = change.matrix.map(|row| row.map(number));
+        determinants[lane] = number(change.determinant);
+    }
+    *rows = over_lanes(simd, &lines);
+    change.matrix = over_lanes(simd, &changes);
+    change.determinant = C::load(simd, &determinants);
+}
+
+/// The lanes of some rows, one by one.
+#[inline(always)]
+pub fn by_line<S: Simd, const N: usize>(rows: &Rows<S, N>) -> [Line<N>; MAX_LANES] {
+    let mut out = [[[Complex64::ZERO; 4]; N]; MAX_LANES];
+    let mut lanes = [Complex64::ZERO; MAX_LANES];
+    for (i, row) in rows.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            entry.store(&mut lanes);
+            for (line, value) in out.iter_mut().zip(lanes) {
+                line[i][j] = value;
             }
         }
-        done[which] = true;
-        used[column] = true;
+    }
+    out
+}
+
+/// The way back from `by_line`.
+#[inline(always)]
+fn over_lanes<S: Simd, const N: usize>(simd: S, lines: &[Line<N>; MAX_LANES]) -> Rows<S, N> {
+    let mut out = [[C::zero(simd); 4]; N];
+    for i in 0..N {
         for j in 0..4 {
-            if used[j] && j != column {
-                factors[j] = ZERO;
-            }
-        }
-        let pivot = factors[column].inv();
-        sweep_columns(basis, pivot, &factors, column);
-        sweep_columns(&mut change, pivot, &factors, column);
-    }
-    let mut left = [0; 2];
-    let mut count = 0;
-    for j in 0..4 {
-        if !used[j] && count < 2 {
-            left[count] = j;
-            count += 1;
+            let lanes = lines.map(|line| line[i][j]);
+            out[i][j] = C::load(simd, &lanes);
         }
     }
-    (left, change)
+    out
 }
 
 /// The inverse by elimination with row pivoting, the rows weighted by their largest entries.
@@ -167,42 +279,6 @@ pub fn inverse(mut matrix: [[Complex64; 4]; 4]) -> [[Complex64; 4]; 4] {
         }
     }
     order.map(|row| out[row])
-}
-
-/// The determinant by elimination with complete pivoting.
-pub fn determinant(mut matrix: [[Complex64; 4]; 4]) -> Complex64 {
-    let mut out = Complex64::ONE;
-    for step in 0..4 {
-        let (mut best, mut at) = (-1.0, (step, step));
-        for i in step..4 {
-            for j in step..4 {
-                let size = matrix[i][j].norm_sqr();
-                if size > best {
-                    (best, at) = (size, (i, j));
-                }
-            }
-        }
-        if at.0 != step {
-            matrix.swap(at.0, step);
-            out = -out;
-        }
-        if at.1 != step {
-            for row in &mut matrix {
-                row.swap(at.1, step);
-            }
-            out = -out;
-        }
-        let pivot = matrix[step][step];
-        out *= pivot;
-        for i in step + 1..4 {
-            let factor = matrix[i][step] / pivot;
-            for j in step + 1..4 {
-                let taken = factor * matrix[step][j];
-                matrix[i][j] -= taken;
-            }
-        }
-    }
-    out
 }
 
 /// Negative eigenvalues of a real symmetric matrix, by the pivots of Bunch and Parlett (SIAM J. Numer. Anal. 8, 1971,

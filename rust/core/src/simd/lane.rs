@@ -55,6 +55,24 @@ impl<S: Simd> R<S> {
         Self { simd: self.simd, v: self.simd.max_f64s(self.v, other.v) }
     }
 
+    /// The smallest over the lanes.
+    #[inline(always)]
+    pub fn least(self) -> f64 {
+        self.simd.reduce_min_f64s(self.v)
+    }
+
+    /// One over `self`.
+    #[inline(always)]
+    pub fn recip(self) -> Self {
+        Self { simd: self.simd, v: self.simd.div_f64s(self.simd.splat_f64s(1.0), self.v) }
+    }
+
+    /// Times a real number that all lanes share.
+    #[inline(always)]
+    pub fn scale(self, factor: f64) -> Self {
+        Self { simd: self.simd, v: self.simd.mul_f64s(self.v, self.simd.splat_f64s(factor)) }
+    }
+
     /// Copies the lanes out.
     #[inline(always)]
     pub fn store(self, out: &mut [f64; MAX_LANES]) {
