@@ -3,7 +3,7 @@
 use crate::line::combine::Centre;
 use crate::line::kernel::{Choice, Kernel};
 use crate::line::layer::DERIVATIVES;
-use crate::line::overlap::{Evaluated, Lanes};
+use crate::line::overlap::Lanes;
 use crate::line::plane::Plane;
 use crate::model::assembly::{Model, Spring, Step};
 use crate::model::overlap::Beside;
@@ -235,10 +235,11 @@ impl<const D: usize> Prepared<D> {
             }
             into.points.push(Some(Points { impedance, coupling, beyond }));
         }
-        into.overlaps.clear();
         for (row, beside) in self.overlaps.iter().enumerate() {
-            let (most, ways, asked) = (into.most, self.ways[row], self.asked[row]);
-            into.overlaps.push(simd.vectorize(Evaluated { beside, w: line, most, ways, asked }));
+            if into.overlaps.len() <= row {
+                into.overlaps.push(Lanes::empty(beside, line, into.most));
+            }
+            into.overlaps[row].evaluate(beside, line, into.most, self.ways[row], self.asked[row]);
         }
         into.terminals.clear();
         for (row, terminal) in self.terminals.iter().enumerate() {

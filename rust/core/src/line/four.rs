@@ -12,6 +12,9 @@ pub type Line<const N: usize> = [[Complex64; 4]; N];
 /// A pivot is taken for all lanes where its square is at least this share of the largest one of each lane.
 const ALIKE: f64 = 0.01;
 
+/// The same for a pivot that is tried first.
+const EXPECTED: f64 = 0.1;
+
 /// `a b`.
 #[inline(always)]
 pub fn product<S: Simd, const N: usize>(a: &Rows<S, N>, b: &Rows<S, 4>) -> Rows<S, N> {
@@ -47,6 +50,8 @@ pub struct Candidates<'a, S: Simd> {
     pub groups: usize,
     /// One over the square of the largest entry of each column.
     pub columns: [R<S>; 4],
+    /// The row of each group that is tried first, in the column of the group's number.
+    pub expected: [Option<usize>; 4],
 }
 
 /// The change of columns by an elimination.
@@ -56,7 +61,12 @@ pub struct Change<S: Simd> {
     pub matrix: Rows<S, 4>,
     /// Its determinant.
     pub determinant: C<S>,
+    /// The row of each group that is one of the identity now; none where that differs from lane to lane.
+    pub taken: [Option<usize>; 4],
 }
+
+/// The row and the column of each group so far.
+type Taken = [Option<(usize, usize)>; 4];
 
 /// Column operations that make one row of each group a row of the identity, the column being that of the group.
 ///
@@ -64,29 +74,43 @@ pub struct Change<S: Simd> {
 #[inline(always)]
 pub fn eliminate<S: Simd, const N: usize>(rows: &mut Rows<S, N>, among: Candidates<'_, S>) -> Change<S> {
     let simd = rows[0][0].simd;
-    let mut change = Change { matrix: identity(simd), determinant: C::real(simd, 1.0) };
-    // The column of each group so far.
+    let mut change = Change { matrix: identity(simd), determinant: C::real(simd, 1.0), taken: [None; 4] };
     let mut taken = [None; 4];
     for _ in 0..among.groups {
         let Some((row, column)) = pivot(rows, &among, &taken) else {
             apart(rows, &mut change, &among, taken);
             return change;
         };
-        taken[row % among.groups] = Some(column);
-        step(rows, &mut change, row, column);
+        step(rows, &mut change, &taken, row, column);
+        taken[row % among.groups] = Some((row, column));
     }
     arrange(rows, &mut change, &taken);
+    for (to, from) in change.taken.iter_mut().zip(taken) {
+        *to = from.map(|(row, _)| row);
+    }
     change
 }
 
-/// The pivot that is best in the lane where it is worst, if it is about as good as the best one of each lane.
+/// Columns that are taken.
+#[inline(always)]
+fn used(taken: &Taken) -> [bool; 4] {
+    let mut out = [false; 4];
+    for (_, column) in taken.iter().flatten() {
+        out[*column] = true;
+    }
+    out
+}
+
+/// A pivot that is expected and good, or else the one that is best in the lane where it is worst, if it is about as
+/// good as the best one of each lane.
 #[inline(always)]
 fn pivot<S: Simd, const N: usize>(
     rows: &Rows<S, N>,
     among: &Candidates<'_, S>,
-    taken: &[Option<usize>; 4],
+    taken: &Taken,
 ) -> Option<(usize, usize)> {
     let simd = rows[0][0].simd;
+    let used = used(taken);
     let mut shares = [[R::splat(simd, 0.0); 4]; 8];
     let mut most = R::splat(simd, 0.0);
     for (i, scale) in among.scale.iter().enumerate() {
@@ -94,17 +118,24 @@ fn pivot<S: Simd, const N: usize>(
             continue;
         }
         for j in 0..4 {
-            if !taken.contains(&Some(j)) {
+            if !used[j] {
                 shares[i][j] = (rows[i][j].norm_sqr() * among.columns[j]).scale(*scale);
                 most = most.max(shares[i][j]);
             }
         }
     }
     let most = most.recip();
+    for (group, expected) in among.expected.iter().enumerate() {
+        if let (Some(row), None, false) = (expected, taken[group], used[group])
+            && (shares[*row][group] * most).least() >= EXPECTED
+        {
+            return Some((*row, group));
+        }
+    }
     let (mut found, mut at) = (-1.0, None);
     for i in 0..among.scale.len() {
         for j in 0..4 {
-            if taken[i % among.groups].is_none() && !taken.contains(&Some(j)) {
+            if taken[i % among.groups].is_none() && !used[j] {
                 let least = (shares[i][j] * most).least();
                 // What is not a number is taken where nothing else is there.
                 if least > found || at.is_none() {
@@ -118,45 +149,55 @@ fn pivot<S: Simd, const N: usize>(
 
 /// One pivot: its row becomes one of the identity.
 #[inline(always)]
-fn step<S: Simd, const N: usize>(rows: &mut Rows<S, N>, change: &mut Change<S>, row: usize, column: usize) {
+fn step<S: Simd, const N: usize>(
+    rows: &mut Rows<S, N>,
+    change: &mut Change<S>,
+    taken: &Taken,
+    row: usize,
+    column: usize,
+) {
     let inverse = rows[row][column].recip();
     let factors = rows[row];
-    sweep_columns(rows, inverse, &factors, column);
-    sweep_columns(&mut change.matrix, inverse, &factors, column);
+    // Rows of the identity stay what they are; in the change they are those of columns that were not used yet.
+    let (mut still, mut used) = ([false; N], used(taken));
+    for (row, _) in taken.iter().flatten() {
+        still[*row] = true;
+    }
+    used[column] = true;
+    for (row, still) in rows.iter_mut().zip(still) {
+        if !still {
+            sweep_columns(row, inverse, &factors, column);
+        }
+    }
+    for (row, used) in change.matrix.iter_mut().zip(used) {
+        if used {
+            sweep_columns(row, inverse, &factors, column);
+        }
+    }
     change.determinant = change.determinant * inverse;
     // What is one and zero in exact arithmetic is so here.
     rows[row] = [C::zero(inverse.simd); 4];
     rows[row][column] = C::real(inverse.simd, 1.0);
 }
 
-/// Column operations that leave nothing but the pivot in its row.
+/// Column operations on a row that leave nothing but the pivot in its own.
 #[inline(always)]
-fn sweep_columns<S: Simd, const N: usize>(
-    rows: &mut Rows<S, N>,
-    inverse: C<S>,
-    factors: &[C<S>; 4],
-    column: usize,
-) {
-    for row in rows {
-        let scaled = row[column] * inverse;
-        for j in 0..4 {
-            row[j] = scaled.neg_mul_add(factors[j], row[j]);
-        }
-        row[column] = scaled;
+fn sweep_columns<S: Simd>(row: &mut [C<S>; 4], inverse: C<S>, factors: &[C<S>; 4], column: usize) {
+    let scaled = row[column] * inverse;
+    for j in 0..4 {
+        row[j] = scaled.neg_mul_add(factors[j], row[j]);
     }
+    row[column] = scaled;
 }
 
 /// Puts the column of each group in the group's place, and the others behind in their order.
 #[inline(always)]
-fn arrange<S: Simd, const N: usize>(
-    rows: &mut Rows<S, N>,
-    change: &mut Change<S>,
-    taken: &[Option<usize>; 4],
-) {
+fn arrange<S: Simd, const N: usize>(rows: &mut Rows<S, N>, change: &mut Change<S>, taken: &Taken) {
     let mut order = [0, 1, 2, 3];
-    let mut rest = (0..4).filter(|column| !taken.contains(&Some(*column)));
-    for (to, column) in order.iter_mut().zip(taken) {
-        *to = column.or_else(|| rest.next()).unwrap_or(*to);
+    let used = used(taken);
+    let mut rest = (0..4).filter(|column| !used[*column]);
+    for (to, taken) in order.iter_mut().zip(taken) {
+        *to = taken.map(|(_, column)| column).or_else(|| rest.next()).unwrap_or(*to);
     }
     if order == [0, 1, 2, 3] {
         return;
@@ -179,7 +220,7 @@ fn apart<S: Simd, const N: usize>(
     rows: &mut Rows<S, N>,
     change: &mut Change<S>,
     among: &Candidates<'_, S>,
-    taken: [Option<usize>; 4],
+    taken: Taken,
 ) {
     let simd = change.determinant.simd;
     let scalar = Scalar::new();
@@ -193,16 +234,14 @@ fn apart<S: Simd, const N: usize>(
     for lane in 0..S::F64_LANES {
         let splat = |value: Complex64| C::splat(scalar, value);
         let mut rows = lines[lane].map(|row| row.map(splat));
-        let mut change = Change {
-            matrix: changes[lane].map(|row| row.map(splat)),
-            determinant: splat(determinants[lane]),
-        };
+        let (matrix, determinant) = (changes[lane].map(|row| row.map(splat)), splat(determinants[lane]));
+        let mut change = Change { matrix, determinant, taken: [None; 4] };
         let columns = columns.map(|column| R::splat(scalar, column[lane]));
-        let among = Candidates { scale: among.scale, groups: among.groups, columns };
+        let among = Candidates { scale: among.scale, groups: among.groups, columns, expected: [None; 4] };
         let mut taken = taken;
         while let Some((row, column)) = pivot(&rows, &among, &taken) {
-            taken[row % among.groups] = Some(column);
-            step(&mut rows, &mut change, row, column);
+            step(&mut rows, &mut change, &taken, row, column);
+            taken[row % among.groups] = Some((row, column));
         }
         arrange(&mut rows, &mut change, &taken);
         let number = |value: C<Scalar>| Complex64::new(value.re, value.im);

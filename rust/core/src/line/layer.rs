@@ -14,6 +14,7 @@
 //! From the middle of a piece the products of states are integrated by Gauss and Legendre's rule. Its points lie in
 //! pairs, at which the even part of a state is the same and the odd one opposite, so that one exponential serves both.
 
+use crate::line::exponential::INVERSE_FACTORIAL;
 use crate::line::four::{Rows, product};
 use crate::model::overlap::Beside;
 use crate::simd::lane::{C, R};
@@ -27,6 +28,9 @@ pub type Two<S> = [[C<S>; 2]; 2];
 
 /// Places in the state of (d_y, y, g_M, s_M), and of (d_theta, theta, g_F, s_F).
 const HALVES: [[usize; 4]; 2] = [[0, 2, 5, 7], [1, 3, 4, 6]];
+
+/// The half of each entry of the state and its place there.
+const PLACES: [(usize, usize); 8] = [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2), (0, 2), (1, 3), (0, 3)];
 
 /// Coefficients of the equations, the near beam first.
 #[derive(Copy, Clone)]
@@ -150,15 +154,18 @@ impl<S: Simd> Pair<S> {
     }
 }
 
+/// Most terms of the series: at the growth that a piece may have fewer serve.
+const MOST_TERMS: usize = 20;
+
 /// Terms in X l^2 that leave out less than a rounding error at the growth exponent `size`, a multiple of four.
 fn terms(size: f64) -> usize {
-    let (mut count, mut term) = (0_usize, 1.0);
-    while term > 1e-18 && count < 30 {
+    let (mut count, mut power) = (0, 1.0);
+    while count + 2 < MOST_TERMS && power * INVERSE_FACTORIAL[2 * count] > 1e-18 {
         count += 1;
-        term *= size * size / ((2 * count - 1) * (2 * count)) as f64;
+        power *= size * size;
     }
     // Where a displacement is driven through the whole chain its first terms are missing.
-    (count + 2).next_multiple_of(4)
+    (count + 2_usize).next_multiple_of(4)
 }
 
 impl<S: Simd> Powers<S> {
@@ -185,10 +192,10 @@ impl<S: Simd> Powers<S> {
     #[inline(always)]
     fn series(&self, terms: usize, odd: usize, length: f64) -> Rows<S, 4> {
         let simd = self.p[0][0].simd;
-        let mut factors = [1.0; 40];
-        for n in 1..terms {
-            let k = 2 * n + odd;
-            factors[n] = factors[n - 1] * (length * length / ((k - 1) * k) as f64);
+        let (mut factors, mut power) = ([0.0; MOST_TERMS], 1.0);
+        for n in 0..terms {
+            factors[n] = power * INVERSE_FACTORIAL[2 * n + odd];
+            power *= length * length;
         }
         let mut out = [[C::zero(simd); 4]; 4];
         for (group, factors) in factors[..terms].chunks_exact(4).enumerate().rev() {
@@ -210,19 +217,61 @@ impl<S: Simd> Powers<S> {
 }
 
 impl<S: Simd> Transfer<S> {
-    /// Over the whole state.
+    /// What the entry in the place `i` of a half has by the entry `by` of the state.
     #[inline(always)]
-    pub fn whole(&self) -> [Eight<S>; 8] {
-        let mut out = [[C::zero(self.even[0][0][0].simd); 8]; 8];
-        for half in 0..2 {
-            for i in 0..4 {
-                for j in 0..4 {
-                    out[HALVES[half][i]][HALVES[half][j]] = self.even[half][i][j];
-                    out[HALVES[half][i]][HALVES[1 - half][j]] = self.odd[half][i][j];
-                }
+    fn entry(&self, half: usize, i: usize, by: usize) -> C<S> {
+        let (of, j) = PLACES[by];
+        if of == half { self.even[half][i][j] } else { self.odd[half][i][j] }
+    }
+
+    /// Displacements by loads.
+    #[inline(always)]
+    pub fn compliance(&self) -> Rows<S, 4> {
+        let mut out = self.even[0];
+        for i in 0..4 {
+            let (half, place) = PLACES[i];
+            for j in 0..4 {
+                out[i][j] = self.entry(half, place, 4 + j);
             }
         }
         out
+    }
+
+    /// The basis at the near end of a piece, from that at its far end, of which some rows are those of the identity.
+    #[inline(always)]
+    pub fn across<const N: usize>(
+        &self,
+        basis: &Rows<S, N>,
+        identity: &[Option<usize>; 4],
+        near: &mut Rows<S, N>,
+    ) {
+        let zero = C::zero(basis[0][0].simd);
+        let mut dense = [true; 8];
+        for row in identity.iter().flatten() {
+            dense[*row] = false;
+        }
+        for half in 0..2 {
+            for i in 0..4 {
+                let mut sum = [zero; 4];
+                for column in 0..4 {
+                    if let Some(row) = identity[column] {
+                        sum[column] = self.entry(half, i, row);
+                    }
+                }
+                for (matrix, of) in [(&self.even, half), (&self.odd, 1 - half)] {
+                    for j in 0..4 {
+                        let row = HALVES[of][j];
+                        if dense[row] {
+                            for column in 0..4 {
+                                sum[column] = matrix[half][i][j].mul_add(basis[row][column], sum[column]);
+                            }
+                        }
+                    }
+                }
+                near[HALVES[half][i]] = sum;
+            }
+        }
+        near[8..].copy_from_slice(&basis[8..]);
     }
 
     /// The even and the odd part of a state over the length, the rows that are asked for.

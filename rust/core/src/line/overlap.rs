@@ -8,7 +8,7 @@
 
 use crate::line::four::{Candidates, Change, Line, Rows, by_line, eliminate, inverse, negative_eigenvalues};
 use crate::line::layer::{
-    DERIVATIVES, Eight, LAYER, LENGTH, PRODUCTS, Pair, Powers, Rule, SLOPE, Transfer, Two, mirrored,
+    DERIVATIVES, Eight, LAYER, LENGTH, PRODUCTS, Pair, Rule, SLOPE, Transfer, Two, mirrored,
 };
 use crate::line::plane::Plane;
 use crate::model::overlap::{Beside, Pieces};
@@ -25,34 +25,39 @@ type Back<S> = [[C<S>; 2]; 4];
 
 /// An overlap on a block of lines.
 pub struct Lanes<S: Simd> {
-    /// Results by frequency.
+    /// The coefficients, the outer beam lying behind.
     pair: Pair<S>,
     /// How it is cut.
     pieces: Pieces,
-    /// Over one piece of either kind, with the inner and with the outer beam lying behind, where asked for.
-    ways: [Option<[[Eight<S>; 8]; 2]>; 2],
+    /// Over a piece of each kind, with the inner and with the outer beam lying behind, where asked for.
+    ways: [Vec<Transfer<S>>; 2],
     /// Weights of the two ways.
     weights: [[f64; 4]; 2],
-    /// What derivatives need, if any are asked for.
-    inside: Option<Inside<S>>,
-    /// The last way through, where derivatives are asked for.
+    /// What derivatives need.
+    inside: Inside<S>,
+    /// The last way through.
     trace: Trace<S>,
 }
 
 /// What derivatives need of an overlap.
 struct Inside<S: Simd> {
-    /// Over half a piece of either kind.
-    halves: [Transfer<S>; 2],
-    /// Integrals over a piece of either kind; none where no product is asked for.
+    /// Whether any are asked for.
+    asked: bool,
+    /// Over half a piece of each kind.
+    halves: Vec<Transfer<S>>,
+    /// Integrals over a piece of each kind; none where no product is asked for.
     rules: Vec<Rule<S>>,
     /// The products that are integrated.
     products: [bool; PRODUCTS],
 }
 
-/// The bases and their changes on a way through an overlap.
+/// A way through an overlap.
 struct Trace<S: Simd> {
-    /// At the far end of each piece, and the coordinates there from those at its near end.
-    pieces: Vec<(Rows<S, ROWS>, Rows<S, 4>)>,
+    /// Bases at the far end of each piece and at the near end of the last; where no derivatives are asked for, two that
+    /// take turns.
+    bases: Vec<Rows<S, ROWS>>,
+    /// The coordinates at the far end of each piece from those at its near end; none where the bases take turns.
+    changes: Vec<Rows<S, 4>>,
     /// The coordinates at the near end from those of the near beam.
     last: Back<S>,
 }
@@ -99,84 +104,60 @@ impl<S: Simd> States<S> {
 
 /// An overlap to be evaluated at the lines `w`, the largest |w|^2 of which is `most`, for the `ways` through it and
 /// the derivatives that are `asked` for.
-pub struct Evaluated<'a, S: Simd> {
-    /// The overlap.
-    pub beside: &'a Beside,
-    /// The lines.
-    pub w: C<S>,
-    /// The largest |w|^2.
-    pub most: f64,
-    /// Whether it is passed with the inner, and with the outer beam lying behind.
-    pub ways: [bool; 2],
-    /// Derivatives that are asked for.
-    pub asked: [bool; DERIVATIVES],
+struct Evaluated<'a, S: Simd> {
+    into: &'a mut Lanes<S>,
+    beside: &'a Beside,
+    w: C<S>,
+    most: f64,
+    ways: [bool; 2],
+    asked: [bool; DERIVATIVES],
 }
 
-// The parts below are functions of their own: in line they would be compiled once for each kind of sweep.
+// This and the parts below are functions of their own: in line they would be compiled once for each kind of sweep.
 impl<S: Simd> WithSimd for Evaluated<'_, S> {
-    type Output = Lanes<S>;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<T: Simd>(self, _: T) -> Lanes<S> {
-        let Self { beside, w, most, ways, asked } = self;
-        let pieces = beside.pieces(most);
-        let pair = Pair::new(beside, w, true);
-        let mut out = Lanes {
-            pair,
-            pieces,
-            ways: [None, None],
-            weights: [beside.weights(most, false), beside.weights(most, true)],
-            inside: None,
-            trace: Trace { pieces: Vec::new(), last: [[w; 2]; 4] },
-        };
-        let inside = asked.contains(&true);
-        let powers = if ways[1] || inside { Some(pair.powers()) } else { None };
+    fn with_simd<T: Simd>(self, _: T) {
+        let Self { into, beside, w, most, ways, asked } = self;
+        into.pieces = beside.pieces(most);
+        into.pair = Pair::new(beside, w, true);
+        into.weights = [beside.weights(most, false), beside.weights(most, true)];
+        into.inside.ask(&asked, beside.overlap.points > 0);
         for way in 0..2 {
-            if !ways[way] {
+            let forward = way == 1;
+            let inside = forward && into.inside.asked;
+            into.ways[way].clear();
+            if !ways[way] && !inside {
                 continue;
             }
-            let behind = if way == 0 { Some(Pair::new(beside, w, false).powers()) } else { None };
-            if let Some(powers) = behind.as_ref().or(powers.as_ref()) {
-                let [ends, between] = pieces.cut(powers, 1.0);
-                out.ways[way] = Some([ends.whole(), between.whole()]);
+            let powers = Pair::new(beside, w, forward).powers();
+            for kind in 0..into.pieces.kinds() {
+                let (length, size) = (into.pieces.length[kind], into.pieces.size[kind]);
+                if ways[way] {
+                    into.ways[way].push(powers.transfer(length, size));
+                }
+                if inside {
+                    into.inside.halves.push(powers.transfer(0.5 * length, 0.5 * size));
+                    if into.inside.products.contains(&true) {
+                        into.inside.rules.push(Rule::new(&powers, length, size));
+                    }
+                }
             }
         }
-        if let (true, Some(powers)) = (inside, &powers) {
-            out.inside = Some(Inside::new(&pieces, powers, &asked, beside.overlap.points > 0));
-        }
-        out
-    }
-}
-
-impl Pieces {
-    /// The ways over a share of a piece of either kind.
-    #[inline(always)]
-    fn cut<S: Simd>(&self, powers: &Powers<S>, share: f64) -> [Transfer<S>; 2] {
-        let ends = powers.transfer(share * self.length[0], share * self.size[0]);
-        let between = if self.kinds() > 1 {
-            powers.transfer(share * self.length[1], share * self.size[1])
-        } else {
-            ends
-        };
-        [ends, between]
     }
 }
 
 impl<S: Simd> Inside<S> {
-    #[inline(always)]
-    fn new(pieces: &Pieces, powers: &Powers<S>, asked: &[bool; DERIVATIVES], points: bool) -> Self {
-        let mut products = [false; PRODUCTS];
+    /// Begins anew.
+    fn ask(&mut self, asked: &[bool; DERIVATIVES], points: bool) {
+        self.asked = asked.contains(&true);
         for i in 0..PRODUCTS {
             // Of points there is nothing to integrate; the length of a layer changes its stiffness per length.
-            products[i] = if i < LAYER { asked[i] } else { !points && (asked[i] || asked[LENGTH]) };
+            self.products[i] = if i < LAYER { asked[i] } else { !points && (asked[i] || asked[LENGTH]) };
         }
-        let mut rules = Vec::with_capacity(2);
-        if products.contains(&true) {
-            for kind in 0..pieces.kinds() {
-                rules.push(Rule::new(powers, pieces.length[kind], pieces.size[kind]));
-            }
-        }
-        Self { halves: pieces.cut(powers, 0.5), rules, products }
+        self.halves.clear();
+        self.rules.clear();
     }
 }
 
@@ -205,26 +186,34 @@ impl<S: Simd, const D: usize> WithSimd for Pass<'_, S, D> {
             negatives: [0; MAX_LANES],
             log_determinant: [Complex64::ZERO; MAX_LANES],
         };
-        let Some(transfers) = &overlap.ways[way] else { return out };
-        let mut basis = start(plane, forward);
-        overlap.trace.pieces.clear();
-        let stiff = if wanted == Wanted::Count { Some(stiffnesses(transfers)) } else { None };
+        let transfers = &overlap.ways[way];
+        let Trace { bases, changes, last: back } = &mut overlap.trace;
+        let traced = overlap.inside.asked;
+        bases.resize(if traced { pieces.count + 1 } else { 2 }, [[C::zero(simd); 4]; ROWS]);
+        changes.clear();
+        start(plane, forward, &mut bases[0]);
+        let stiff = if wanted == Wanted::Count { stiffnesses(transfers) } else { Vec::new() };
+        // Rows of the identity, and those that were last taken as pivots.
+        let (mut identity, mut expected) = ([Some(0), Some(1), None, None], [None; 4]);
+        let place = |piece: usize| if traced { piece } else { piece % 2 };
         for piece in 0..pieces.count {
             let kind = pieces.kind(piece);
-            let mut near = across(&transfers[kind], &basis);
-            if let Some(stiff) = &stiff {
-                let (far, near) = (by_line(&basis), by_line(&near));
+            let Ok([far, near]) = bases.get_disjoint_mut([place(piece), place(piece + 1)]) else { continue };
+            transfers[kind].across(far, &identity, near);
+            if wanted == Wanted::Count {
+                let (far, near) = (by_line(far), by_line(near));
                 for lane in 0..S::F64_LANES {
                     out.negatives[lane] += negative_at_piece(&far[lane], &stiff[kind][lane], &near[lane]);
                 }
             }
-            let change = graph(&mut near, weights);
+            let change = graph(near, weights, expected);
             if wanted == Wanted::Determinant {
                 subtract_logarithms(&mut out.log_determinant, &change);
             }
-            if overlap.inside.is_some() {
-                overlap.trace.pieces.push((basis, change.matrix));
+            if traced {
+                changes.push(change.matrix);
             }
+            (identity, expected) = (change.taken, change.taken);
             if let Some(point) = pieces.point_after(piece + 1) {
                 let side = if forward { 1.0 } else { -1.0 };
                 let share = beside.overlap.share(side * pieces.place(point));
@@ -233,17 +222,18 @@ impl<S: Simd, const D: usize> WithSimd for Pass<'_, S, D> {
                     for column in 0..4 {
                         near[4 + i][column] = stiffness.mul_add(near[i][column], near[4 + i][column]);
                     }
+                    identity[i] = identity[i].filter(|row| *row == i);
                 }
             }
-            basis = near;
         }
+        let basis = &bases[place(pieces.count)];
         if wanted == Wanted::Count {
-            let (_, end) = restrict(&basis, [[0, 2], [1, 3]], 1.0, weights);
+            let (_, end) = restrict(basis, [[0, 2], [1, 3]], 1.0, weights);
             for (count, end) in out.negatives.iter_mut().zip(by_line(&end)).take(S::F64_LANES) {
                 *count += negative_at_end(&end);
             }
         }
-        let (last, end) = restrict(&basis, [[6, 4], [7, 5]], -1.0, weights);
+        let (last, end) = restrict(basis, [[6, 4], [7, 5]], -1.0, weights);
         if wanted == Wanted::Determinant {
             subtract_logarithms(&mut out.log_determinant, &last);
         }
@@ -254,7 +244,7 @@ impl<S: Simd, const D: usize> WithSimd for Pass<'_, S, D> {
                 out.behind[i][j] = end[8 + i][2 + j];
             }
             for i in 0..4 {
-                overlap.trace.last[i][j] = last.matrix[i][2 + j];
+                back[i][j] = last.matrix[i][2 + j];
             }
             if !forward {
                 (out.u[1][j], out.f[1][j]) = (-out.u[1][j], -out.f[1][j]);
@@ -273,6 +263,34 @@ impl<S: Simd> Passed<S> {
 }
 
 impl<S: Simd> Lanes<S> {
+    /// An overlap that is still to be evaluated.
+    pub fn empty(beside: &Beside, w: C<S>, most: f64) -> Self {
+        let none =
+            Inside { asked: false, halves: Vec::new(), rules: Vec::new(), products: [false; PRODUCTS] };
+        Self {
+            pair: Pair::new(beside, w, true),
+            pieces: beside.pieces(most),
+            ways: [Vec::new(), Vec::new()],
+            weights: [[1.0; 4]; 2],
+            inside: none,
+            trace: Trace { bases: Vec::new(), changes: Vec::new(), last: [[w; 2]; 4] },
+        }
+    }
+
+    /// Evaluates it at the lines `w`, the largest |w|^2 of which is `most`, for the `ways` through it (with the inner,
+    /// and with the outer beam lying behind) and the derivatives that are `asked` for.
+    #[inline(always)]
+    pub fn evaluate(
+        &mut self,
+        beside: &Beside,
+        w: C<S>,
+        most: f64,
+        ways: [bool; 2],
+        asked: [bool; DERIVATIVES],
+    ) {
+        w.simd.vectorize(Evaluated { into: self, beside, w, most, ways, asked });
+    }
+
     /// The way through, from the plane of what lies behind: the plane of the near beam, and the way back to the
     /// independent variables behind it.
     #[inline(always)]
@@ -345,13 +363,13 @@ impl<S: Simd> WithSimd for StatesWithin<'_, S> {
         let Self { overlap, forward, independent, states } = self;
         states.middles.clear();
         states.points.clear();
-        let Some(inside) = &overlap.inside else { return };
-        let last = &overlap.trace.last;
+        let Trace { bases, changes, last } = &overlap.trace;
         let mut coordinates = [independent[0]; 4];
         for i in 0..4 {
             coordinates[i] = last[i][1].mul_add(independent[1], last[i][0] * independent[0]);
         }
-        for (piece, (basis, change)) in overlap.trace.pieces.iter().enumerate().rev() {
+        for (piece, change) in changes.iter().enumerate().rev() {
+            let basis = &bases[piece];
             let before = coordinates;
             for i in 0..4 {
                 coordinates[i] = combined(&change[i], &before);
@@ -366,7 +384,7 @@ impl<S: Simd> WithSimd for StatesWithin<'_, S> {
             if overlap.pieces.point_after(piece).is_some() {
                 states.points.push([far[0], far[1]]);
             }
-            let half = &inside.halves[overlap.pieces.kind(piece)];
+            let half = &overlap.inside.halves[overlap.pieces.kind(piece)];
             states.middles.push(half.carry(&far, forward));
         }
         if forward {
@@ -393,8 +411,7 @@ impl<S: Simd> WithSimd for Differentiated<'_, S> {
         let Self { overlap, w2, beside, left, right } = self;
         let zero = C::zero(w2.simd);
         let mut out = [zero; DERIVATIVES];
-        let Some(inside) = &overlap.inside else { return out };
-        let pieces = &overlap.pieces;
+        let (inside, pieces) = (&overlap.inside, &overlap.pieces);
         let (length, points) = (beside.overlap.length(), beside.overlap.points);
         let mut sums = [zero; PRODUCTS];
         let same = core::ptr::eq(left, right);
@@ -467,10 +484,10 @@ fn matrix<S: Simd, const D: usize>(from: &Two<S>) -> Mat<S, D> {
 
 /// The basis at the far end: the near beam's end moves freely, what lies behind by its plane.
 #[inline(always)]
-fn start<S: Simd, const D: usize>(plane: &Plane<S, D>, forward: bool) -> Rows<S, ROWS> {
+fn start<S: Simd, const D: usize>(plane: &Plane<S, D>, forward: bool, basis: &mut Rows<S, ROWS>) {
     let (u, f) = plane.basis();
     let simd = u[0][0].simd;
-    let mut basis = [[C::zero(simd); 4]; ROWS];
+    *basis = [[C::zero(simd); 4]; ROWS];
     for i in 0..D {
         basis[i][i] = C::real(simd, 1.0);
         basis[8 + i][2 + i] = C::real(simd, 1.0);
@@ -481,24 +498,6 @@ fn start<S: Simd, const D: usize>(plane: &Plane<S, D>, forward: bool) -> Rows<S,
             basis[6 + i][2 + j] = if turned { -f[i][j] } else { f[i][j] };
         }
     }
-    basis
-}
-
-/// The basis at the near end of a piece.
-#[inline(always)]
-fn across<S: Simd>(transfer: &[Eight<S>; 8], basis: &Rows<S, ROWS>) -> Rows<S, ROWS> {
-    let mut near = *basis;
-    for i in 0..8 {
-        let mut sum = [C::zero(transfer[0][0].simd); 4];
-        for k in 0..8 {
-            let factor = transfer[i][k];
-            for column in 0..4 {
-                sum[column] = factor.mul_add(basis[k][column], sum[column]);
-            }
-        }
-        near[i] = sum;
-    }
-    near
 }
 
 /// One over the square of the largest entry of each column, rows being made comparable by the weights.
@@ -523,9 +522,9 @@ fn scales(weights: &[f64; 4]) -> [f64; 8] {
 
 /// Makes the basis a graph over one of each displacement and its load.
 #[inline(always)]
-fn graph<S: Simd>(basis: &mut Rows<S, ROWS>, weights: &[f64; 4]) -> Change<S> {
+fn graph<S: Simd>(basis: &mut Rows<S, ROWS>, weights: &[f64; 4], expected: [Option<usize>; 4]) -> Change<S> {
     let scale = scales(weights);
-    let among = Candidates { scale: &scale, groups: 4, columns: columns(basis, &scale) };
+    let among = Candidates { scale: &scale, groups: 4, columns: columns(basis, &scale), expected };
     eliminate(basis, among)
 }
 
@@ -546,7 +545,7 @@ fn restrict<S: Simd>(
         }
     }
     let own = [scale[sums[0][0]], scale[sums[1][0]]];
-    let among = Candidates { scale: &own, groups: 2, columns: columns(basis, &scale) };
+    let among = Candidates { scale: &own, groups: 2, columns: columns(basis, &scale), expected: [None; 4] };
     let change = eliminate(&mut rows, among);
     let mut out = *basis;
     out.copy_from_slice(&rows[2..]);
@@ -573,18 +572,15 @@ fn subtract_logarithms<S: Simd>(sums: &mut [Complex64; MAX_LANES], change: &Chan
     }
 }
 
-/// Loads at the far end per displacement at the near one, of a piece of either kind alone.
-#[inline(always)]
-fn stiffnesses<S: Simd>(transfers: &[[Eight<S>; 8]; 2]) -> [[Line<4>; MAX_LANES]; 2] {
-    let mut out = [[[[Complex64::ZERO; 4]; 4]; MAX_LANES]; 2];
-    for (out, transfer) in out.iter_mut().zip(transfers) {
-        let mut compliance = [[transfer[0][4]; 4]; 4];
-        for i in 0..4 {
-            compliance[i].copy_from_slice(&transfer[i][4..]);
+/// Loads at the far end per displacement at the near one, of a piece of each kind alone.
+fn stiffnesses<S: Simd>(transfers: &[Transfer<S>]) -> Vec<[Line<4>; MAX_LANES]> {
+    let mut out = Vec::with_capacity(transfers.len());
+    for transfer in transfers {
+        let mut lines = by_line(&transfer.compliance());
+        for line in &mut lines[..S::F64_LANES] {
+            *line = inverse(*line);
         }
-        for (stiffness, compliance) in out.iter_mut().zip(by_line(&compliance)).take(S::F64_LANES) {
-            *stiffness = inverse(compliance);
-        }
+        out.push(lines);
     }
     out
 }
