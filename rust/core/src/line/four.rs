@@ -1,13 +1,12 @@
-//! Algebra of the four columns that span the states of an overlap: elimination over lanes, signs of eigenvalues.
+//! Elimination of the four columns that span the states of an overlap, over lanes.
 
+use crate::line::signs::Line;
 use crate::simd::lane::{C, MAX_LANES, R};
 use num_complex::Complex64;
 use pulp::{Scalar, Simd};
 
 /// Rows of four columns.
 pub type Rows<S, const N: usize> = [[C<S>; 4]; N];
-/// Rows of four columns on one line.
-pub type Line<const N: usize> = [[Complex64; 4]; N];
 
 /// A pivot is taken for all lanes where its square is at least this share of the largest one of each lane.
 const ALIKE: f64 = 0.01;
@@ -15,20 +14,19 @@ const ALIKE: f64 = 0.01;
 /// The same for a pivot that is tried first.
 const EXPECTED: f64 = 0.1;
 
-/// `a b`.
+/// Multiplies rows by a matrix from the right.
 #[inline(always)]
-pub fn product<S: Simd, const N: usize>(a: &Rows<S, N>, b: &Rows<S, 4>) -> Rows<S, N> {
-    let mut out = *a;
-    for (to, from) in out.iter_mut().zip(a) {
+pub fn multiply<S: Simd, const N: usize>(rows: &mut Rows<S, N>, by: &Rows<S, 4>) {
+    for row in rows {
+        let from = *row;
         for j in 0..4 {
-            let mut sum = from[0] * b[0][j];
+            let mut sum = from[0] * by[0][j];
             for k in 1..4 {
-                sum = from[k].mul_add(b[k][j], sum);
+                sum = from[k].mul_add(by[k][j], sum);
             }
-            to[j] = sum;
+            row[j] = sum;
         }
     }
-    out
 }
 
 /// The identity.
@@ -283,157 +281,67 @@ fn over_lanes<S: Simd, const N: usize>(simd: S, lines: &[Line<N>; MAX_LANES]) ->
     out
 }
 
-/// The inverse by elimination with row pivoting, the rows weighted by their largest entries.
-pub fn inverse(mut matrix: [[Complex64; 4]; 4]) -> [[Complex64; 4]; 4] {
-    let mut out = [[Complex64::ZERO; 4]; 4];
-    for i in 0..4 {
-        out[i][i] = Complex64::ONE;
-    }
-    let scale = matrix.map(|row| row.iter().fold(0.0_f64, |most, value| most.max(value.norm())));
-    let mut order = [0, 1, 2, 3];
-    for column in 0..4 {
-        let mut best = column;
-        for i in column..4 {
-            let share = |i: usize| matrix[order[i]][column].norm() / scale[order[i]];
-            if share(i) > share(best) {
-                best = i;
-            }
-        }
-        order.swap(column, best);
-        let row = order[column];
-        let pivot = matrix[row][column].inv();
-        for j in 0..4 {
-            matrix[row][j] *= pivot;
-            out[row][j] *= pivot;
-        }
-        for i in 0..4 {
-            if i != row {
-                let factor = matrix[i][column];
-                for j in 0..4 {
-                    let (a, b) = (matrix[row][j], out[row][j]);
-                    matrix[i][j] -= factor * a;
-                    out[i][j] -= factor * b;
-                }
-            }
-        }
-    }
-    order.map(|row| out[row])
-}
-
-/// Negative eigenvalues of a real symmetric matrix, by the pivots of Bunch and Parlett (SIAM J. Numer. Anal. 8, 1971,
-/// 639), of which those of two rows have one eigenvalue of either sign.
-pub fn negative_eigenvalues<const N: usize>(mut a: [[f64; N]; N]) -> usize {
-    /// (1 + sqrt 17)/8 bounds the growth.
-    const SHARE: f64 = 0.640_388_203_202_208;
-    // A congruence with a diagonal matrix changes no sign and makes units irrelevant.
-    let mut scale = [1.0; N];
-    for i in 0..N {
-        let largest = (0..N).fold(0.0_f64, |most, j| most.max(a[i][j].abs().max(a[j][i].abs())));
-        let own = a[i][i].abs().max(1e-30 * largest);
-        scale[i] = if own > 0.0 { own.sqrt().recip() } else { 1.0 };
-    }
-    let whole = a;
-    for i in 0..N {
-        for j in 0..N {
-            a[i][j] = 0.5 * (whole[i][j] + whole[j][i]) * (scale[i] * scale[j]);
-        }
-    }
-    let mut left = [true; N];
-    let (mut negatives, mut count) = (0, N);
-    while count > 0 {
-        let (mut diagonal, mut beside, mut p, mut pair) = (-1.0, 0.0, 0, [0, 0]);
-        for i in 0..N {
-            if left[i] && a[i][i].abs() > diagonal {
-                (diagonal, p) = (a[i][i].abs(), i);
-            }
-            for j in 0..i {
-                if left[i] && left[j] && a[i][j].abs() > beside {
-                    (beside, pair) = (a[i][j].abs(), [i, j]);
-                }
-            }
-        }
-        if diagonal >= SHARE * beside {
-            negatives += usize::from(a[p][p] < 0.0);
-            left[p] = false;
-            count -= 1;
-            let row = a[p];
-            for i in 0..N {
-                for j in 0..N {
-                    if left[i] && left[j] && row[p] != 0.0 {
-                        a[i][j] -= row[i] * row[j] / row[p];
-                    }
-                }
-            }
-            continue;
-        }
-        let [r, s] = pair;
-        negatives += 1;
-        (left[r], left[s]) = (false, false);
-        count -= 2;
-        let (x, y) = (a[r], a[s]);
-        let determinant = x[r] * y[s] - x[s] * x[s];
-        for i in 0..N {
-            for j in 0..N {
-                if left[i] && left[j] {
-                    let first = y[s] * x[i] - x[s] * y[i];
-                    let second = x[r] * y[i] - x[s] * x[i];
-                    a[i][j] -= (first * x[j] + second * y[j]) / determinant;
-                }
-            }
-        }
-    }
-    negatives
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pulp::{Arch, WithSimd};
 
-    #[test]
-    fn signs_survive_a_congruence() {
-        let mut seed = 1_u64;
-        let mut draw = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        for round in 0..500 {
-            let expected = round % 5;
-            let mut basis = [[0.0; 4]; 4];
-            for entry in basis.as_flattened_mut() {
-                *entry = draw();
-            }
-            let mut a = [[0.0; 4]; 4];
-            for k in 0..4 {
-                let size = (1.0 + draw()) * if k < expected { -1.0 } else { 1.0 };
-                for i in 0..4 {
-                    for j in 0..4 {
-                        let scale = 1e3_f64.powi(i as i32 + j as i32);
-                        a[i][j] += size * basis[k][i] * basis[k][j] * scale;
-                    }
+    /// Lanes of which each needs other pivots than its neighbours.
+    struct Unlike;
+
+    impl WithSimd for Unlike {
+        type Output = ();
+
+        fn with_simd<S: Simd>(self, simd: S) {
+            let mut seed = 1_u64;
+            let mut draw = || {
+                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+            };
+            let mut lines = [[[Complex64::ZERO; 4]; 10]; MAX_LANES];
+            for (lane, line) in lines.iter_mut().enumerate() {
+                for entry in line.as_flattened_mut() {
+                    *entry = Complex64::new(draw(), draw()) * 1e-6;
+                }
+                for group in 0..4 {
+                    line[group + 4 * ((lane >> (group % 3)) & 1)][(group + lane) % 4] += 1.0;
                 }
             }
-            assert_eq!(negative_eigenvalues(a), expected, "round {round}");
+            let before = over_lanes(simd, &lines);
+            for alike in [false, true] {
+                let mut rows = if alike { over_lanes(simd, &[lines[5]; MAX_LANES]) } else { before };
+                let old = by_line(&rows);
+                let columns = [R::splat(simd, 1.0); 4];
+                let among = Candidates { scale: &[1.0; 8], groups: 4, columns, expected: [None; 4] };
+                let change = eliminate(&mut rows, among);
+                let mut determinants = [Complex64::ZERO; MAX_LANES];
+                change.determinant.store(&mut determinants);
+                let (new, matrix) = (by_line(&rows), by_line(&change.matrix));
+                for lane in 0..S::F64_LANES {
+                    for group in 0..4 {
+                        let unit = |row: usize| {
+                            (0..4).all(|j| {
+                                new[lane][row][j] == Complex64::from(f64::from(u8::from(j == group)))
+                            })
+                        };
+                        assert!(unit(group) || unit(group + 4), "lane {lane}, group {group}");
+                    }
+                    for i in 0..10 {
+                        for j in 0..4 {
+                            let sum: Complex64 = (0..4).map(|k| old[lane][i][k] * matrix[lane][k][j]).sum();
+                            assert!((sum - new[lane][i][j]).norm() < 1e-14, "lane {lane}, row {i}");
+                        }
+                    }
+                    // A permutation but for small terms.
+                    let size = determinants[lane].norm();
+                    assert!((size - 1.0).abs() < 1e-4 && size > 0.0, "lane {lane}: {size}");
+                }
+            }
         }
-        assert_eq!(negative_eigenvalues([[0.0, 1.0], [1.0, 0.0]]), 1);
-        assert_eq!(negative_eigenvalues([[0.0, 0.0], [0.0, -1.0]]), 1);
     }
 
     #[test]
-    fn inverse_undoes_badly_scaled_rows() {
-        let mut a = [[Complex64::ZERO; 4]; 4];
-        for i in 0..4 {
-            for j in 0..4 {
-                let value = 1.0 / (1.0 + i as f64 + 2.0 * j as f64) + if i == j { 1.0 } else { 0.0 };
-                a[i][j] = Complex64::new(value, 0.1 * j as f64) * 1e4_f64.powi(i as i32);
-            }
-        }
-        let b = inverse(a);
-        for i in 0..4 {
-            for j in 0..4 {
-                let sum: Complex64 = (0..4).map(|k| b[i][k] * a[k][j]).sum();
-                let one = if i == j { 1.0 } else { 0.0 };
-                assert!((sum - one).norm() < 1e-12);
-            }
-        }
+    fn lanes_with_pivots_of_their_own() {
+        Arch::new().dispatch(Unlike);
     }
 }

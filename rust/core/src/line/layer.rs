@@ -15,7 +15,7 @@
 //! pairs, at which the even part of a state is the same and the odd one opposite, so that one exponential serves both.
 
 use crate::line::exponential::INVERSE_FACTORIAL;
-use crate::line::four::{Rows, product};
+use crate::line::four::{Rows, multiply};
 use crate::model::overlap::Beside;
 use crate::simd::lane::{C, R};
 use num_complex::Complex64;
@@ -118,8 +118,12 @@ impl<S: Simd> Pair<S> {
                 x[2 + i][2 + j] = turn[i][1].mul_add(bend[1][j], turn[i][0] * bend[0][j]);
             }
         }
-        let square = product(&x, &x);
-        Powers { powers: [x, square, product(&square, &x), product(&square, &square)], p, q }
+        let mut powers = [x; 4];
+        for n in 1..4 {
+            powers[n] = powers[n - 1];
+            multiply(&mut powers[n], &x);
+        }
+        Powers { powers, p, q }
     }
 
     /// The largest term of -r^T J A s, squared, and its value: the derivative by the length, the layer being held.
@@ -171,36 +175,35 @@ fn terms(size: f64) -> usize {
 impl<S: Simd> Powers<S> {
     /// The exponential over a length at a growth exponent.
     #[inline(always)]
-    pub fn transfer(&self, length: f64, size: f64) -> Transfer<S> {
+    pub fn transfer(&self, length: f64, size: f64, out: &mut Transfer<S>) {
         let terms = terms(size);
-        let cosine = self.series(terms, 0, length);
-        let mut sine = self.series(terms, 1, length);
-        for entry in sine.as_flattened_mut() {
-            *entry = entry.scale(length);
-        }
-        let mut transposed = cosine;
+        let Transfer { even: [cosine, transposed], odd: [by_p, by_q] } = out;
+        self.series(terms, 0, 1.0, length, cosine);
         for i in 0..4 {
             for j in 0..4 {
                 let entry = cosine[(j + 2) % 4][(i + 2) % 4];
                 transposed[i][j] = if (i < 2) == (j < 2) { entry } else { -entry };
             }
         }
-        Transfer { even: [cosine, transposed], odd: [product(&sine, &self.p), product(&self.q, &sine)] }
+        self.series(terms, 1, length, length, by_p);
+        *by_q = self.q;
+        multiply(by_q, by_p);
+        multiply(by_p, &self.p);
     }
 
-    /// sum_n X^n l^(2 n) / (2 n + odd)!, four terms at a time.
+    /// `factor` times sum_n X^n l^(2 n) / (2 n + odd)!, four terms at a time.
     #[inline(always)]
-    fn series(&self, terms: usize, odd: usize, length: f64) -> Rows<S, 4> {
+    fn series(&self, terms: usize, odd: usize, factor: f64, length: f64, out: &mut Rows<S, 4>) {
         let simd = self.p[0][0].simd;
-        let (mut factors, mut power) = ([0.0; MOST_TERMS], 1.0);
+        let (mut factors, mut power) = ([0.0; MOST_TERMS], factor);
         for n in 0..terms {
             factors[n] = power * INVERSE_FACTORIAL[2 * n + odd];
             power *= length * length;
         }
-        let mut out = [[C::zero(simd); 4]; 4];
+        *out = [[C::zero(simd); 4]; 4];
         for (group, factors) in factors[..terms].chunks_exact(4).enumerate().rev() {
             if (group + 1) * 4 < terms {
-                out = product(&out, &self.powers[3]);
+                multiply(out, &self.powers[3]);
             }
             for i in 0..4 {
                 for j in 0..4 {
@@ -212,11 +215,17 @@ impl<S: Simd> Powers<S> {
                 out[i][i] = out[i][i] + C::real(simd, factors[0]);
             }
         }
-        out
     }
 }
 
 impl<S: Simd> Transfer<S> {
+    /// A way to be computed.
+    #[inline(always)]
+    pub fn empty(simd: S) -> Self {
+        let zero = [[C::zero(simd); 4]; 4];
+        Self { even: [zero; 2], odd: [zero; 2] }
+    }
+
     /// What the entry in the place `i` of a half has by the entry `by` of the state.
     #[inline(always)]
     fn entry(&self, half: usize, i: usize, by: usize) -> C<S> {
@@ -365,18 +374,21 @@ pub struct Rule<S: Simd> {
 }
 
 impl<S: Simd> Rule<S> {
-    /// The rule for pieces of a length and a growth exponent.
+    /// A rule to be computed.
+    pub fn empty() -> Self {
+        Self { points: Vec::new() }
+    }
+
+    /// Computes the rule for pieces of a length and a growth exponent.
     #[inline(always)]
-    pub fn new(powers: &Powers<S>, length: f64, size: f64) -> Self {
-        let mut points = Vec::with_capacity(RULES.len() + 1);
-        if let Some((_, rule)) = RULES.iter().find(|(most, _)| size <= *most) {
-            for [place, weight] in *rule {
-                // Both points of a pair, of half the length each.
-                let transfer = powers.transfer(0.5 * place * length, 0.5 * place * size);
-                points.push((transfer, weight * length));
-            }
+    pub fn fill(&mut self, powers: &Powers<S>, length: f64, size: f64) {
+        let rule = RULES.iter().find(|(most, _)| size <= *most).map_or(&[][..], |(_, rule)| *rule);
+        self.points.resize(rule.len(), (Transfer::empty(powers.p[0][0].simd), 0.0));
+        for ((transfer, to), [place, weight]) in self.points.iter_mut().zip(rule) {
+            // Both points of a pair, of half the length each.
+            powers.transfer(0.5 * place * length, 0.5 * place * size, transfer);
+            *to = weight * length;
         }
-        Self { points }
     }
 
     /// Adds the integrals of the products that are asked for over a piece, from the states in its middle.
@@ -423,4 +435,77 @@ pub fn mirrored<S: Simd>(z: &Eight<S>) -> Eight<S> {
 #[inline(always)]
 fn quantities<S: Simd>(z: &Eight<S>) -> [C<S>; PRODUCTS] {
     [z[0] + z[2], z[1] + z[3], z[2], z[3], z[4], z[5], z[6] - z[4], z[7] - z[5], z[0], z[1]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::Scalar;
+
+    /// Coefficients of a size like those of tools, in other units.
+    fn pair() -> Pair<Scalar> {
+        let number = |re: f64, im: f64| C::splat(Scalar::new(), Complex64::new(re, im));
+        Pair {
+            compliance: [
+                [number(0.03, -0.001), number(0.9, -0.02)],
+                [number(0.01, 0.0), number(0.2, -0.003)],
+            ],
+            inertia: [[number(1.1, 0.1), number(0.02, 0.0)], [number(2.3, 0.2), number(0.1, 0.01)]],
+            layer: [number(3.0, 0.4), number(0.7, 0.1)],
+            total: [number(3.0, 0.4), number(0.7, 0.1)],
+        }
+    }
+
+    /// A state times the matrix A of the equations of the theory.
+    fn along(pair: &Pair<Scalar>, z: &Eight<Scalar>) -> Eight<Scalar> {
+        let [near, behind] = pair.compliance;
+        let [m, n] = pair.inertia;
+        let rest = [z[6] - z[4], z[7] - z[5]];
+        let loads = [m[0] * (z[0] + z[2]), m[1] * (z[1] + z[3])];
+        [
+            near[0] * z[4] - behind[0] * rest[0] - z[1],
+            near[1] * z[5] - behind[1] * rest[1],
+            behind[0] * rest[0] - z[3],
+            behind[1] * rest[1],
+            pair.layer[0] * z[0] - loads[0],
+            pair.layer[1] * z[1] - loads[1] + z[4],
+            -(n[0] * z[2] + loads[0]),
+            z[6] - n[1] * z[3] - loads[1],
+        ]
+    }
+
+    #[test]
+    fn exponential_of_the_equations() {
+        let pair = pair();
+        let (length, size) = (0.8, 1.9);
+        let mut transfer = Transfer::empty(Scalar::new());
+        pair.powers().transfer(length, size, &mut transfer);
+        for column in 0..8 {
+            let mut term = [C::zero(Scalar::new()); 8];
+            term[column] = C::real(Scalar::new(), 1.0);
+            let mut sum = term;
+            for order in 1..40 {
+                term = along(&pair, &term).map(|entry| entry.scale(length / f64::from(order)));
+                for i in 0..8 {
+                    sum[i] = sum[i] + term[i];
+                }
+            }
+            for i in 0..8 {
+                let (half, place) = PLACES[i];
+                let off = transfer.entry(half, place, column) - sum[i];
+                assert!(off.norm_sqr().v.sqrt() < 1e-14, "{i}, {column}");
+            }
+        }
+    }
+
+    #[test]
+    fn rules_serve_up_to_their_growth() {
+        for (most, rule) in RULES {
+            let size = if most.is_finite() { most } else { crate::model::overlap::REACH };
+            // The product of two states that grow by the exponent each.
+            let exact = size.sinh() / size;
+            let sum: f64 = rule.iter().map(|[place, weight]| weight * (place * size).cosh()).sum();
+            assert!((sum - exact).abs() < 2e-15 * exact, "{most}: {sum} and {exact}");
+        }
+    }
 }

@@ -6,11 +6,12 @@
 //! each displacement and its load, by elimination with complete pivoting. The states under a load follow on the way
 //! back, from the coordinates at the near end.
 
-use crate::line::four::{Candidates, Change, Line, Rows, by_line, eliminate, inverse, negative_eigenvalues};
+use crate::line::four::{Candidates, Change, Rows, by_line, eliminate};
 use crate::line::layer::{
     DERIVATIVES, Eight, LAYER, LENGTH, PRODUCTS, Pair, Rule, SLOPE, Transfer, Two, mirrored,
 };
 use crate::line::plane::Plane;
+use crate::line::signs::{Line, inverse, negative_at_end, negative_at_piece};
 use crate::model::overlap::{Beside, Pieces};
 use crate::simd::lane::{C, MAX_LANES, R};
 use crate::simd::small::{self, Mat};
@@ -45,7 +46,7 @@ struct Inside<S: Simd> {
     asked: bool,
     /// Over half a piece of each kind.
     halves: Vec<Transfer<S>>,
-    /// Integrals over a piece of each kind; none where no product is asked for.
+    /// Integrals over a piece of each kind, without points where no product is asked for.
     rules: Vec<Rule<S>>,
     /// The products that are integrated.
     products: [bool; PRODUCTS],
@@ -124,23 +125,28 @@ impl<S: Simd> WithSimd for Evaluated<'_, S> {
         into.pair = Pair::new(beside, w, true);
         into.weights = [beside.weights(most, false), beside.weights(most, true)];
         into.inside.ask(&asked, beside.overlap.points > 0);
+        let kinds = into.pieces.kinds();
         for way in 0..2 {
             let forward = way == 1;
             let inside = forward && into.inside.asked;
-            into.ways[way].clear();
             if !ways[way] && !inside {
                 continue;
             }
             let powers = Pair::new(beside, w, forward).powers();
-            for kind in 0..into.pieces.kinds() {
+            into.ways[way].resize(kinds, Transfer::empty(w.simd));
+            if inside {
+                into.inside.halves.resize(kinds, Transfer::empty(w.simd));
+                into.inside.rules.resize_with(kinds, Rule::empty);
+            }
+            for kind in 0..kinds {
                 let (length, size) = (into.pieces.length[kind], into.pieces.size[kind]);
                 if ways[way] {
-                    into.ways[way].push(powers.transfer(length, size));
+                    powers.transfer(length, size, &mut into.ways[way][kind]);
                 }
                 if inside {
-                    into.inside.halves.push(powers.transfer(0.5 * length, 0.5 * size));
+                    powers.transfer(0.5 * length, 0.5 * size, &mut into.inside.halves[kind]);
                     if into.inside.products.contains(&true) {
-                        into.inside.rules.push(Rule::new(&powers, length, size));
+                        into.inside.rules[kind].fill(&powers, length, size);
                     }
                 }
             }
@@ -149,15 +155,13 @@ impl<S: Simd> WithSimd for Evaluated<'_, S> {
 }
 
 impl<S: Simd> Inside<S> {
-    /// Begins anew.
+    /// Notes what is asked for.
     fn ask(&mut self, asked: &[bool; DERIVATIVES], points: bool) {
         self.asked = asked.contains(&true);
         for i in 0..PRODUCTS {
             // Of points there is nothing to integrate; the length of a layer changes its stiffness per length.
             self.products[i] = if i < LAYER { asked[i] } else { !points && (asked[i] || asked[LENGTH]) };
         }
-        self.halves.clear();
-        self.rules.clear();
     }
 }
 
@@ -583,37 +587,4 @@ fn stiffnesses<S: Simd>(transfers: &[Transfer<S>]) -> Vec<[Line<4>; MAX_LANES]> 
         out.push(lines);
     }
     out
-}
-
-/// Negative eigenvalues of the pivot at a piece's far end, K U_near U_far^-1 with K the piece's stiffness.
-///
-/// They are those of U_far^T K U_near, which needs no inverse of what may be singular.
-fn negative_at_piece(far: &Line<ROWS>, stiffness: &Line<4>, near: &Line<ROWS>) -> usize {
-    let mut right = [[0.0; 4]; 4];
-    for i in 0..4 {
-        for j in 0..4 {
-            right[i][j] = (0..4).map(|k| stiffness[i][k] * near[k][j]).sum::<Complex64>().re;
-        }
-    }
-    let mut form = [[0.0; 4]; 4];
-    for i in 0..4 {
-        for j in 0..4 {
-            form[i][j] = (0..4).map(|k| far[k][i].re * right[k][j]).sum();
-        }
-    }
-    negative_eigenvalues(form)
-}
-
-/// Negative eigenvalues of the pivot of the end of the beam that lies behind, the near one being held.
-fn negative_at_end(held: &Line<ROWS>) -> usize {
-    let mut form = [[0.0; 2]; 2];
-    for i in 0..2 {
-        for j in 0..2 {
-            for k in 0..2 {
-                let load = held[6 + k][2 + j] - held[4 + k][2 + j];
-                form[i][j] += (held[2 + k][2 + i] * load).re;
-            }
-        }
-    }
-    negative_eigenvalues(form)
 }
