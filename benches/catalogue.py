@@ -19,6 +19,7 @@ import resource
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +61,11 @@ def measure(count: int, threads: int | None, seed: int) -> dict[str, Any]:
         read = load(folder, tools=tools(count, seed))
         identified = read.identify()
         begun = time.perf_counter()
-        catalogue = Catalogue(read)
+        catalogue = Catalogue(replace(read, threads=threads))
         reading = time.perf_counter() - begun
         processor = time.process_time()
         modes, early = 0, 0.0
-        predictions = predict_catalogue(catalogue, identified, threads=threads)
+        predictions = predict_catalogue(catalogue, identified)
         for number, one in enumerate(summaries(write_modes(folder / "modes.csv", predictions))):
             modes += one.modes
             if number == count // 10:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import signal
 import subprocess
 import sys
 
 import pytest
+import typer.main
 
 from receptance.cli import main
 
@@ -22,8 +24,13 @@ main()
 """
 
 
+_built = functools.cache(typer.main.get_command)
+
+
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     """Run the command line in this process and return its exit code."""
+    # Typer reads the annotations of every command again at each call, which takes as long as many a command.
+    monkeypatch.setattr(typer.main, "get_command", _built)
     monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
         main()

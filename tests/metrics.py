@@ -191,7 +191,7 @@ with tempfile.TemporaryDirectory() as folder:
     (Path(folder) / "campaign.toml").write_text(text)
     sys.settrace(trace)
     try:
-        campaign.load(folder).identify(threads=1)
+        campaign.load(folder).identify()
     finally:
         sys.settrace(None)
 for file, functions in seen.items():

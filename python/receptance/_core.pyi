@@ -5,12 +5,12 @@ whole numbers:
 
 segments (n, 14): node a, node b (x larger), length, outer diameter, inner diameter, youngs_modulus, density,
     poisson_ratio, loss_factor, the same four of the core (density 0: none), shear model (0 Cowper, 1 Hutchinson);
-joints (n, 9): node a, node b, k_y, k_theta, k_ytheta, c_y, c_theta, c_ytheta, loss_factor;
+joints (n, 2 + p): node a, node b, then the p parameters of a `PointJoint` in the order of its fields;
 masses (n, 3): node, mass, inertia;
-grounds (n, 8): node, then as a joint;
-overlaps (n, 31): node where the shank goes on, node where the sleeve does (x larger), length, the shank's section as in
-    a segment from the outer diameter to the shear model (11), the sleeve's, k_y, k_theta, c_y, c_theta, loss_factor of
-    the whole layer, number of points (0: a layer); bending only.
+grounds (n, 1 + p): node, then as a joint;
+overlaps (n, 32): node where the shank goes on, node where the sleeve does (x larger), length, the shank's section as in
+    a segment from the outer diameter to the shear model (11), the sleeve's, k_y, k_theta, c_y, c_theta, loss_factor and
+    slope of the whole layer, number of points (0: a layer); bending only.
 
 terminals (n, 4), by `Model.with_terminals`: node, and the constant part of y/F, theta/M and y/M;
 modes (m, 7), with them: row of the terminal, natural frequency in rad/s, damping ratio, y, theta, y_imaginary,
@@ -45,6 +45,7 @@ __all__ = [
     "SingularInterfaceError",
     "TiedModel",
     "instruction_set",
+    "joint_stiffness",
     "modal_receptance",
 ]
 
@@ -54,6 +55,7 @@ class SingularInterfaceError(ReceptanceError): ...
 class ResonanceError(ReceptanceError): ...
 
 def instruction_set() -> str: ...
+def joint_stiffness(joint: NDArray[np.float64], lines: Lines) -> NDArray[np.complex128]: ...
 def modal_receptance(lines: Lines, modes: NDArray[np.float64]) -> NDArray[np.complex128]: ...
 
 @final

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from receptance._text import did_you_mean, shown
@@ -118,7 +118,7 @@ class UnitError(ValueError):
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit.
+    """A unit; units of equal factor and dimension are equal.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class Unit:
         Powers of the base dimensions.
     """
 
-    text: str
+    text: str = field(compare=False)
     factor: float
     dimension: Dimension
 

@@ -53,7 +53,7 @@ def overlap() -> Any:
     """A shank in a sleeve between the two segments."""
     shank = [0.02, 0.005, *STEEL, 0.01, *STEEL, 0.02, 1]
     sleeve = [0.04, 0.02, *STEEL, 0.0, 0, 0, 0, 0, 0]
-    return np.array([[1, 2, 0.03, *shank, *sleeve, 1e8, 1e4, 10.0, 1e-3, 0.02, 0]])
+    return np.array([[1, 2, 0.03, *shank, *sleeve, 1e8, 1e4, 10.0, 1e-3, 0.02, 0.0, 0]])
 
 
 LINES = np.linspace(1e3, 1e4, 11)
@@ -173,6 +173,9 @@ def calls() -> dict[str, Call]:
         "thinned": (lambda lines: filled().thinned(lines), {"lines": 5}),
         "modal_receptance": (
             of_lines(_core.modal_receptance), {"lines": LINES, "modes": np.ascontiguousarray(modes[:, 1:])}
+        ),
+        "joint_stiffness": (
+            of_lines(_core.joint_stiffness), {"joint": tables()["joints"][0, 2:].copy(), "lines": LINES}
         ),
         "tied": (model.tied, ties()),
         "sweep": (of_lines(tied.sweep), {"lines": LINES, "points": TIP}),

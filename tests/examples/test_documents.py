@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import shlex
 import shutil
@@ -11,10 +10,10 @@ import subprocess
 import sys
 import sysconfig
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+import er32_study
 from command_line import call
 from examples.documents import DOCUMENTS, ROOT, blocks, commands, difference, links
 from receptance.studies import er32
@@ -52,15 +51,6 @@ def test_python_blocks(document: Path, tmp_path: Path, monkeypatch: pytest.Monke
         assert wrong is None, f"{where}: {wrong}"
 
 
-run_er32 = er32.run
-
-
-@functools.cache
-def er32_results(settings: er32.ER32Settings) -> dict[str, Any]:
-    """Return the results of the study, which four documents run with the same settings."""
-    return run_er32(settings)
-
-
 @pytest.mark.parametrize("document", SHELL, ids=_named)
 def test_shell_lines(
     document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -68,7 +58,7 @@ def test_shell_lines(
     """The commands of a document, run in their order in an empty folder, print the lines shown below them."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    monkeypatch.setattr(er32, "run", lambda settings, progress: er32_results(settings))
+    monkeypatch.setattr(er32, "run", er32_study.results)
     for block in blocks(document):
         where = f"{_named(document)}:{block.line}"
         for command in commands(block):

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import Coherence, TimeSeries, read, read_all, write
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 
 EXACT = (".npz", ".mat", ".h5", ".csv", ".csv.gz")
 DIGITS = 5.1e-13
@@ -26,7 +26,7 @@ DIGITS = 5.1e-13
 texts = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 finite = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e49, max_value=1e49)
 coordinates = st.one_of(
-    st.builds(Unplaced, st.sampled_from(("y", "theta"))),
+    st.builds(UnknownPosition, st.sampled_from(("y", "theta"))),
     st.builds(
         Coordinate,
         texts,

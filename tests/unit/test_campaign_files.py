@@ -138,7 +138,7 @@ class TestFRF:
         data = make_observations(tmp_path, 'file = "m.npz"\nentry = { response = "nose", excitation = 0 }')
         assert data.receptance == pytest.approx(3.0 * values(), rel=1e-12)
         write(tmp_path / "n.uff", [FRF(frequency_hz=LINES, values=values() * k, label=f"{k}") for k in (1, 2)])
-        assert "more than one FRF" in mistake(tmp_path, 'file = "n.uff"')
+        assert "FRFs, expected one" in mistake(tmp_path, 'file = "n.uff"')
         data = make_observations(tmp_path, 'file = "n.uff"\nentry = { number = 1 }')
         assert data.receptance == pytest.approx(2.0 * values(), rel=1e-9)
         assert "holds 2 FRFs, expected `entry.number`" in mistake(tmp_path, 'file = "n.uff"\nentry = { number = 2 }')

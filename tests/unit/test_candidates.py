@@ -34,7 +34,7 @@ NOSE = Coordinate("holder", 0.0)
 
 
 def plain() -> Assembly:
-    """Return tool, joint and holder without anything that keeps the core from series."""
+    """Return tool, joint and holder for which the core can use power series."""
     steel = replace(STEEL, loss_factor=0.003)
     tool = Part([Segment(length=0.06, outer_diameter=0.012, material=steel)], name="tool")
     holder = Part([Segment(length=0.09, outer_diameter=0.05, material=steel)], name="holder")
@@ -42,7 +42,7 @@ def plain() -> Assembly:
 
 
 def joints(count: int, kind: str) -> np.ndarray:
-    """Return rows of joints from soft to stiff: elastic, viscous, coupled, lossy or all of it."""
+    """Return rows of joints from soft to stiff: elastic, viscous, coupled, with a loss factor, or all of these."""
     print(f"seed {SEED}")
     draw = np.random.default_rng(SEED)
     rows = np.zeros((count, len(FIELDS)))
@@ -66,7 +66,7 @@ def one_by_one(
 
 
 def assert_agrees(found: CandidateModel, rows: np.ndarray, h: np.ndarray) -> None:
-    """Compare all that comes out with the receptances of the assemblies."""
+    """Compare all results with the receptances of the assemblies."""
     got = found.receptance(rows)
     assert np.max(np.abs(got / h - 1.0)) <= 1e-9
     assert np.max(np.abs(found.magnitude(rows) / np.abs(h) - 1.0)) <= 1e-9
@@ -114,8 +114,8 @@ def test_unvaried_parameters_keep_their_values() -> None:
 
 @pytest.mark.parametrize("points", [{}, {"response": NOSE, "excitation": Coordinate("tool", 0.02)}])
 def test_any_parameters_run_as_whole_models(points: dict[str, Coordinate]) -> None:
-    own = np.array([rich().get(name) for name in SOME])
-    rows = own * np.random.default_rng(SEED).uniform(0.8, 1.2, (6, own.size))
+    values = np.array([rich().get(name) for name in SOME])
+    rows = values * np.random.default_rng(SEED).uniform(0.8, 1.2, (6, values.size))
     found = candidate_model(rich(), SOME, LINES, **points)
     assert found.method == "models"
     assert_agrees(found, rows, one_by_one(rich(), SOME, rows, LINES, **points))

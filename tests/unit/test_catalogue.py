@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +114,7 @@ def test_a_table_as_a_spreadsheet_writes_it(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_is_no_table(tmp_path: Path) -> None:
-    """It has no writer; opening it would block."""
+    """Opening a pipe without a writer would block."""
     os.mkfifo(tmp_path / "pipe.csv")
     for read in (read_tools, read_holders, read_frequencies, read_spindle):
         with pytest.raises(OSError, match="it is a pipe or a device, expected a file"):
@@ -130,7 +131,7 @@ def test_assemblies_follow_the_rows(machine: Any) -> None:
     assert [s.length for s in tool.segments] == [pytest.approx(0.03), pytest.approx(0.03)]
     assert list(two.site.assembly.elements)[2] == "shrink"
     assert len(three.site.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
-    # Errors: its own dimensions, and the material's, which has the same name in the fit.
+    # Errors of its dimensions, and of the material, which has the same name in the fit.
     assert one.effects["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
     assert one.effects["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
     assert "materials.carbide.youngs_modulus" in set(one.effects) & set(machine.effects["short"])
@@ -140,7 +141,7 @@ def test_assemblies_follow_the_rows(machine: Any) -> None:
 def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
     """Peaks of 2000 lines against the complex modes: values and derivatives."""
     assert abs(identified.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
-    for one in predict_catalogue(Catalogue(machine), identified, threads=1):
+    for one in predict_catalogue(Catalogue(replace(machine, threads=1)), identified):
         addresses = ["collet.k_theta", "collet.c_theta", "front.k_y", "tool.segment[0].length"]
         values, slopes = one.assembly.derivatives(one.frequency_hz, addresses)
         modes = line_modes(one.frequency_hz, values)
@@ -161,9 +162,9 @@ def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
     catalogue = Catalogue(machine)
-    for one, own in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
+    for one, tool in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
-        for assembly in forecast_of(machine, identified, own.site, own.effects, own.row.name, []).drawn(150, SEED):
+        for assembly in forecast_of(machine, identified, tool.site, tool.effects, tool.row.name, []).drawn(150, SEED):
             assert assembly is not None
             modes = damped_modes(assembly, 5200.0, threads=1)
             values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)
@@ -185,7 +186,7 @@ def _as_table(own: Assembly, lines: Any, covariance: Any = None) -> MeasuredPart
 
 
 def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> None:
-    """The same tips, and the variance of its lines in the intervals, against tables with noise."""
+    """The same tips as those of the modes; intervals include the variance of the lines, against noisy tables."""
     print(f"seed {SEED}")
     whole = next(predict_catalogue(Catalogue(machine), identified))
     lines = whole.frequency_hz
@@ -201,7 +202,7 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     fit = exact.identify()
     one = next(predict_catalogue(Catalogue(exact, spindle=noisy), fit))
     np.testing.assert_allclose(one.receptance, whole.receptance, rtol=1e-3)
-    # Tables that err like this one: the modes scatter by the intervals, without the contribution of the fit.
+    # Modes from tables with this noise scatter as the intervals state, without the contribution of the fit.
     residuals = [f"nose.residual_{name}" for name in ("y", "theta", "ytheta")]
     slope = one.assembly.derivatives(lines, residuals)[1]
     variance = np.einsum("ni,nij,nj->n", slope, covariance, slope.conj()).real
@@ -244,7 +245,7 @@ def test_drift_in_a_spindle_table_is_noted(machine: Any, tmp_path: Path) -> None
 
 
 def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None:
-    """From its file the same as from the object, and mistakes with the file's name."""
+    """The file gives the same predictions as the object; mistakes are reported with the name of the file."""
     lines = np.linspace(100.0, 4000.0, 1000)
     covariance = np.einsum("n,ij->nij", np.full(1000, 1e-22), np.eye(3)).astype(complex)
     nose = _as_table(machine.built.assemblies["short"], lines, covariance)
@@ -346,8 +347,8 @@ def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.Monke
     assert read_frf("frfs/T.csv").label == "T"
     cells = {row["name"] for row in csv.DictReader(Path("m.csv").read_text().splitlines())}
     assert cells == {f"'{name}" if name[0] in "=@" else name for name in names}
-    few = ["=1+2", "_1+2"]
-    load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in few)]) + "\n")
+    formulas = ["=1+2", "_1+2"]
+    load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in formulas)]) + "\n")
     Path("figures").mkdir()
     arguments = ["--depths", "d.csv", "--cut", "slot", "--figures", "figures"]
     assert call(monkeypatch, "catalogue", ".", *arguments) == 0
@@ -356,20 +357,20 @@ def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    """A tool that has no model in the middle of the catalogue leaves no file, and the old one as it was."""
+    """An error in the middle of the catalogue leaves no new file and does not change an old one."""
     load(tmp_path, text=TEXT.replace('k_y = "6e8 N/m"', 'k_y = "6e8 N/m"\nk_ytheta = "2.9e7 N/rad"'))
     monkeypatch.chdir(tmp_path)
     Path("m.csv").write_text("old")
     from receptance.catalogue import prediction
 
-    original = prediction._Work._predict
+    original = prediction._Predictor._predict
 
-    def fails(self: Any, own: Any) -> Any:
-        if own.row.name == "T3":
+    def fails(self: Any, tool: Any) -> Any:
+        if tool.row.name == "T3":
             raise ValueError("no such luck")
-        return original(self, own)
+        return original(self, tool)
 
-    monkeypatch.setattr(prediction._Work, "_predict", fails)
+    monkeypatch.setattr(prediction._Predictor, "_predict", fails)
     assert call(monkeypatch, "catalogue", ".", "--out", "m.csv") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"

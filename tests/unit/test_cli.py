@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+import er32_study
+from campaign_text import write
 from command_line import call, interrupted
 from receptance import _files
 from receptance._files import check_target, write_whole
@@ -35,8 +37,7 @@ def left() -> set[str]:
 
 def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Plain text in a pipe; the figure is in the current folder and named. The README runs the demo with all draws."""
-    run = er32.run
-    monkeypatch.setattr(er32, "run", lambda settings, progress: run(replace(settings, draws=3), progress=progress))
+    monkeypatch.setattr(er32, "run", lambda settings, progress: er32_study.results(replace(settings, draws=3)))
     assert call(monkeypatch, "demo", "--json", "results.json") == 0
     text = capsys.readouterr().out
     assert "Figure: receptance-demo.png" in text
@@ -137,7 +138,8 @@ def test_results_are_written_together_or_not_at_all(
         stage(path, content, waiting)
 
     monkeypatch.setattr(_files, "_stage", fail)
-    assert call(monkeypatch, "study", "er32", "--draws", "1", "--json", "er32.json", "--plot", "er32.png") == 2
+    monkeypatch.setattr(er32, "run", er32_study.results)
+    assert call(monkeypatch, "study", "er32", "--draws", "3", "--json", "er32.json", "--plot", "er32.png") == 2
     assert "cannot write er32.png: No space left on device" in capsys.readouterr().err
     assert left() == {"er32.json"}
     assert Path("er32.json").read_text() == "older"
@@ -150,7 +152,8 @@ def test_interrupted_in_the_middle_of_writing(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(os, "fsync", interrupt)
-    assert call(monkeypatch, "study", "er32", "--draws", "1", "--json", "er32.json") == 130
+    monkeypatch.setattr(er32, "run", er32_study.results)
+    assert call(monkeypatch, "study", "er32", "--draws", "3", "--json", "er32.json") == 130
     assert "interrupted, no file was written" in capsys.readouterr().err
     assert left() == set()
 
@@ -167,8 +170,9 @@ def test_interruption_during_computation() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
 def test_closed_output_pipe(tmp_path: Path) -> None:
+    write(tmp_path)
     started = subprocess.Popen(
-        [sys.executable, "-m", "receptance.cli", "study", "er32", "--draws", "1", "--json", "er32.json"],
+        [sys.executable, "-m", "receptance.cli", "predict", "campaign.toml", "--json", "p.json"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -181,7 +185,7 @@ def test_closed_output_pipe(tmp_path: Path) -> None:
     started.stderr.close()
     assert b"Traceback" not in err
     assert b"BrokenPipe" not in err
-    assert left() == {"er32.json"}
+    assert left() == {"campaign.toml", "p.json"}
 
 
 def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,8 +13,10 @@ from pathlib import Path
 
 import pytest
 
+import er32_study
 from campaign_text import TEXT, changed, write
 from command_line import call, interrupted
+from receptance.studies import er32
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -81,9 +83,8 @@ def test_identify_writes_everything_needed_to_repeat_it(monkeypatch: pytest.Monk
     "arguments",
     [
         ("identify", "campaign.toml"),
-        ("predict", "campaign.toml"),
         ("sweep", ".", "--sample", "3"),
-        ("study", "er32", "--draws", "1"),
+        ("study", "er32", "--draws", "3"),
     ],
 )
 def test_json_to_standard_output(
@@ -91,6 +92,7 @@ def test_json_to_standard_output(
 ) -> None:
     """Standard output holds only the JSON, as in a file; the text is on standard error."""
     write(Path(), TEXT + "\n[settings]\nprofiles = false\n")
+    monkeypatch.setattr(er32, "run", er32_study.results)
     assert call(monkeypatch, *arguments, "--json", "-", "--plot", "p.png") == 0
     output = capsys.readouterr()
     found = json.loads(output.out)

@@ -84,7 +84,7 @@ def test_several_and_coherence(capsys: pytest.CaptureFixture[str]) -> None:
         ("missing.uff b.npz", "missing.uff"),
         ("a.uff a.uff", "IN and OUT are both a.uff; give two files"),
         ("a.uff b.xyz", "b.xyz: unknown extension"),
-        ("a.uff b.csv", "holds one measurement, there are 2"),
+        ("a.uff b.csv", "holds a single measurement, there are 2"),
         ("a.uff b.csv --number 3", "--number is 3, but there are 2"),
         ("a.uff b.csv --as speed", "quantity is 'speed'"),
         ("a.uff b.csv --unit m/s/N", "in the file it is declared as a receptance"),

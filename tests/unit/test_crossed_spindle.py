@@ -1,4 +1,4 @@
-"""A spindle whose principal directions are at an angle to x and y: turned, it is two independent planes."""
+"""A spindle whose principal directions are at an angle to x and y, so that two independent planes are coupled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from machine_spindle import LINES, make_blank, make_spindle, seen_at_the_plane, 
 from receptance import Assembly, Coordinate, MeasuredFRF
 from receptance.spindle import identify_crossed_spindle
 
-FEW = LINES[::8]
+SPARSE = LINES[::8]
 ANGLE = 0.5
 TURN = np.array([[np.cos(ANGLE), -np.sin(ANGLE)], [np.sin(ANGLE), np.cos(ANGLE)]])
 SPINDLES = [make_spindle(front) for front in (4e8, 2e8)]
@@ -17,18 +17,18 @@ PLACES = [Coordinate("blank", 0.0), Coordinate("blank", 0.07)]
 
 
 def rotate(principal: list[np.ndarray]) -> np.ndarray:
-    """Return what is seen in x and y, `(2, 2, n, ...)`, of what is apart in the principal directions."""
+    """Return receptances in x and y, `(2, 2, n, ...)`, from those in the two principal directions."""
     return np.einsum("ap,p...,bp->ab...", TURN, np.array(principal), TURN)
 
 
 def truth() -> np.ndarray:
-    parts = rotate([seen_at_the_plane(one, FEW) for one in SPINDLES])
-    return np.moveaxis(parts, 2, 0).transpose(0, 1, 3, 2, 4).reshape(FEW.size, 4, 4)
+    parts = rotate([seen_at_the_plane(one, SPARSE) for one in SPINDLES])
+    return np.moveaxis(parts, 2, 0).transpose(0, 1, 3, 2, 4).reshape(SPARSE.size, 4, 4)
 
 
 def measure(sd: float, rng: np.random.Generator | None = None, cross: str = "xy") -> dict[str, list[MeasuredFRF]]:
     blank = make_blank()
-    h = rotate([with_spindle(blank, one).receptance(FEW, response=PLACES, excitation=PLACES) for one in SPINDLES])
+    h = rotate([with_spindle(blank, one).receptance(SPARSE, response=PLACES, excitation=PLACES) for one in SPINDLES])
     found: dict[str, list[MeasuredFRF]] = {}
     for axes in ("xx", "yy", cross):
         for i, response in enumerate(PLACES):
@@ -37,10 +37,10 @@ def measure(sd: float, rng: np.random.Generator | None = None, cross: str = "xy"
                     continue
                 values = h["xy".index(axes[0]), "xy".index(axes[1]), :, i, j]
                 if rng is not None:
-                    values = values * np.exp(sd * (rng.normal(size=FEW.size) + 1j * rng.normal(size=FEW.size)))
+                    values = values * np.exp(sd * (rng.normal(size=SPARSE.size) + 1j * rng.normal(size=SPARSE.size)))
                 one = MeasuredFRF(
                     assembly=blank,
-                    frequency_hz=FEW,
+                    frequency_hz=SPARSE,
                     receptance=values,
                     response=response,
                     excitation=excitation,
@@ -63,16 +63,16 @@ def test_both_planes_are_recovered_without_noise(cross: str) -> None:
 def test_tip_receptance_equals_that_of_the_machine() -> None:
     tool = make_blank(0.15, 0.02)
     lines, tip, deviation = identify_crossed_spindle(measure(1e-9)).tip(tool)
-    true = rotate([with_spindle(tool, one).receptance(FEW) for one in SPINDLES])
+    true = rotate([with_spindle(tool, one).receptance(SPARSE) for one in SPINDLES])
     np.testing.assert_allclose(tip, np.moveaxis(true, 2, 0), rtol=1e-6, atol=1e-9 * np.abs(true).max())
-    assert lines.size == FEW.size
+    assert lines.size == SPARSE.size
     assert np.all(deviation <= 1e-5 * np.abs(tip).max(axis=(1, 2))[:, None, None])
 
 
 def test_the_stated_deviation_is_that_of_the_noise() -> None:
     rng = np.random.default_rng(6)
     tool = make_blank(0.15, 0.02)
-    true = np.moveaxis(rotate([with_spindle(tool, one).receptance(FEW) for one in SPINDLES]), 2, 0)
+    true = np.moveaxis(rotate([with_spindle(tool, one).receptance(SPARSE) for one in SPINDLES]), 2, 0)
     inside = []
     for _ in range(8):
         found = identify_crossed_spindle(measure(0.002, rng))
@@ -98,7 +98,7 @@ def test_missing_data_are_reported() -> None:
     strange = [
         MeasuredFRF(
             assembly=Assembly(other.elements.values()),
-            frequency_hz=FEW,
+            frequency_hz=SPARSE,
             receptance=one.receptance,
             response=one.response,
             excitation=one.excitation,

@@ -684,16 +684,16 @@ def test_hits_move_along_flutes() -> None:
 
 def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
     rng = np.random.default_rng(3)
-    far = Coordinate("holder", 0.1)
+    far, lines = Coordinate("holder", 0.1), LINES[::2]
 
     def measured_at(overhang: float, response: Coordinate) -> MeasuredFRF:
         truth = make_stepped_assembly(overhang, joint=replace(LAYER, k_theta=1e4), cut=0.02)
         there = response if response.part == "tool" else replace(response, position=0.08)
-        noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
         return MeasuredFRF(
             assembly=make_stepped_assembly(overhang),
-            frequency_hz=LINES,
-            receptance=truth.receptance(LINES, response=there, excitation=PLACES[0]) * np.exp(noise),
+            frequency_hz=lines,
+            receptance=truth.receptance(lines, response=there, excitation=PLACES[0]) * np.exp(noise),
             response=response,
             standard_deviation=0.0105,
             label=f"{overhang} {response.part}",

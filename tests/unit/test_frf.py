@@ -22,7 +22,7 @@ from receptance import (
 from receptance.frf.variance import pool_variance, variance_from_coherence
 from receptance.measurement import HammerRecords
 from receptance.modal import ring_down
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 from receptance.stability import Milling, TipModes, stability_lobes
 
 
@@ -310,18 +310,18 @@ def test_masked():
 
 def test_unknown_positions():
     frf = FRF(frequency_hz=[1.0], values=np.ones((1, 2, 1)), responses=["y", "theta"])
-    assert frf.responses == (Unplaced("y"), Unplaced("theta"))
-    assert frf.excitations == (Unplaced(),)
+    assert frf.responses == (UnknownPosition("y"), UnknownPosition("theta"))
+    assert frf.excitations == (UnknownPosition(),)
     assert frf.units == (("m/N",), ("rad/N",))
-    assert Unplaced() != Coordinate()
-    assert Coordinate() != Unplaced()
-    assert repr(Unplaced()) == "Unplaced('y')"
-    assert pickle.loads(pickle.dumps(Unplaced("theta"))) == Unplaced("theta")
+    assert UnknownPosition() != Coordinate()
+    assert Coordinate() != UnknownPosition()
+    assert repr(UnknownPosition()) == "UnknownPosition('y')"
+    assert pickle.loads(pickle.dumps(UnknownPosition("theta"))) == UnknownPosition("theta")
     placed = frf.with_coordinates(responses=[TIP, SLOPE])
     assert placed.responses == (TIP, SLOPE)
-    assert placed.excitations == (Unplaced(),)
+    assert placed.excitations == (UnknownPosition(),)
     with pytest.raises(ValueError, match="direction is 'x'"):
-        Unplaced("x")
+        UnknownPosition("x")
 
 
 def test_with_validates_its_fields():

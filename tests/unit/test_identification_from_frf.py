@@ -7,7 +7,7 @@ import pytest
 
 from receptance import FRF, Assembly, Coordinate, GroundSpring, MeasuredFRF, ReceptanceWarning, identify
 from receptance.diagnosis import diagnose
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
 
 TIP, NOSE = Coordinate("tool"), Coordinate("holder", 0.0)
@@ -182,7 +182,7 @@ def test_unknown_and_inconsistent_positions():
     unplaced = FRF(frequency_hz=LINES, values=values)
     observed = MeasuredFRF.from_frf(ASSEMBLY, unplaced)
     assert observed.response == observed.excitation == Coordinate()
-    assert not isinstance(observed.response, Unplaced)
+    assert not isinstance(observed.response, UnknownPosition)
     assert sum("taken at the tip" in note for note in observed.notes) == 2
     reported = MeasuredFRF.from_frf(ASSEMBLY, unplaced, response=NOSE, excitation=TIP)
     assert (reported.response, reported.excitation, reported.notes) == (NOSE, TIP, ())

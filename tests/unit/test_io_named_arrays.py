@@ -177,7 +177,7 @@ def test_time_series_of_other_programs(path: Path) -> None:
     assert (fast.sample_rate_hz, fast.start_s) == (51200.0, 0.0)
     for changed, options, message in (
         ({**variables, "x": "short"}, {}, "different numbers of samples"),
-        (variables, {"unit": "N"}, "one unit, 'N', was given for 2 channels"),
+        (variables, {"unit": "N"}, "a single unit, 'N', was given for 2 channels"),
         (variables, {"unit": {"hammer": "N"}}, "the unit of channel 'tip' is unknown"),
         ({"tip": "a"}, {"unit": "g"}, "the sample rate is unknown"),
         ({"time_s": "t"}, {}, "variables names no channel"),
@@ -408,7 +408,7 @@ def test_reader_that_blocks_or_crashes(tmp_path: Path, monkeypatch: pytest.Monke
             read(path)
         monkeypatch.undo()
         mat_hdf5._close_reader()
-        assert read_frf(path).shape == (3, 1, 1)
+    assert read_frf(path).shape == (3, 1, 1)
 
 
 def test_reading_in_a_forked_process(tmp_path: Path) -> None:

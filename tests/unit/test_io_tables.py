@@ -166,7 +166,7 @@ WRONG = [
         "time [s],a [N]\n0,1\n1,2\n3,4\n",
         "the samples are not evenly spaced in time: sample 2 is at 1 s, expected 1.5 s",
     ),
-    ("time [s],a [N]\n0,1\n", "there is one sample and no sample rate"),
+    ("time [s],a [N]\n0,1\n", "there is a single sample and no sample rate"),
     ("time [s]\t\n0\t\n", "there is a time column and no other"),
     ('frequency [Hz],real [m/N],imag [m/N]\n1,"2,3\n', "line 2: this row cannot be split into columns"),
     (
@@ -251,8 +251,8 @@ def test_truncated_files_of_other_programs(name: str, tmp_path: Path) -> None:
     assert not whole.notes
     line = len(FOREIGN[name].splitlines()) + 30
     for cut, reported in (
-        (5, f"line {line}, the last one, has no line ending"),
-        (1, f"line {line}, the last one, has no line ending"),
+        (5, f"the last line, {line}, has no line ending"),
+        (1, f"the last line, {line}, has no line ending"),
     ):
         path = text_file(tmp_path, (FOREIGN[name] + "".join(rows))[:-cut], name, "latin-1")
         with pytest.warns(ReceptanceWarning, match=reported) as caught:
@@ -261,7 +261,7 @@ def test_truncated_files_of_other_programs(name: str, tmp_path: Path) -> None:
         assert [note.startswith(reported) for note in found.notes] == [True]
         assert np.array_equal(found.values, whole.values) == (cut == 1)
     path = text_file(tmp_path, (FOREIGN[name] + "".join(rows))[:-5] + "\n", name, "latin-1")
-    with pytest.warns(ReceptanceWarning, match=f"line {line}, the last one, is shorter than all others"):
+    with pytest.warns(ReceptanceWarning, match=f"the last line, {line}, is shorter than all others"):
         read_all(path)
 
 
@@ -271,7 +271,7 @@ def test_the_shortest_line_may_be_the_last_by_chance(tmp_path: Path) -> None:
     read(text_file(tmp_path, head + "10,1.25,1.125\n11,1.5,1.25\n12,1,2\n"))
     rows = "".join(f"{k},{k % 7 + 0.125},{k % 3 + 0.25}\n" for k in range(100, 250))
     read(text_file(tmp_path, head + rows))
-    with pytest.warns(ReceptanceWarning, match="line 152, the last one, is shorter than all others"):
+    with pytest.warns(ReceptanceWarning, match="the last line, 152, is shorter than all others"):
         read(text_file(tmp_path, head + rows + "250,1,2\n"))
 
 

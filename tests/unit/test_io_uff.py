@@ -14,7 +14,7 @@ import pytest
 from made_uff import MM, SI, data_set, file, values
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 
 
 def test_plain(tmp_path: Path) -> None:
@@ -23,7 +23,7 @@ def test_plain(tmp_path: Path) -> None:
     assert frf.frequency_hz.tolist() == [1.0, 2.0]
     assert (frf.unit, frf.label, frf.labels) == ("m/s^2/N", "hit 3", (("1:+2",), ("2:+2",)))
     assert frf.source == "made.uff (universal file (data set 58))"
-    assert frf.responses == (Unplaced("y"),)
+    assert frf.responses == (UnknownPosition("y"),)
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ def test_matrices_coherences_and_remaining_functions(tmp_path: Path) -> None:
     twice = read_all(file(tmp_path, SI, parts[0], parts[0], data_set(function=2)))
     assert len(twice) == 2
     assert twice[0].notes == ("not read: auto spectrum (1 in the file)",)
-    with pytest.raises(FileFormatError, match=r"the file holds 2 measurements .* read_all returns all"):
+    with pytest.raises(FileFormatError, match=r"the file holds 2 measurements, expected one: .* read_all returns all"):
         read(file(tmp_path, SI, parts[0], parts[0]))
     both = [data_set(response=(1, 2)), data_set(response=(1, 6), axes=((18, "", ""), (8, "", ""), (13, "", "")))]
     assert sorted(thing.form for thing in read_all(file(tmp_path, SI, *both))) == ["accelerance", "receptance"]
@@ -347,7 +347,7 @@ def test_time_series_are_grouped_by_sampling(tmp_path: Path) -> None:
     ):
         with pytest.raises(FileFormatError, match=message):
             read(file(tmp_path, record(1, 12, unit)), **options)
-    with pytest.raises(FileFormatError, match="one unit, 'g', was given for 2 channels"):
+    with pytest.raises(FileFormatError, match="a single unit, 'g', was given for 2 channels"):
         read(file(tmp_path, record(1, 12, ""), record(2, 12, "")), unit="g")
     assert read_time_series(file(tmp_path, MM, record(1, 12, ""))).values[0, 0] == pytest.approx(1e-3)
     assert read_time_series(file(tmp_path, record(1, 12, "")), unit="SI").units == ("m/s^2",)

@@ -191,7 +191,7 @@ def test_several_channels():
 
 
 def test_one_hit_has_no_variance():
-    with pytest.warns(ReceptanceWarning, match="there is one hit only"):
+    with pytest.warns(ReceptanceWarning, match="there is a single hit"):
         frf = estimate_frf(records_of(strike(hits=1)), high_hz=3000.0)
     assert frf.coherence is None
     assert frf.log_variance is None

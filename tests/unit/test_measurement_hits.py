@@ -89,6 +89,16 @@ def test_detection_of_second_contacts_in_noise(noise_db, seed):
     assert [hit.number - 1 for hit in hits.dropped] == list(range(0, 20, 2))
 
 
+def test_several_records_with_several_hits():
+    made = strike(hits=4)
+    force, response = made.force.reshape(2, -1), made.response.reshape(2, -1)
+    with pytest.warns(ReceptanceWarning, match="double hit"):
+        assert len(find_hits(records_of(force, response)).hits) == 2
+    hits = find_hits(records_of(force, response), one_per_record=False, duration_s=0.9 * TIME[-1], pre_trigger_s=0.005)
+    assert [hit.record for hit in hits.hits] == [0, 0, 1, 1]
+    assert [hit.peak for hit in hits.hits] == pytest.approx(made.force.max(axis=1), rel=0.05)
+
+
 def test_a_kept_double_hit_extends_to_its_last_contact():
     made = strike(hits=2)
     force = made.force.copy()
@@ -96,7 +106,7 @@ def test_a_kept_double_hit_extends_to_its_last_contact():
     with pytest.warns(ReceptanceWarning, match="hit 2: double hit"):
         hits = find_hits(records_of(force, made.response), double_hits="keep")
     assert len(hits) == 2
-    assert "double hit" in hits.hits[1].remark
+    assert "double hit" in hits.hits[1].note
     assert hits.hits[1].release == pytest.approx(0.0304 * RATE, abs=4)
 
 
@@ -248,9 +258,9 @@ def test_invalid_settings(options, message):
 
 
 def test_invalid_records():
-    with pytest.raises(ValueError, match="there are no records"):
+    with pytest.raises(ValueError, match="records is empty, expected at least one HammerRecords"):
         find_hits([])
-    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected HammerRecords"):
+    with pytest.raises(TypeError, match=r"records\[0\] is 5, expected a HammerRecords"):
         find_hits([5])
 
 

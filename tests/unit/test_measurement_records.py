@@ -8,7 +8,7 @@ import pytest
 from receptance import Coordinate
 from receptance.io import TimeSeries
 from receptance.measurement import HammerRecords
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 from receptance.units import CHANNEL_UNITS
 
 N = 64
@@ -52,7 +52,7 @@ def test_shapes(force, response, shape):
             {"quantity": "accelerance"},
             "quantity is 'accelerance', expected one of displacement, velocity, acceleration",
         ),
-        ({"force": 1e40 * FORCE}, "the largest value of force is 1e.40, which no sensor gives"),
+        ({"force": 1e40 * FORCE}, "the largest value of force is 1e.40, outside the range"),
         ({"sample_rate_hz": 0.0}, "sample_rate_hz is 0, expected more than zero Hz"),
         (
             {"response_unit": "N"},
@@ -99,11 +99,11 @@ def test_full_scales_follow_the_unit():
 
 
 def test_coordinates():
-    assert make().responses == (Unplaced("y"),)
+    assert make().responses == (UnknownPosition("y"),)
     nose = Coordinate("holder", 0.0)
     records = make(response=np.ones((N, 2)), responses=[nose, "theta"], excitation=nose)
-    assert records.responses == (nose, Unplaced("theta"))
-    assert records.channel(1).responses == (Unplaced("theta"),)
+    assert records.responses == (nose, UnknownPosition("theta"))
+    assert records.channel(1).responses == (UnknownPosition("theta"),)
     with pytest.raises(ValueError, match="there is no channel 2, expected 0 to 1"):
         records.channel(2)
 
@@ -154,7 +154,7 @@ def test_from_series():
 def test_from_series_with_rotations():
     records = HammerRecords.from_series(series(("force", "angular velocity", "")), force=0, responses=1)
     assert records.quantity == "velocity"
-    assert records.responses == (Unplaced("theta"),)
+    assert records.responses == (UnknownPosition("theta"),)
 
 
 @pytest.mark.parametrize(

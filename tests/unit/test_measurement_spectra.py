@@ -5,7 +5,7 @@ import pytest
 
 import hammer
 from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.bias import force_noise_power, truncation_error
+from receptance.measurement.bias import estimate_truncation, force_noise_power
 from receptance.measurement.contacts import Contact, clipped_samples, find_contacts, second_contact
 from receptance.measurement.estimate import usable_band_notes
 from receptance.measurement.spectra import Reason, force_band
@@ -37,7 +37,7 @@ def test_the_force_window_spans_the_contact(made):
         assert weights.max() == 1.0
         assert np.all(np.diff(weights[: hit.onset]) >= 0.0)
     np.testing.assert_array_equal(windows.response, 1.0)
-    for parts, true in zip(windows.silent, made.true_force, strict=True):
+    for parts, true in zip(windows.silence, made.true_force, strict=True):
         assert not any(np.any(true[part]) for part in parts)
 
 
@@ -106,7 +106,7 @@ def test_truncation_error_of_a_decaying_response():
     force, response = made.true_force, made.response
     spectra = np.fft.rfft(force, axis=1)
     onset = int(np.median([np.flatnonzero(row)[0] for row in force]))
-    left = truncation_error(response, spectra, onset + 12, onset)
+    left = estimate_truncation(response, spectra, onset + 12, onset)
     after = 0.2 - onset / RATE
     line = round(800.0 * 0.2)
     assert left.share[line] == pytest.approx(np.exp(-0.004 * 2 * np.pi * 800.0 * after), rel=0.3)

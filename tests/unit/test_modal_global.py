@@ -30,7 +30,7 @@ def without_warnings(*arguments, **options):
 
 
 @pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("separation", [2.0, 0.5, 0.25])
+@pytest.mark.parametrize("separation", [pytest.param(2.0, marks=pytest.mark.slow), 0.5, 0.25])
 @pytest.mark.parametrize("runs", [8, pytest.param(400, marks=pytest.mark.slow)])
 def test_close_modes_and_their_intervals(runs, separation, stated):
     """Modes as near as a quarter of their half-power band are resolved, and intervals contain the true values."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib.metadata
 import importlib.resources
 import re
@@ -76,6 +77,7 @@ def test_types_are_shipped() -> None:
         assert package.joinpath(name).is_file()
 
 
+@functools.cache
 def _imports() -> dict[str, set[str]]:
     """Return the packages from outside that the library imports, and where."""
     found: dict[str, set[str]] = {}

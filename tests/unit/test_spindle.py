@@ -23,11 +23,11 @@ from machine_spindle import (
 from receptance import Assembly, Coordinate, GroundSpring, MeasuredFRF, PointMass, ReceptanceWarning
 from receptance.spindle import fit_spindle, identify_spindle, rotations
 
-FEW = LINES[::6]
-TRUE = seen_at_the_plane(make_spindle(), FEW)
+SPARSE = LINES[::6]
+TRUE = seen_at_the_plane(make_spindle(), SPARSE)
 SIZE = np.sqrt(np.abs(TRUE[:, [0, 1], [0, 1]]))
 SIZE = SIZE[:, :, None] * SIZE[:, None, :]
-"""Of each term: itself, and sqrt(|G_yy G_tt|) for the coupling."""
+"""Magnitude of each term; sqrt(|G_yy G_tt|) for the coupling."""
 
 
 def relative_error(matrix: np.ndarray, usable: np.ndarray) -> float:
@@ -38,13 +38,13 @@ def relative_error(matrix: np.ndarray, usable: np.ndarray) -> float:
 def test_mass_on_the_blank_is_removed_with_it() -> None:
     sensor = PointMass(mass=0.01, part="blank", position=0.0, name="sensor")
     blank = Assembly(make_blank().elements.values(), [sensor])
-    found = identify_spindle(at_two_places(blank, 0.07, sd=1e-9, lines=FEW))
+    found = identify_spindle(at_two_places(blank, 0.07, sd=1e-9, lines=SPARSE))
     assert found.usable.all()
     assert relative_error(found.matrix, found.usable) < 1e-9
 
 
 @pytest.mark.parametrize("lengths", [(0.08, 0.12, 0.17), (0.08, 0.12, 0.17, 0.2)])
-def test_tips_of_several_blanks_are_enough(lengths: tuple[float, ...]) -> None:
+def test_tips_of_several_blanks_are_sufficient(lengths: tuple[float, ...]) -> None:
     observed = [measure(make_blank(length), 0.0, 0.0, sd=1e-9, lines=LINES[::2]) for length in lengths]
     found = identify_spindle(observed, limit=1e-4)
     true = seen_at_the_plane(make_spindle(), LINES[::2])
@@ -53,7 +53,7 @@ def test_tips_of_several_blanks_are_enough(lengths: tuple[float, ...]) -> None:
     assert np.isnan(found.rms) == (len(lengths) == 3)
 
 
-def test_records_of_different_lengths_are_brought_to_common_lines() -> None:
+def test_records_of_different_lengths_are_resampled() -> None:
     lengths = (0.08, 0.12, 0.17, 0.2)
     grids = (LINES, np.linspace(LINES[0], LINES[-1], int(1.02 * LINES.size)))
     observed = [measure(make_blank(n), 0.0, 0.0, sd=1e-3, lines=grids[i % 2]) for i, n in enumerate(lengths)]
@@ -64,8 +64,8 @@ def test_records_of_different_lengths_are_brought_to_common_lines() -> None:
     assert np.median((np.abs(found.matrix - true) / np.abs(true))[found.usable]) < 1e-3
 
 
-def test_the_windowed_lines_are_those_of_the_spindle() -> None:
-    lines = FEW - 3j
+def test_lines_of_an_exponential_window() -> None:
+    lines = SPARSE - 3j
     blank = make_blank()
     whole = with_spindle(blank, make_spindle())
     tip, near = Coordinate("blank", 0.0), Coordinate("blank", 0.07)
@@ -92,7 +92,7 @@ def test_spindle_files_round_trip(tmp_path: Any) -> None:
     from receptance.io import read_frf, write
     from receptance.model.terminals import MeasuredPart
 
-    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=1e-3, lines=FEW))
+    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=1e-3, lines=SPARSE))
     write(tmp_path / "spindle.npz", found.as_frf())
     part = MeasuredPart.from_frf(read_frf(tmp_path / "spindle.npz"), name="spindle")
     np.testing.assert_allclose(part.matrix, found.part().matrix, rtol=1e-12)
@@ -103,7 +103,7 @@ def test_spindle_files_round_trip(tmp_path: Any) -> None:
 
 def test_undetermined_lines_are_masked() -> None:
     rng = np.random.default_rng(11)
-    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=FEW))
+    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=SPARSE))
     assert 0.5 < found.usable.mean() < 0.98
     # Masked lines have larger errors than usable ones, and usable ones are within their variance.
     error = np.abs(found.matrix - TRUE) / SIZE
@@ -111,14 +111,14 @@ def test_undetermined_lines_are_masked() -> None:
     assert found.condition[~found.usable].min() > np.median(found.condition)
     assert any("lines are usable" in note for note in found.notes)
     with pytest.raises(ValueError, match="is not known between"):
-        found.part().receptance(np.arange(FEW[0], FEW[-1], 7.0))
-    nothing = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=FEW), limit=1e-4)
+        found.part().receptance(np.arange(SPARSE[0], SPARSE[-1], 7.0))
+    nothing = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=SPARSE), limit=1e-4)
     with pytest.raises(ValueError, match="no line is usable: the relative standard deviation"):
         nothing.part()
 
 
 def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -> tuple[MeasuredFRF, ...]:
-    """Return rotations from so many places."""
+    """Return rotations from evenly spaced points, `count` of them."""
     places = [spacing * i for i in range(count)]
     return rotations([measure(blank, b, a, sd=sd, lines=LOW) for i, a in enumerate(places) for b in places[i:]])
 
@@ -126,10 +126,10 @@ def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -
 LOW = LINES[:100:3]
 
 
-def errors(blank: Assembly, made: tuple[MeasuredFRF, ...]) -> list[float]:
-    """Return the median relative errors, which the stated deviations are to be near."""
+def errors(blank: Assembly, rotations: tuple[MeasuredFRF, ...]) -> list[float]:
+    """Return the median relative errors after comparing them with the stated deviations."""
     machine, found = with_spindle(blank, make_spindle()), []
-    for one in made:
+    for one in rotations:
         exact = machine.receptance(LOW, response=one.response, excitation=one.excitation)
         found.append(float(np.median(np.abs(one.receptance / exact - 1.0))))
         stated = float(np.median(np.asarray(one.standard_deviation)))
@@ -138,7 +138,7 @@ def errors(blank: Assembly, made: tuple[MeasuredFRF, ...]) -> list[float]:
 
 
 def test_rotations_by_differences_report_their_error() -> None:
-    """Truncation of a slender blank falls with the spacing; in a thick one shear takes over; noise grows."""
+    """Truncation decreases with the spacing in a slender blank, but not in a thick one (shear); noise increases."""
     slender, thick = make_blank(0.12, 0.006), make_blank(0.12, 0.05)
     coarse, fine = (errors(slender, differences(slender, 2, s)) for s in (0.02, 0.01))
     assert coarse[1] / fine[1] > 3.0  # theta/F: s^2
@@ -172,7 +172,7 @@ def test_both_of_a_reciprocal_pair_count_as_two_measurements() -> None:
 
 def test_spindle_by_differences_has_their_truncation_error() -> None:
     blank = make_blank(0.12)
-    observed = [measure(blank, b, a, sd=1e-6, lines=FEW) for a, b in ((0.0, 0.0), (0.0, 0.03), (0.03, 0.03))]
+    observed = [measure(blank, b, a, sd=1e-6, lines=SPARSE) for a, b in ((0.0, 0.0), (0.0, 0.03), (0.03, 0.03))]
     by_differences = identify_spindle(rotations(observed), limit=0.5, allow_mismatch=True)
     directly = identify_spindle(observed)
     assert relative_error(directly.matrix, directly.usable) < 1e-3
@@ -199,7 +199,7 @@ def test_modes_are_fitted_to_the_responses() -> None:
     whole = with_spindle(make_blank(0.15), make_spindle()).receptance(LINES[::20])
     z = np.abs(np.log(machine.receptance(LINES[::20]) / whole)) / (np.sqrt(2.0) * deviation)
     assert np.sqrt(np.mean(z**2)) < 2.0
-    # Draws have the spread that is stated, which modes and distance from the lines both make.
+    # Draws have the stated deviation, to which errors of the modes and of the model contribute.
     drawn = np.log(np.abs(fit.draws(machine, LINES[::20], count=400))).std(axis=0)
     np.testing.assert_allclose(np.median(drawn / deviation), 1.0, atol=0.1)
     assert fit.covariance.shape == (len(fit.addresses),) * 2
@@ -210,11 +210,11 @@ def changed(one: MeasuredFRF, **changes: Any) -> MeasuredFRF:
     return MeasuredFRF(**{name: getattr(one, name) for name in names} | changes)
 
 
-class TestWhatIsWrong:
-    """Clear errors."""
+class TestErrors:
+    """Unsuitable blanks and responses."""
 
-    good = at_two_places(make_blank(), 0.07, sd=0.003, rng=np.random.default_rng(2), lines=FEW)
-    other = measure(make_blank(0.15), 0.0, 0.0, sd=0.003, rng=np.random.default_rng(3), lines=FEW)
+    good = at_two_places(make_blank(), 0.07, sd=0.003, rng=np.random.default_rng(2), lines=SPARSE)
+    other = measure(make_blank(0.15), 0.0, 0.0, sd=0.003, rng=np.random.default_rng(3), lines=SPARSE)
 
     @pytest.mark.parametrize("described", [make_blank(0.102), make_blank(diameter=0.049)])
     def test_a_blank_that_does_not_match(self, described: Assembly) -> None:
@@ -226,16 +226,16 @@ class TestWhatIsWrong:
         assert "no spindle explains" in found.notes[-1]
         assert identify_spindle([*self.good, self.other]).rms < 1.3
 
-    @pytest.mark.parametrize("factor", [-1.0, -((2.0 * np.pi * FEW) ** 2)])
+    @pytest.mark.parametrize("factor", [-1.0, -((2.0 * np.pi * SPARSE) ** 2)])
     def test_unsuitable_channel(self, factor: Any) -> None:
         wrong = [changed(self.good[0], receptance=factor * self.good[0].receptance), *self.good[1:]]
         with pytest.raises(ValueError, match="the spindle would be a source of energy on"):
             identify_spindle(wrong)
 
     def test_bands_that_do_not_overlap(self) -> None:
-        early, late = FEW < 1000.0, FEW > 1000.0
+        early, late = SPARSE < 1000.0, SPARSE > 1000.0
         cut = [
-            changed(one, frequency_hz=FEW[rows], receptance=one.receptance[rows], standard_deviation=0.003)
+            changed(one, frequency_hz=SPARSE[rows], receptance=one.receptance[rows], standard_deviation=0.003)
             for one, rows in zip(self.good, (early, early, late), strict=True)
         ]
         with pytest.raises(ValueError, match=r"the bands do not overlap: MeasuredFRF\(.*from 100 to 9\d\d Hz\) and"):
@@ -244,7 +244,7 @@ class TestWhatIsWrong:
     def test_insufficient_measurements(self) -> None:
         with pytest.raises(ValueError, match="three unknown terms on each line, and there are 2 receptances"):
             identify_spindle(self.good[:2])
-        same = [measure(make_blank(), x, 0.0, sd=0.01, lines=FEW) for x in (0.0, 0.03, 0.07)]
+        same = [measure(make_blank(), x, 0.0, sd=0.01, lines=SPARSE) for x in (0.0, 0.03, 0.07)]
         with pytest.raises(ValueError, match="determine only 2 of the spindle"):
             identify_spindle(same)
         with pytest.raises(ValueError, match="has no standard deviation"):
@@ -252,7 +252,7 @@ class TestWhatIsWrong:
 
     def test_more_than_a_blank(self) -> None:
         blank = make_blank()
-        ended = Assembly([*blank.elements.values(), as_table(make_spindle(), FEW)])
+        ended = Assembly([*blank.elements.values(), as_table(make_spindle(), SPARSE)])
         with pytest.raises(ValueError, match="its assembly ends with a spindle, expected the blank alone"):
             identify_spindle([changed(one, assembly=ended) for one in self.good])
         held = Assembly(blank.elements.values(), [GroundSpring(k_y=1e7, part="blank", position="end", name="hand")])
@@ -262,7 +262,7 @@ class TestWhatIsWrong:
     def test_differences_with_uneven_spacing(self) -> None:
         blank = make_blank()
         places = (0.0, 0.02, 0.05)
-        uneven = [measure(blank, b, a, sd=0.01, lines=FEW) for i, a in enumerate(places) for b in places[i:]]
+        uneven = [measure(blank, b, a, sd=0.01, lines=SPARSE) for i, a in enumerate(places) for b in places[i:]]
         with pytest.raises(ValueError, match=r"the points are 0\.02 and 0\.03 m apart"):
             rotations(uneven)
         with pytest.raises(ValueError, match="there is no observation between"):

@@ -52,7 +52,7 @@ def test_an_frf_matrix_of_another_program(tmp_path: Path) -> None:
 
 
 def test_damaged_files(tmp_path: Path) -> None:
-    """Truncated files and files with wrong bytes: a ValueError with the file's name, or what was written."""
+    """Truncated files and files with wrong bytes raise a ValueError with the name of the file, or have the content."""
     path = tmp_path / "damaged.npz"
     write_spindle(path, table())
     whole, rng = path.read_bytes(), np.random.default_rng(7)
@@ -87,7 +87,7 @@ def test_mistakes_name_the_file(tmp_path: Path) -> None:
 
 
 def test_invalid_contents_name_the_file(tmp_path: Path) -> None:
-    """Every byte in turn: what is read is what was written, or the file is refused with its name."""
+    """A change of any byte: the content is unchanged, or the file is refused with its name."""
     path = tmp_path / "s.npz"
     write_spindle(path, table())
     content, whole = path.read_bytes(), read_spindle(path)

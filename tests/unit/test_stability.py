@@ -117,7 +117,7 @@ def test_modes_from_estimates() -> None:
 
 
 def test_bands_from_draws() -> None:
-    """Of further draws about as many limits as should lie above the depth that is stable with a probability."""
+    """The share of further draws with a limit above the stable depth is close to the stated probability."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
 
@@ -177,7 +177,7 @@ def test_semi_discretisation_errors() -> None:
 
 
 def test_without_a_cut_the_structure_decays() -> None:
-    """The multiplier is that of the slowest mode over a tooth passing."""
+    """The multiplier is that of the mode with the slowest decay over a tooth period."""
     found = floquet_multiplier(CUT, TIP, speed_rpm=6000.0, depth=0.0)
     slowest = np.min(TIP.damping_ratio * 2.0 * np.pi * TIP.frequency_hz)
     np.testing.assert_allclose(found, np.exp(-slowest * 60.0 / (3 * 6000.0)), rtol=1e-9)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy import stats
 
 from receptance import FRF
@@ -30,14 +32,14 @@ SPEEDS = np.arange(4000.0, 30000.0, 100.0)
 
 
 def test_limits_against_one_speed_at_a_time() -> None:
-    """Where the time between teeth holds whole waves and the phase, found by looking at every pair of lines."""
+    """Reference: all pairs of neighbouring lines between which the tooth period is whole waves plus the phase."""
     depth, phase = critical_depths(CUT, LINES, TIP.receptance(LINES))
     found = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=SPEEDS).depth
     for speed, limit in zip(SPEEDS[::9], found[::9], strict=True):
         waves = LINES[:, None] * 60.0 / (CUT.teeth * speed) - phase / (2.0 * np.pi)
         turn = np.floor(waves)
         step = np.diff(waves, axis=0)
-        # A whole number is passed, and the phase itself did not jump by a turn.
+        # A whole number is between the lines, and the phase does not jump by a turn.
         passed = (np.diff(turn, axis=0) != 0) & (np.abs(step) < 0.5)
         line, column = np.nonzero(passed)
         whole = np.maximum(turn[line, column], turn[line + 1, column])
@@ -81,19 +83,34 @@ def test_recommended_speeds() -> None:
     found = lobes.recommended(probability=0.9, count=4)
     assert len(found) == 4
     assert (found[0].speed_rpm, found[0].depth) == lobes.best(probability=0.9)
-    assert [one.depth for one in found] == sorted((one.depth for one in found), reverse=True)
-    for one in found:
-        around = (speeds >= one.lowest_rpm) & (speeds <= one.highest_rpm)
-        assert one.lowest_rpm <= one.speed_rpm <= one.highest_rpm
-        assert one.depth == stable[speeds == one.speed_rpm][0] == stable[around].max()
-        assert (stable[around] >= 0.9 * one.depth).all()
-    # Each stands on a lobe of its own.
-    first, second = sorted(found, key=lambda one: one.speed_rpm)[:2]
+    assert [cut.depth for cut in found] == sorted((cut.depth for cut in found), reverse=True)
+    for cut in found:
+        around = (speeds >= cut.lowest_rpm) & (speeds <= cut.highest_rpm)
+        assert cut.lowest_rpm <= cut.speed_rpm <= cut.highest_rpm
+        assert cut.depth == stable[speeds == cut.speed_rpm][0] == stable[around].max()
+        assert (stable[around] >= 0.9 * cut.depth).all()
+    # Each is on a separate lobe.
+    first, second = sorted(found, key=lambda cut: cut.speed_rpm)[:2]
     between = stable[(speeds > first.speed_rpm) & (speeds < second.speed_rpm)].min()
     assert between < 0.85 * min(first.depth, second.depth)
     assert lobes.recommended(probability=None, count=1)[0].depth == lobes.best()[1]
+
+
+def test_labels_of_recommended_speeds_cover_neither_curves_nor_labels() -> None:
+    cuts = CUT.drawn(100, k_t=0.1, k_n=0.1, seed=3)
+    lobes = stability_lobes(CUT, LINES, TIP.receptance(LINES), speeds_rpm=SPEEDS, cuts=cuts)
     figure = replace(lobes, probability=0.9, name="three teeth").plot()
-    assert len([text for text in figure.axes[0].texts if "rpm" in text.get_text()]) == 3
+    FigureCanvasAgg(figure).draw()
+    axes = figure.axes[0]
+    boxes = [text.get_window_extent().transformed(axes.transData.inverted()) for text in axes.texts]
+    assert len(boxes) == 3
+    assert not any(first.overlaps(second) for first, second in itertools.combinations(boxes, 2))
+    assert lobes.upper is not None
+    for box in boxes:
+        speeds = 1e-3 * SPEEDS
+        below = 1e3 * lobes.upper[(speeds >= box.x0) & (speeds <= box.x1)]
+        assert below.max() < box.y0 < box.y1 < axes.get_ylim()[1]
+        assert axes.get_xlim()[0] < box.x0 < box.x1 < axes.get_xlim()[1]
 
 
 def test_draws_of_a_measured_receptance_have_its_variance() -> None:
@@ -150,7 +167,7 @@ def test_modes_drawn_from_estimates() -> None:
 
 
 def test_semi_discretised_limits_of_draws() -> None:
-    """Each draw's limit is the one that the full search finds for it."""
+    """The limit of each draw equals that of the full search."""
     cut = Milling(teeth=2, k_t=6e8, k_n=2e8, immersion=0.1)
     rng = np.random.default_rng(5)
     tips = [

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment
+from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, damped_modes
+from receptance.campaign.comparison import expected_misfit
 from receptance.stability import Milling, stability_lobes
 from receptance.sweep import (
     FrequencyResponse,
@@ -111,6 +112,25 @@ def test_misfit_is_twice_the_cost_of_identify() -> None:
         expected = lines + np.sum(((f - modes.frequency_hz) / 2.0) ** 2)
         np.testing.assert_allclose(found[i], expected, rtol=1e-9)
     assert found[1] < found[0]
+
+
+def test_damping_ratios_count_in_the_misfit_and_in_its_expectation() -> None:
+    """The misfit of noise is the number of measured values, and other damping ratios are another sweep."""
+
+    def measured(ratio: float) -> MeasuredFrequencies:
+        return MeasuredFrequencies(
+            assembly=pair(), frequency_hz=pair().natural_frequencies(2e4)[:2], standard_deviation_hz=1.0,
+            damping_ratio=[ratio, np.nan], standard_deviation_damping=1e-3,
+        )  # fmt: skip
+
+    true = damped_modes(pair(), 2e4).damping_ratio[0]
+    one, other = measured(0.01), measured(0.02)
+    assert expected_misfit([one])[0] == 3.0
+    for each in (one, other):
+        assert each.damping_ratio is not None
+        found = sweep(pair(), Listed({"joint.k_y": [1e8]}), Misfit(each))["misfit"].values[0]
+        assert found == pytest.approx(((true - each.damping_ratio[0]) / 1e-3) ** 2, abs=1.0)
+    assert str(Misfit(one).describe()) != str(Misfit(other).describe())
 
 
 def test_invalid_candidates_are_marked_and_the_sweep_continues() -> None:
@@ -218,8 +238,8 @@ def test_block_duration_is_limited() -> None:
     ):
         for models in (pair(), {"one": pair(), "other": pair(0.12)}):
             block = Definition.of(models, Grid({"joint.k_y": [1e7, 1e8]}), output).block_size()
-            own = len(models) if isinstance(models, dict) and output.per_assembly else 1
-            assert block * output.candidate_s * own <= 0.5
+            count = len(models) if isinstance(models, dict) and output.per_assembly else 1
+            assert block * output.candidate_s * count <= 0.5
             blocks.append(block)
-    # Joints are many at once.
+    # Joints are evaluated in large blocks.
     assert blocks[0] > 10_000

@@ -1,4 +1,4 @@
-"""Sweeps that outlive their process: Zarr stores, interruptions, workers."""
+"""Sweeps in Zarr stores: interruptions, damage, workers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from receptance.sweep import (
     sweep,
 )
 from receptance.sweep.disk import Chunks
-from receptance.sweep.run import Waiting
+from receptance.sweep.run import PendingBlocks
 
 LINES = np.linspace(200.0, 4000.0, 50)
 
@@ -85,9 +85,9 @@ def test_killed_run_is_resumed(tmp_path: Path) -> None:
     script = """
         import sys, time
         sys.path.insert(0, sys.argv[1])
-        import unit.test_sweep_store as own
+        import unit.test_sweep_store as module
         from receptance.sweep import sweep
-        sweep(own.pair(), own.draw(600), own.measure(), store=sys.argv[2], block=7,
+        sweep(module.pair(), module.draw(600), module.measure(), store=sys.argv[2], block=7,
               progress=lambda told: (print(told.done, flush=True), time.sleep(0.05)))
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(store)]
@@ -95,7 +95,7 @@ def test_killed_run_is_resumed(tmp_path: Path) -> None:
     assert process.stdout is not None
     begun = 0.0
     for line in process.stdout:
-        # Long enough for a first moment from which on it can be resumed.
+        # Long enough for the first finished blocks.
         begun = begun or time.monotonic()
         if int(line) >= 14 and time.monotonic() - begun > 2.6:
             break
@@ -125,7 +125,7 @@ def test_interruption_keeps_finished_blocks(tmp_path: Path) -> None:
     assert reported[0].resumed == 30
     assert len(reported) == 7
     same(found, sweep(pair(), draw(100), measure()))
-    # A finished one is only opened.
+    # A finished sweep is only opened.
     reported.clear()
     same(sweep(pair(), draw(100), measure(), store=tmp_path / "s", progress=reported.append), found)
     assert not reported
@@ -153,21 +153,21 @@ def test_full_disk_ends_the_sweep_and_keeps_the_store(tmp_path: Path, monkeypatc
 
 def test_short_blocks_are_grouped_into_tasks() -> None:
     blocks = [(number, 10 * number, 10 * number + 10) for number in range(100)]
-    waiting = Waiting(blocks, under_way=4)
-    tasks = list(waiting.first())
+    pending = PendingBlocks(blocks, tasks=4)
+    tasks = list(pending.first_tasks())
     assert [len(task) for task in tasks] == [1, 1, 1, 1]
-    waiting.learn(0.1, [{"misfit": np.zeros(10)}])
-    while task := waiting.take():
+    pending.adapt(0.1, [{"misfit": np.zeros(10)}])
+    while task := pending.next_task():
         tasks.append(task)
     assert [block for task in tasks for block in task] == blocks
     sizes = [len(task) for task in tasks[4:]]
     assert sizes[0] == 5
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-4:] == [1, 1, 1, 1]
-    # Results that are large go one by one, however short they take.
-    large = Waiting(blocks, under_way=4)
-    large.learn(0.01, [{"receptance": np.zeros((1000, 2000))}])
-    assert len(large.take()) == 1
+    # Blocks with large results are separate tasks, even if they are fast.
+    large = PendingBlocks(blocks, tasks=4)
+    large.adapt(0.01, [{"receptance": np.zeros((1000, 2000))}])
+    assert len(large.next_task()) == 1
 
 
 def test_store_of_another_sweep_is_unchanged(tmp_path: Path) -> None:
@@ -269,10 +269,10 @@ def test_remains_of_a_killed_creation_are_removed(tmp_path: Path) -> None:
     script = """
         import os, signal, sys
         sys.path.insert(0, sys.argv[1])
-        import unit.test_sweep_store as own
+        import unit.test_sweep_store as module
         import zarr
         zarr.consolidate_metadata = lambda path: os.kill(os.getpid(), signal.SIGKILL)
-        own.sweep(own.pair(), own.draw(600), own.measure(), store=sys.argv[2])
+        module.sweep(module.pair(), module.draw(600), module.measure(), store=sys.argv[2])
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
@@ -294,14 +294,14 @@ def test_a_disk_without_space_names_the_chunk(tmp_path: Path) -> None:
     script = """
         import resource, signal, sys
         sys.path.insert(0, sys.argv[1])
-        import unit.test_sweep_store as own
+        import unit.test_sweep_store as module
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-        output = own.FrequencyResponse(frequency_hz=own.LINES)
-        own.sweep(own.pair(), own.draw(400), output, store=sys.argv[2], block=200)
+        output = module.FrequencyResponse(frequency_hz=module.LINES)
+        module.sweep(module.pair(), module.draw(400), output, store=sys.argv[2], block=200)
     """
     store = tmp_path / "s"
-    # Python would cut its own files of bytecode as well.
+    # Python would truncate its files of bytecode as well.
     command = [sys.executable, "-B", "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(store)]
     ended = subprocess.run(command, check=False, capture_output=True, text=True)
     assert re.search(rf"OSError: .*{store}/receptance/c/[01]/0", ended.stderr), ended.stderr
@@ -438,13 +438,13 @@ def test_function_identity_persists_across_processes(tmp_path: Path) -> None:
         import sys
         import numpy as np
         sys.path.insert(0, sys.argv[1])
-        import unit.test_sweep_store as own
+        import unit.test_sweep_store as module
         NAMES = {"large", "larger", "largest"}
         def reduce(h):
             assert "large" in NAMES
-            return own.scaled(h) + own.Weighted(own.LINES)(h) * np.pi + (1 if NAMES & {"a", "b", "c"} else 0)
-        output = own.FrequencyResponse(frequency_hz=own.LINES, reduce=reduce)
-        own.sweep(own.pair(), own.draw(6), output, store=sys.argv[2])
+            return module.scaled(h) + module.Weighted(module.LINES)(h) * np.pi + (1 if NAMES & {"a", "b", "c"} else 0)
+        output = module.FrequencyResponse(frequency_hz=module.LINES, reduce=reduce)
+        module.sweep(module.pair(), module.draw(6), output, store=sys.argv[2])
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
     for seed in ("1", "2"):
@@ -468,9 +468,9 @@ def test_a_function_that_cannot_be_compared_is_refused_before_the_work(tmp_path:
 def test_the_version_of_the_program_is_compared(tmp_path: Path) -> None:
     kept = sweep(pair(), draw(6), measure(), store=tmp_path / "s").load()
     text = (tmp_path / "s" / "zarr.json").read_text()
-    own = kept.attrs["receptance"]
-    (tmp_path / "s" / "zarr.json").write_text(text.replace(f'"receptance": "{own}"', '"receptance": "0.0.1"'))
-    with pytest.raises(SweepError, match=f"started with receptance 0.0.1, and this is {own}"):
+    version = kept.attrs["receptance"]
+    (tmp_path / "s" / "zarr.json").write_text(text.replace(f'"receptance": "{version}"', '"receptance": "0.0.1"'))
+    with pytest.raises(SweepError, match=f"started with receptance 0.0.1, and this is {version}"):
         sweep(pair(), draw(6), measure(), store=tmp_path / "s")
     assert open_sweep(tmp_path / "s").attrs["receptance"] == "0.0.1"
 
@@ -502,7 +502,7 @@ def test_custom_output_is_identified_by_its_code(tmp_path: Path, monkeypatch: py
 
 
 class Bent:
-    """A distribution that differs from the uniform one between the quantiles that a store writes down."""
+    """A distribution that differs from the uniform one only between the quantiles in a store."""
 
     def __init__(self, bend: float) -> None:
         self.bend = bend

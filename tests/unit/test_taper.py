@@ -35,7 +35,7 @@ def holder() -> Holder:
 
 
 def test_contacts_have_the_same_total(holder: Holder) -> None:
-    """Lumped, spread and fading springs hold a rigid body's translation alike; only how they hold a turn differs."""
+    """All contacts have the same stiffness against translation of a rigid body; they differ for rotations."""
     for contact in ("ends", "spread", "fading"):
         assembly = holder.radial(1e3, 2e3, body="rigid", contact=contact)
         total = sum(spring.k_y for spring in assembly.attachments.values())
@@ -74,7 +74,7 @@ def test_direct_lateral_fit_converges_from_the_default_start(holder: Holder) -> 
 
 
 def test_direct_axial_fit_converges_from_the_default_start(holder: Holder) -> None:
-    """In a narrow band about one mode, in which a smeared copy of the lines has no room."""
+    """A band about one mode that is narrower than the artificial damping of the staged search."""
     near = np.arange(4000.0, 5800.0, 20.0)
     axial = FRF(
         frequency_hz=near, values=holder.axial(5.6e9, 1500.0, contact="ends").receptance(near), log_variance=1e-6
@@ -102,22 +102,22 @@ def test_shape_selects_or_gives_the_reason() -> None:
     modes = true.undamped_modes()
     ratio = modes.ratio(0.06, 0.0)
     given = {"first": 0.06, "second": 0.0, "ratio": (complex(ratio[0]), complex(ratio[1]))}
-    for error, count, words in (((0.01, 0.01), 1, "chooses"), ((50.0, 50.0), 2, "does not decide")):
+    for error, count, words in (((0.01, 0.01), 1, "selects"), ((50.0, 50.0), 2, "does not decide")):
         shape = Shape(**given, standard_error=error)
         found = radial_from_modes(body, 0.02, -0.08, modes.frequency_hz, shape=shape)
         assert len(found.solutions) == count
         assert words in found.statement
         assert found.nearest is not None
         assert found.solutions[found.nearest].joint.k_x1 == pytest.approx(1e9, rel=1e-9)
-    strange = Shape(first=0.06, second=0.0, ratio=(5.0, -3.0), standard_error=(0.01, 0.01))
-    found = radial_from_modes(body, 0.02, -0.08, modes.frequency_hz, shape=strange)
+    contradicting = Shape(first=0.06, second=0.0, ratio=(5.0, -3.0), standard_error=(0.01, 0.01))
+    found = radial_from_modes(body, 0.02, -0.08, modes.frequency_hz, shape=contradicting)
     assert len(found.solutions) == 2
     assert "contradicts both joints" in found.statement
     assert radial_from_modes(body, 0.02, -0.08, modes.frequency_hz).nearest is None
 
 
-def test_laws_are_chosen_by_the_data() -> None:
-    """The true law is found in most draws, and the interval of the exponent contains the truth."""
+def test_laws_are_selected_by_the_data() -> None:
+    """The true law is selected in most draws, and the interval of the exponent contains the true one."""
     random = np.random.default_rng(SEED)
     print(f"seed {SEED}")
     force = np.arange(26.0)
@@ -128,42 +128,40 @@ def test_laws_are_chosen_by_the_data() -> None:
         ("power", 5.0 + 0.3 * x**1.7, 38),
         ("power", 5.0 + 0.3 * x**0.5, 38),
     ):
-        found, held = 0, 0
+        selected, covered = 0, 0
         for _ in range(40):
             noisy = values + 0.01 * random.standard_normal(26)
             series = ForceSeries(name="k", force=force, values=noisy, standard_errors=np.full(26, 0.01))
-            found += series.law.name == name
+            selected += series.law.name == name
             if name == "power":
                 low, high = series.exponent_interval
-                held += low <= (1.7 if values[13] < 5.15 else 0.5) <= high
-        assert found >= at_least
+                covered += low <= (1.7 if values[13] < 5.15 else 0.5) <= high
+        assert selected >= at_least
         # 0.005 quantile of 40 draws of 0.95.
-        assert name != "power" or held >= 34
+        assert name != "power" or covered >= 34
 
 
 def test_series_state_their_findings() -> None:
     force = np.arange(26.0)
     errors = np.full(26, 0.01)
     noise = 0.01 * np.random.default_rng(SEED).standard_normal(26)
-    # Noise without its straight line and parabola has no trend.
-    straight_less = noise - np.polynomial.Polynomial.fit(force, noise, 2)(force)
-    flat = ForceSeries(name="c", force=force, values=5.0 + straight_less, standard_errors=errors)
+    # Noise without its best parabola has no trend.
+    residual = noise - np.polynomial.Polynomial.fit(force, noise, 2)(force)
+    flat = ForceSeries(name="c", force=force, values=5.0 + residual, standard_errors=errors)
     assert flat.trend().direction == flat.slope_trend().direction == "not determined"
     assert "(open)" in flat.sentence()
-    straight = ForceSeries(
-        name="k", force=force, values=5.0 - 0.4 * force / 25.0 + straight_less, standard_errors=errors
-    )
+    straight = ForceSeries(name="k", force=force, values=5.0 - 0.4 * force / 25.0 + residual, standard_errors=errors)
     assert straight.trend().direction == "falls"
     low, high = straight.trend().interval
     assert low < -0.4 < high
     assert "straight line" in straight.sentence()
-    curved = replace(straight, values=5.0 + (force / 25.0) ** 2 + straight_less)
+    curved = replace(straight, values=5.0 + (force / 25.0) ** 2 + residual)
     assert curved.slope_trend().direction == "rises"
     assert "the slope increases with force" in curved.sentence()
     low, high = curved.slope_trend().interval
     assert low < 2.0 < high
     # Scatter that the errors do not explain widens intervals.
-    rough = replace(curved, values=5.0 + (force / 25.0) ** 2 + 10.0 * straight_less)
+    rough = replace(curved, values=5.0 + (force / 25.0) ** 2 + 10.0 * residual)
     ends = [np.subtract(*one.exponent_interval[::-1]) for one in (rough, curved)]
     assert ends[0] > 4.0 * ends[1]
     law = fit_laws(force, 3.0 + 2.0 * (force / 25.0) ** 2, errors)[2]

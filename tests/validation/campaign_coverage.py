@@ -73,7 +73,7 @@ def read_campaign() -> Campaign:
     """Return the example, which starts at the true joint and computes no profiles."""
     with tempfile.TemporaryDirectory() as folder:
         examples.write("free-free", Path(folder))
-        read = campaign.load(Path(folder))
+        read = campaign.load(Path(folder), threads=1)
     settings = read.table.settings.model_copy(update={"starts": 1, "profiles": False})
     near = tuple(replace(unknown, start=FREE_FREE_JOINT[unknown.address]) for unknown in read.unknowns)
     return replace(read, table=read.table.model_copy(update={"settings": settings}), unknowns=near)
@@ -115,7 +115,7 @@ def measure(seed: int, draws: int) -> Coverage:
     found = Coverage(draws=draws)
     for _ in range(draws):
         drawn, structures = erring(read, rng)
-        identified = drawn.identify(threads=1)
+        identified = drawn.identify()
         for address, value in FREE_FREE_JOINT.items():
             low, high = identified.interval(address, LEVEL)
             found.covered[address] += low <= value <= high
@@ -129,7 +129,7 @@ def measure(seed: int, draws: int) -> Coverage:
         inside = np.abs(predicted[: len(MODES)] - true) <= 1.96 * deviation[: len(MODES)]
         for name, yes in zip(MODES, inside, strict=True):
             found.covered[name] += bool(yes)
-        compared = drawn.predict(identified, threads=1)
+        compared = drawn.predict(identified)
         found.peaks += [
             bool(peak.within(compared.level)) for peak in compared.frfs[0].peaks if peak.error_percent is not None
         ]

@@ -187,9 +187,10 @@ def test_whole_branches_by_their_series(summarise: Summarise) -> None:
     summarise("branches", text, {"lines": len(shares), "largest_share": max(shares)})
 
 
-def test_core_is_more_accurate_than_textbook_formulations(summarise: Summarise) -> None:
+@pytest.mark.parametrize("chains", [20, pytest.param(plain_formulations.DEFAULT_CHAINS, marks=pytest.mark.slow)])
+def test_core_is_more_accurate_than_textbook_formulations(chains: int, summarise: Summarise) -> None:
     """Evidence for the pivoted impedance of the core, with a check of the comparison."""
-    found = plain_formulations.compare(accuracy.base_seed())
+    found = plain_formulations.compare(accuracy.base_seed(), chains)
     summarise("formulations", found.text(), found.as_json())
     coupling, stiffness, core = (np.array(found.share[name]) for name in plain_formulations.FORMULATIONS)
     low = [high <= 100.0 for _, high in plain_formulations.DECADES_HZ]

@@ -97,7 +97,7 @@ def test_intervals_contain_values_of_equal_printed_digits(form: dict[str, Any], 
 
 
 def test_an_interval_may_be_open(published: er32.Published) -> None:
-    """With readings this coarse a rigid joint would do as well."""
+    """With coarse readings a rigid joint is possible as well."""
     few = dataclasses.replace(published, readings=(published.reading(12.7, TORQUE),))
     resolution = er32.Resolution(fine_hz=1.0, coarse_hz=4000.0)
     (joint,) = er32.identify_joints(few, resolution, starts=1, seed=0)
@@ -137,7 +137,7 @@ def test_parameter_sets(form: dict[str, Any]) -> None:
     assert all(error[name, 114.2, 1] < 3.0 for name in sets)
     assert not sets["curve_fitted"]["refuted"]
     assert [name for name, item in sets.items() if item["refuted"]] == ["manual_1", "manual_2", "manual_3"]
-    # Set 3 fails at 63 mm even in the first mode, set 1 misses the second mode there, set 2 is lost at 24 mm.
+    # Set 3 is refuted at 63 mm by the first mode, set 1 there by the second mode, set 2 at 24 mm.
     assert sets["manual_3"]["first_refutation_of_first_mode"]["overhang_mm"] == 62.6
     refuted = {(name, row["overhang_mm"], row["mode"]) for name, item in sets.items() for row in item["refuted_by"]}
     assert ("manual_1", 62.6, 2) in refuted
@@ -185,7 +185,7 @@ def test_bias_of_the_long_tools(form: dict[str, Any]) -> None:
     assert 0.0 <= form["long_first_mode_bias_p_value"] <= 1.0
     z = bias["mean_percent"] / bias["mean_deviation_percent"]
     assert bias["p_value"] == pytest.approx(math.erfc(abs(z) / math.sqrt(2.0)))
-    # Shared errors do not average out; readings and overhangs alone leave no room for chance.
+    # Shared errors do not average out; readings and overhangs alone do not explain the bias.
     assert bias["p_value_without_shared"] < 1e-6 < bias["p_value"]
     assert bias["mean_correlation"] > 0.5
     # The paper's own predictions, from table 2.
@@ -193,7 +193,7 @@ def test_bias_of_the_long_tools(form: dict[str, Any]) -> None:
 
 
 def test_simulation_agrees_with_propagation(form: dict[str, Any]) -> None:
-    """The whole procedure done again by chance scatters as linearised, within the error of the draws."""
+    """The scatter of simulations of the whole procedure is that of the linearisation, within the error of the draws."""
     bias = form["long_first_mode_bias"]
     ratio = bias["simulation"]["deviation_percent"] / bias["mean_deviation_percent"]
     assert ratio == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * DRAWS))

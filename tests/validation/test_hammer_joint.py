@@ -63,7 +63,7 @@ def test_simulated_and_identified_structures_agree():
 def test_the_packaged_hammer_campaign_is_adequate(tmp_path):
     """Its lines are correlated unequally, from 4 to 170 count as one, and its model is exact."""
     examples.write("hammer", tmp_path)
-    found = campaign.load(tmp_path).diagnose(causes=["sensor_mass"], threads=1)
+    found = campaign.load(tmp_path, threads=1).diagnose(causes=["sensor_mass"])
     assert found.verdict == "adequate"
     assert found.adequacy.misfit == pytest.approx(1.0, abs=0.1)
 

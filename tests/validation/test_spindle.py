@@ -24,7 +24,7 @@ TERMS = {"y/F": (0, 0), "theta/M": (1, 1), "y/M": (0, 1)}
 
 
 def test_spindle_is_recovered_without_noise(summarise: Callable[[str, str, object], None]) -> None:
-    """To 1e-6 where the condition number allows, with the rest masked: of 12 digits that the responses have, say."""
+    """Usable lines are accurate to 1e-6 for responses with 12 digits; ill-conditioned lines are masked."""
     true = seen_at_the_plane(make_spindle(), LINES)
     size = np.sqrt(np.abs(true[:, [0, 1], [0, 1]]))
     size = size[:, :, None] * size[:, None, :]

@@ -41,7 +41,7 @@ def test_multipliers():
 
 
 def test_the_order_of_convergence(summarise):
-    """Second order with steps as they are, fourth order extrapolated."""
+    """Second order without and fourth order with extrapolation."""
     steps = [24, 48, 96]
     text = []
     for extrapolate, least, atol in ((False, 1.8, 0.0), (True, 3.5, 1e-6)):
@@ -81,7 +81,7 @@ def test_zeroth_order_minimum():
 )
 @pytest.mark.parametrize("teeth", [4, 6, 8])
 def test_both_methods_agree_where_the_mean_force_is_the_force(teeth, shapes):
-    """In a slot with an even number of teeth from four on the coefficients do not vary, for any modes."""
+    """In a slot with an even number of at least four teeth the coefficients are constant."""
     second = 1500.0 if shapes[0][1] else 922.0
     damping = [0.011, 0.02 if shapes[0][1] else 0.011]
     tip = TipModes(frequency_hz=[922.0, second], damping_ratio=damping, shapes=shapes)

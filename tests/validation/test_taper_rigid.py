@@ -26,7 +26,7 @@ CASES = 300
 
 
 def draw(seed: int, damping: tuple[float, float] = (0.004, 0.018)) -> Iterator[tuple[RadialJoint, float]]:
-    """Joints and how far, relatively, A1 K1 is from A2 K2: zero at the double root."""
+    """Return joints and the relative differences of A1 K1 and A2 K2, zero at the double root."""
     random = np.random.default_rng(seed)
     print(f"seed {seed}")
     for _ in range(CASES):
@@ -50,7 +50,7 @@ def receptance(joint: RadialJoint, lines: np.ndarray, response: float, excitatio
 
 
 def test_printed_matrices_break_reciprocity() -> None:
-    """Eqs. 3 and 4 as printed: a force at a and the motion at b are not those of the reverse."""
+    """Eqs. 3 and 4 as printed: the receptance changes if the points of force and motion are exchanged."""
     body = Body(mass=4.5, inertia=0.01)
     joint = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=5e8, c_x1=900.0, c_x2=500.0)
     w = 2.0 * np.pi * 1500.0
@@ -65,7 +65,7 @@ def test_printed_matrices_break_reciprocity() -> None:
     assert printed[1, 1] < 0.0
     assert np.linalg.eigvalsh(0.5 * (printed + printed.T))[0] < 0.0
     assert np.linalg.eigvals(np.linalg.inv(joint.matrices()[0]) @ printed).real.min() < 0.0
-    # And exactly zero where the springs' moments are equal.
+    # It is zero if the moments of the springs are equal.
     equal = replace(joint, k_x1=1.6e9, k_x2=1e8)
     assert equal.printed_matrices()[2][1, 1] == pytest.approx(0.0, abs=1e-6 * equal.matrices()[2][1, 1])
 
@@ -82,7 +82,7 @@ def test_corrected_matrices_are_positive_definite_and_reciprocal() -> None:
 
 
 def test_modes_and_receptance_agree() -> None:
-    """Poles of the state matrix are those of the receptance: a residue theorem in numbers."""
+    """Poles of the state matrix are poles of the receptance."""
     for joint, _ in list(draw(SEED))[:50]:
         modes = joint.modes()
         lines = np.linspace(200.0, 9000.0, 40)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
+from receptance._peaks import local_maxima
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.problems import path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
@@ -304,14 +305,19 @@ class Builder:
             return
         if self.problems.at(("assemblies",)):
             return  # an assembly with a mistake may have the parameter
-        measured = {*built.sensors, *(name for one in campaign.measurements.values() for name in one.attachments)}
+        measured = {
+            *built.sensors,
+            *(name for measurement in campaign.measurements.values() for name in measurement.attachments),
+        }
         claimed: dict[tuple[str, str], str] = {}
         for title, unknown in built.unknowns.items():
             owned = addresses_of(unknown)
             for address in unknown.addresses:
                 if address.split(".", 1)[0] in measured or address in FACTORS:
                     continue
-                found = sorted((name, own) for name, one in built.assemblies.items() for own in covered(address, one))
+                found = sorted(
+                    (name, own) for name, assembly in built.assemblies.items() for own in covered(address, assembly)
+                )
                 if not found:
                     first = next(iter(built.assemblies.values()))
                     text = unknown_address(address, first, "is a parameter of no assembly")
@@ -345,7 +351,9 @@ class Builder:
             own = covered(address, assembly)
             if not own:
                 self.problems.add(here, unknown_address(address, assembly))
-            elif any(own & covered(a, assembly) for one in self.built.unknowns.values() for a in addresses_of(one)):
+            elif any(
+                own & covered(a, assembly) for unknown in self.built.unknowns.values() for a in addresses_of(unknown)
+            ):
                 self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
         if self.problems.at((*path, "set")):
             return None
@@ -520,11 +528,11 @@ def modal_unknowns(
             continue
         path: KeyPath = ("modal_parts", name)
         seen = [
-            one.observation
-            for one in measurements.values()
-            if not one.held_out
-            and isinstance(one.observation, MeasuredFRF)
-            and name in one.observation.assembly.elements
+            measurement.observation
+            for measurement in measurements.values()
+            if not measurement.held_out
+            and isinstance(measurement.observation, MeasuredFRF)
+            and name in measurement.observation.assembly.elements
         ]
         if not seen:
             builder.problems.add(
@@ -543,8 +551,8 @@ def modal_unknowns(
         automatic = _of_part(name, part, seen)
         given = {own for unknown in built.unknowns.values() for own in addresses_of(unknown)}
         found |= {address: unknown for address, unknown in automatic.items() if address not in given}
-        for title, one in table.assemblies.items():
-            for address in one.set:
+        for title, assembly in table.assemblies.items():
+            for address in assembly.set:
                 if title in built.assemblies and covered(address, built.assemblies[title]) & automatic.keys():
                     here: KeyPath = ("assemblies", title, "set", address)
                     builder.problems.add(
@@ -556,7 +564,7 @@ def modal_unknowns(
 def _of_part(name: str, part: ModalPartTable, seen: list[MeasuredFRF]) -> dict[str, Unknown]:
     lines, logarithm = _mean(seen)
     frequencies = _frequencies([mode.frequency_hz for mode in part.modes], lines, logarithm)
-    length = [one for one in seen[0].assembly.elements.values() if isinstance(one, Part)][-1].length
+    length = [element for element in seen[0].assembly.elements.values() if isinstance(element, Part)][-1].length
     lower, middle, upper = _DAMPING
     found: list[Unknown] = []
     compliance = 0.0
@@ -601,13 +609,11 @@ def _mean(seen: list[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 def _frequencies(given: list[float | None], lines: NDArray[np.float64], logarithm: NDArray[np.float64]) -> list[float]:
     """Return a frequency for each mode: the given one, or one of the lowest peaks in ascending order."""
-    from scipy.signal import find_peaks
-
     known = [one for one in given if one is not None]
     missing = len(given) - len(known)
     # A free structure that joins the plane raises no natural frequency: the n-th of the assembly is at most that
     # of the spindle (separation of eigenvalues). So the lowest peaks are taken, not the highest.
-    peaks = [float(f) for f in lines[find_peaks(logarithm, prominence=_PROMINENCE)[0]]]
+    peaks = [float(f) for f in lines[local_maxima(logarithm, _PROMINENCE)[0]]]
     free = [f for f in peaks if all(abs(f - one) > _SAME * one for one in known)][:missing]
     # Modes without a peak are distributed over the band.
     rest = missing - len(free)

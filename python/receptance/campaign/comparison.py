@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
 
-__all__ = ["Comparison", "compare_candidates"]
+__all__ = ["Comparison", "compare_candidates", "expected_misfit"]
 
 _BEST = 10
 """Largest number of candidates in tables and `to_dict`."""
@@ -96,7 +96,7 @@ class Comparison(Result):
         """Misfit of the fit; None without a fit or without standard deviations."""
         if self.fit is None or not self.fit.known_scatter:
             return None
-        return float(sum(np.sum(np.square(one)) for one in self.fit.residuals))
+        return float(sum(np.sum(np.square(residual)) for residual in self.fit.residuals))
 
     @property
     def agrees(self) -> bool | None:
@@ -191,7 +191,6 @@ def compare_candidates(
     *,
     given: Mapping[str, float] | None = None,
     store: str | os.PathLike[str] | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Compare candidates with the measurements that are not held out; see `Campaign.compare`."""
     from receptance.sweep import Misfit, sweep
@@ -200,15 +199,15 @@ def compare_candidates(
         text = 'there is no measurement with the role "identify" to compare candidates with'
         raise CampaignError.about(campaign.file, text)
     given = dict(given or {})
-    observations, fit = _observations(campaign, candidates.addresses, given, progress)
+    observations, fit = _observations(campaign, candidates.addresses, given)
     found = sweep(
         campaign,
         candidates,
         Misfit(observations),
         store=store,
-        progress=None if progress is None else lambda state: progress(str(state)),
+        progress=lambda state: campaign.progress(str(state)),
     )
-    expected, limit = _expected_misfit(observations)
+    expected, limit = expected_misfit(observations)
     laws = [u.address for u in campaign.unknowns if isinstance(u, Law) and u.address in candidates.addresses]
     one_value = "a candidate has one value of {} for all assemblies, although the campaign has a law"
     settings = {name: json.loads(text) for name, text in found.attrs.items() if name != "receptance"}
@@ -225,25 +224,22 @@ def compare_candidates(
 
 
 def _observations(
-    campaign: Campaign,
-    varied: Sequence[str],
-    given: Mapping[str, float],
-    progress: Callable[[str], None] | None,
+    campaign: Campaign, varied: Sequence[str], given: Mapping[str, float]
 ) -> tuple[tuple[MeasuredFRF | MeasuredFrequencies, ...], Identification | None]:
     """Return the observations with given and identified values of parameters that do not vary, and the fit."""
     measurements = dict(campaign.to_identify)
-    every = [one.observation.assembly for one in measurements.values()]
+    every = [measurement.observation.assembly for measurement in measurements.values()]
     for address in (*varied, *given):
         if not any(covered(address, assembly) for assembly in every):
             known = sorted({name for assembly in every for name in assembly.parameters})
             text = f'no measured assembly has the parameter "{address}"{instead_of(address, known)}'
             raise CampaignError.about(campaign.file, text)
     for address, value in given.items():
-        for name, one in measurements.items():
-            assembly = one.observation.assembly
+        for name, measurement in measurements.items():
+            assembly = measurement.observation.assembly
             assembly = assembly.replace(dict.fromkeys(covered(address, assembly), value))
-            measurements[name] = replace(one, observation=altered(one.observation, assembly=assembly))
-    observations = tuple(one.observation for one in measurements.values())
+            measurements[name] = replace(measurement, observation=altered(measurement.observation, assembly=assembly))
+    observations = tuple(measurement.observation for measurement in measurements.values())
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
@@ -253,7 +249,7 @@ def _observations(
         table=campaign.table.model_copy(update={"settings": settings}),
         measurements=measurements,
         unknowns=unknowns,
-    ).identify(progress=progress)
+    ).identify()
     identified = []
     for name, measured, assembly in zip(measurements, observations, fit.assemblies, strict=True):
         observation = altered(measured, assembly=assembly)
@@ -268,7 +264,7 @@ def _observations(
     return tuple(identified), fit
 
 
-def _expected_misfit(
+def expected_misfit(
     observations: Sequence[MeasuredFRF | MeasuredFrequencies],
 ) -> tuple[float, float] | tuple[None, None]:
     """Return the misfit of the true model expected from noise, and the largest misfit that noise explains.
@@ -279,11 +275,9 @@ def _expected_misfit(
 
     from receptance.diagnosis.thresholds import MISFIT_CHANCE, MISFIT_LIMIT
 
-    count = 0.0
-    for one in observations:
-        if not one.weighted:
-            return None, None
-        count += 2.0 * one.independent_lines if isinstance(one, MeasuredFRF) else one.frequency_hz.size
+    if not all(observation.weighted for observation in observations):
+        return None, None
+    count = sum(observation.independent_values for observation in observations)
     return count, float(np.maximum(MISFIT_LIMIT * count, chdtri(count, MISFIT_CHANCE)))
 
 

@@ -200,7 +200,7 @@ class MeasurementReader:
     def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
         """Return the conditions of an assembly with those of a measurement."""
         conditions = {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
-        return {key: one.value for key, one in conditions.items()}
+        return {key: condition.value for key, condition in conditions.items()}
 
     def _errors(self, assembly: str, *points: str | None) -> Effects:
         """Return the errors of an assembly with those of sensors and attachments."""
@@ -446,13 +446,15 @@ def observed_frf(
     return altered(integrate_motion(found, table.integrate), ends=table.ends)
 
 
-def integrate_motion(one: MeasuredFRF, times: int) -> MeasuredFRF:
+def integrate_motion(observation: MeasuredFRF, times: int) -> MeasuredFRF:
     """Return an FRF with its motion integrated so many times, or differentiated if `times` is negative."""
     if not times:
-        return one
-    index = FORMS.index(one.form) + times
-    form = FORMS[index] if 0 <= index < len(FORMS) else one.form
-    return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** times, form=form)
+        return observation
+    index = FORMS.index(observation.form) + times
+    form = FORMS[index] if 0 <= index < len(FORMS) else observation.form
+    return altered(
+        observation, receptance=observation.receptance / (2j * np.pi * observation.frequency_hz) ** times, form=form
+    )
 
 
 def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -125,7 +124,7 @@ class Prediction(Result):
             "level": self.level,
             "rms_percent": self.rms_percent,
             "natural_frequencies": [one.data(self.level) for one in self.frequencies],
-            "frfs": [one.data(self.level) for one in self.frfs],
+            "frfs": [frf.data(self.level) for frf in self.frfs],
             "not_predicted": self.not_predicted,
             "identified": None if self.identified is None else self.identified.to_dict(),
         }
@@ -244,27 +243,20 @@ _WIDE = 0.5
 """Standard deviation of the logarithm from which on a first-order band is only approximate."""
 
 
-def predict_campaign(
-    campaign: Campaign,
-    identified: Identification | None,
-    *,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Prediction:
+def predict_campaign(campaign: Campaign, identified: Identification | None) -> Prediction:
     """Predict held-out measurements and assemblies without measurements; see `Campaign.predict`."""
-    say = progress or (lambda _: None)
     held_out, unmeasured = campaign.held_out, campaign.unmeasured
     if not held_out and not unmeasured:
         text = 'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without one'
         raise CampaignError.about(campaign.file, text)
     if identified is None and campaign.unknowns:
-        identified = campaign.identify(threads=threads, progress=progress)
+        identified = campaign.identify()
     notes = list(campaign.notes if identified is None else identified.notes)
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
     reasons: dict[str, str] = {}
     for name, measured in held_out.items():
-        say(f"predicting {name}")
+        campaign.progress(f"predicting {name}")
         seen = measured.observation
         site = Site(seen.assembly, seen.configuration, "", seen.conditions)
         try:
@@ -277,7 +269,7 @@ def predict_campaign(
         else:
             frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))
     for name in unmeasured:
-        say(f"predicting {name}")
+        campaign.progress(f"predicting {name}")
         try:
             forecast = forecast_of(
                 campaign, identified, campaign.site(name), campaign.effects.get(name, {}), name, notes

@@ -13,18 +13,18 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from receptance import _checks
 from receptance._files import read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.measurements import Measurement, MeasurementReader
 from receptance.campaign.problems import CampaignError, KeyPath, Problem, Problems, lines_of, translate
-from receptance.campaign.run import Campaign
+from receptance.campaign.run import Campaign, silent
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.stability import build_cut
 from receptance.campaign.tolerances import Effects, assembly_effects
 from receptance.campaign.values import OWNERS, References, parse_condition
 from receptance.errors import ReceptanceWarning
-from receptance.identification import MeasuredFRF
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
@@ -57,15 +57,17 @@ _REQUIRED = ("materials", "parts", "assemblies")
 """Sections that a file without `cuts` must have; cuts may have measured tips only."""
 
 
-def load(path: str | Path, *, progress: Callable[[str], None] | None = None) -> Campaign:
+def load(path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None) -> Campaign:
     """Read a campaign file and the data files that it names.
 
     Parameters
     ----------
     path : str or path
         The TOML file, or a folder with a `campaign.toml`. Paths of data files are relative to it.
+    threads : int, optional
+        Threads of all analyses of the campaign, as in `Assembly.receptance`.
     progress : callable, optional
-        Called with a progress message before each measurement is read.
+        Called with a line of text before each measurement is read, and before each step of an analysis.
 
     Returns
     -------
@@ -96,7 +98,7 @@ def load(path: str | Path, *, progress: Callable[[str], None] | None = None) -> 
     """
     file = _find(Path(path))
     data, lines = _read(file)
-    return from_data(file, data, lines, called=path, progress=progress)
+    return from_data(file, data, lines, called=path, threads=threads, progress=progress)
 
 
 def from_data(
@@ -105,6 +107,7 @@ def from_data(
     lines: dict[KeyPath, int] | None = None,
     *,
     called: str | Path | None = None,
+    threads: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Campaign:
     """Return the campaign of the contents of a file, which need not exist.
@@ -119,19 +122,20 @@ def from_data(
         Lines of its values, see `lines_of`.
     called : str or path, optional
         Name of the file in messages.
-    progress : callable, optional
+    threads, progress
         As in `load`.
     """
+    _checks.thread_count(threads)
+    say = progress or silent
     problems = Problems(lines or {})
     data = expand_series(data, problems)
     table, builder, built = _build(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
     reader = MeasurementReader(table, builder, file.parent, effects)
-    conditions = {name: one.conditions for name, one in table.assemblies.items() if one.conditions}
+    conditions = {name: assembly.conditions for name, assembly in table.assemblies.items() if assembly.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
-        if progress is not None:
-            progress(f"reading {name}")
+        say(f"reading {name}")
         measured = reader.measurement(name)
         if measured is not None:
             measurements[name] = measured
@@ -156,13 +160,15 @@ def from_data(
         conditions=conditions,
         places=places,
         candidates={name: one for name, one in possible.items() if one is not None},
-        cuts={name: one for name, one in cuts.items() if one is not None},
+        cuts={name: cut for name, cut in cuts.items() if cut is not None},
         built=built,
         contents=data,
         templates={
             str(path[1]): str(inside[1]) for path, inside in problems.templates.items() if path[0] == "measurements"
         },
         notes=tuple(builder.notes),
+        threads=threads,
+        progress=say,
     )
 
 
@@ -351,10 +357,9 @@ def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, p
     for name, measured in measurements.items():
         if measured.held_out:
             continue
-        seen = measured.observation
-        spread = seen.standard_deviation if isinstance(seen, MeasuredFRF) else seen.standard_deviation_hz
-        some = some or spread is not None
-        without += [name] if spread is None else []
+        weighted = measured.observation.weighted
+        some = some or weighted
+        without += [] if weighted else [name]
     for name in without if some else []:
         problems.add(
             ("measurements", name),

@@ -69,6 +69,11 @@ _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
 
 
+def silent(text: str) -> None:
+    """Report no progress."""
+    del text
+
+
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
     """A measuring campaign, read from a file with `receptance.campaign.load`.
@@ -104,6 +109,10 @@ class Campaign:
         Measurements of a series, and the names of their tables in the file, such as "axial {level}".
     notes : tuple of str
         Notes for the user.
+    threads : int or None
+        As in `Assembly.receptance`, for all analyses.
+    progress : callable
+        Called with a line of text before each step of an analysis.
 
     Examples
     --------
@@ -133,6 +142,8 @@ class Campaign:
     contents: dict[str, Any] = field(default_factory=dict, repr=False)
     templates: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    threads: int | None = field(default=None, compare=False)
+    progress: Callable[[str], None] = field(default=silent, compare=False, repr=False)
 
     @property
     def title(self) -> str:
@@ -162,13 +173,13 @@ class Campaign:
     @property
     def unmeasured(self) -> dict[str, Assembly]:
         """Assemblies without any measurement."""
-        measured = {one.assembly for one in self.measurements.values()}
+        measured = {measurement.assembly for measurement in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
 
     @property
     def highest_frequency(self) -> float | None:
         """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
-        measured = [float(one.observation.frequency_hz[-1].real) for one in self.measurements.values()]
+        measured = [float(measurement.observation.frequency_hz[-1].real) for measurement in self.measurements.values()]
         asked = self.table.prediction.upper
         return max(measured, default=None) if asked is None else asked
 
@@ -224,12 +235,12 @@ class Campaign:
         """Return the measurements; those of a series in a table of their own."""
         groups: dict[str, list[Measurement]] = {}
         rows = []
-        for name, one in self.measurements.items():
+        for name, measurement in self.measurements.items():
             if name in self.templates:
-                groups.setdefault(self.templates[name], []).append(one)
+                groups.setdefault(self.templates[name], []).append(measurement)
             else:
-                assembly = one.assembly if one.assembly != name else ""
-                rows.append((name, assembly, one.observation.describe(), one.sensor, one.role))
+                assembly = measurement.assembly if measurement.assembly != name else ""
+                rows.append((name, assembly, measurement.observation.describe(), measurement.sensor, measurement.role))
         tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
         series = []
         for template, own in groups.items():
@@ -240,15 +251,8 @@ class Campaign:
         tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
         return [table for table in tables if table.rows]
 
-    def identify(self, *, threads: int | None = None, progress: Callable[[str], None] | None = None) -> Identification:
+    def identify(self) -> Identification:
         """Identify the unknowns on the measurements that are not held out.
-
-        Parameters
-        ----------
-        threads : int, optional
-            As in `Assembly.receptance`.
-        progress : callable, optional
-            Called with a line of text before each step.
 
         Raises
         ------
@@ -257,7 +261,6 @@ class Campaign:
         ReceptanceError
             The model cannot be evaluated at any of the starts.
         """
-        say = progress or (lambda _: None)
         seen = self.to_identify
         self._check_unknowns()
         if not seen:
@@ -268,8 +271,8 @@ class Campaign:
         tolerances = weighted_tolerances(self, seen)
         observations = [measured.observation for measured in seen.values()]
         lines = sum(o.frequency_hz.size for o in observations)
-        by_level, unknowns, options = fit_options(self, observations, unknowns, threads=threads, say=say)
-        say(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
+        by_level, unknowns, options = fit_options(self, observations, unknowns)
+        self.progress(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
         with errors_about(self.file):
             fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
         fit = replace(
@@ -295,7 +298,7 @@ class Campaign:
         profiled = None
         if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
             try:
-                profiled = fit.profiles(progress=say)
+                profiled = fit.profiles(progress=self.progress)
             except ReceptanceError as error:
                 # The fit is a result without profiles as well; its linear intervals remain.
                 notes.append(f"profile intervals are not computed: {error}")
@@ -306,8 +309,6 @@ class Campaign:
         joint: str | None = None,
         *,
         limit: float = 0.2,
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
     ) -> InverseCouplings:
         """Solve for the stiffness of joints on each frequency line, by inverse coupling.
 
@@ -320,21 +321,18 @@ class Campaign:
             Name of a joint; by default all joints with unknown stiffnesses.
         limit : float, optional
             As in `receptance.identification.invert_coupling`.
-        threads, progress
-            As in `identify`.
 
         Raises
         ------
         CampaignError
             No such joint was measured with an FRF, or the FRFs have no lines in common.
         """
-        say = progress or (lambda _: None)
         groups = _groups(self, joint)
         found: dict[str, InverseCoupling] = {}
         notes: list[str] = []
         provenance = self.provenance()
         for name, (owner, measured) in groups.items():
-            say(f"solving for {name}")
+            self.progress(f"solving for {name}")
             unknown = [t for t in _ORDER if f"{owner}.{t}" in self.table.unknowns]
             terms = unknown[: len(measured)]
             if len(terms) < len(unknown):
@@ -343,7 +341,11 @@ class Campaign:
                 notes.append(
                     f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
                 )
-            seen = [one.observation for one in measured.values() if isinstance(one.observation, MeasuredFRF)]
+            seen = [
+                measurement.observation
+                for measurement in measured.values()
+                if isinstance(measurement.observation, MeasuredFRF)
+            ]
             with errors_about(self.file, f"{name}: "):
                 one = invert_coupling(
                     seen,
@@ -351,7 +353,7 @@ class Campaign:
                     terms=[term for term in TERMS if term in terms],
                     tolerances=tolerances_of_measurements(measured),
                     limit=limit,
-                    threads=threads,
+                    threads=self.threads,
                 )
             found[name] = replace(one, name=name, provenance=provenance)
             notes += [f"{name}: {note}" for note in one.notes]
@@ -363,7 +365,6 @@ class Campaign:
         *,
         given: Mapping[str, float] | None = None,
         store: str | os.PathLike[str] | None = None,
-        progress: Callable[[str], None] | None = None,
     ) -> Comparison:
         """Compare many values of parameters with the measurements that are not held out.
 
@@ -378,8 +379,6 @@ class Campaign:
             Values of other parameters in SI units, by address.
         store : path, optional
             As in `receptance.sweep.sweep`.
-        progress : callable, optional
-            As in `identify`.
 
         Raises
         ------
@@ -390,15 +389,13 @@ class Campaign:
         """
         from receptance.campaign.comparison import compare_candidates
 
-        return compare_candidates(self, candidates, given=given, store=store, progress=progress)
+        return compare_candidates(self, candidates, given=given, store=store)
 
     def next_measurement(
         self,
         identified: Identification | None = None,
         *,
         targets: Sequence[str] = (),
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
     ) -> NextMeasurement:
         """Rank the candidates by the expected uncertainty of unknowns or predictions after each of them.
 
@@ -408,8 +405,6 @@ class Campaign:
             Result of `identify`; computed if it is not given.
         targets : sequence of str, optional
             Names of unknowns, or of assemblies for their natural frequencies; by default all unknowns.
-        threads, progress
-            As in `identify`.
 
         Raises
         ------
@@ -418,7 +413,7 @@ class Campaign:
         """
         if not self.candidates:
             raise CampaignError.about(self.file, "no candidates to rank, expected `candidates`")
-        known = identified or self.identify(threads=threads, progress=progress)
+        known = identified or self.identify()
         chosen = [_target(name, self, known) for name in targets]
         with errors_about(self.file):
             found = next_measurement(
@@ -427,25 +422,17 @@ class Campaign:
                 targets=chosen or None,
                 level=self.table.prediction.level,
                 profiles=known.profiled or {},
-                progress=progress,
+                progress=self.progress,
             )
         return replace(found, provenance=self.provenance(seed=known.seed))
 
-    def predict(
-        self,
-        identified: Identification | None = None,
-        *,
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
-    ) -> Prediction:
+    def predict(self, identified: Identification | None = None) -> Prediction:
         """Predict held-out measurements and assemblies without measurements.
 
         Parameters
         ----------
         identified : Identification, optional
             Result of `identify`; computed if it is not given and there are unknowns.
-        threads, progress
-            As in `identify`.
 
         Raises
         ------
@@ -454,16 +441,9 @@ class Campaign:
         """
         from receptance.campaign.prediction import predict_campaign
 
-        return predict_campaign(self, identified, threads=threads, progress=progress)
+        return predict_campaign(self, identified)
 
-    def stability(
-        self,
-        identified: Identification | None = None,
-        *,
-        cuts: Sequence[str] = (),
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
-    ) -> Stability:
+    def stability(self, identified: Identification | None = None, *, cuts: Sequence[str] = ()) -> Stability:
         """Compute stable depths of cut over spindle speed with bands, and recommended speeds.
 
         Parameters
@@ -472,8 +452,6 @@ class Campaign:
             Result of `identify`; computed if it is not given, there are unknowns and a tip is predicted.
         cuts : sequence of str, optional
             Names of cuts; by default all.
-        threads, progress
-            As in `identify`.
 
         Raises
         ------
@@ -482,15 +460,13 @@ class Campaign:
         """
         from receptance.campaign.stability import stability_of_campaign
 
-        return stability_of_campaign(self, identified, cuts=cuts, threads=threads, progress=progress)
+        return stability_of_campaign(self, identified, cuts=cuts)
 
     def transfer(
         self,
         *,
         splits: Literal["leave-one-out", "one-for-all"] = "leave-one-out",
         draws: int = 200,
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
     ) -> Transfer:
         """Predict every measured assembly from the others; roles of measurements are ignored.
 
@@ -500,8 +476,6 @@ class Campaign:
             Each assembly from all others, or all others from each.
         draws : int, optional
             As in `receptance.identification.transfer`.
-        threads, progress
-            As in `identify`.
 
         Raises
         ------
@@ -509,19 +483,19 @@ class Campaign:
             There are no unknowns, fewer than two assemblies were measured, or as in `identify`.
         """
         self._check_unknowns()
-        if len({one.assembly for one in self.measurements.values()}) < 2:
+        if len({measurement.assembly for measurement in self.measurements.values()}) < 2:
             text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
             raise CampaignError.about(self.file, text)
         notes = list(self.notes)
-        if any(one.held_out for one in self.measurements.values()):
+        if any(measurement.held_out for measurement in self.measurements.values()):
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
         measured, settings = self.measurements, self.table.settings
         tolerances = weighted_tolerances(self, measured)
         observations = [
-            one.observation.configured(one.assembly, one.observation.conditions) for one in measured.values()
+            measurement.observation.configured(measurement.assembly, measurement.observation.conditions)
+            for measurement in measured.values()
         ]
-        say = progress or (lambda _: None)
-        _, unknowns, options = fit_options(self, observations, self.unknowns, threads=threads, say=say)
+        _, unknowns, options = fit_options(self, observations, self.unknowns)
         with errors_about(self.file):
             found = transfer(
                 observations,
@@ -531,7 +505,7 @@ class Campaign:
                 level=self.table.prediction.level,
                 draws=draws,
                 seed=settings.seed,
-                progress=progress,
+                progress=self.progress,
                 **options,
             )
         provenance = self.provenance(settings=settings.model_dump())
@@ -542,8 +516,6 @@ class Campaign:
         causes: Iterable[Cause | str] | None = None,
         *,
         metrics: Mapping[str, Metric] | None = None,
-        threads: int | None = None,
-        progress: Callable[[str], None] | None = None,
     ) -> Verdict:
         """Test whether the model explains the measurements, and find the cause if it does not.
 
@@ -556,8 +528,6 @@ class Campaign:
             Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
         metrics : mapping of str to callable, optional
             As in `receptance.diagnosis.diagnose`, for held-out measurements.
-        threads, progress
-            As in `identify`.
 
         Raises
         ------
@@ -594,10 +564,10 @@ class Campaign:
                 tolerances=model.tolerances,
                 causes=causes,
                 seed=settings.seed,
-                threads=threads,
+                threads=self.threads,
                 held_out=not held_out,
                 metrics=metrics,
-                progress=progress,
+                progress=self.progress,
             )
         if held_out and verdict.final:
             found = improvement(
@@ -629,19 +599,16 @@ _ORDER = ("k_theta", "k_y", "k_ytheta")
 
 
 def fit_options(
-    campaign: Campaign,
-    observations: Sequence[Observation],
-    unknowns: Sequence[Unknown],
-    *,
-    threads: int | None,
-    say: Callable[[str], None],
+    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
 ) -> tuple[bool, list[Unknown], dict[str, Any]]:
     """Return whether the levels of a series are fitted separately first, unknowns with start values, and options."""
     settings = campaign.table.settings
-    by_level = campaign.table.series is not None and any(isinstance(one, Law) and one.free for one in unknowns)
+    by_level = campaign.table.series is not None and any(
+        isinstance(unknown, Law) and unknown.free for unknown in unknowns
+    )
     started = list(unknowns)
     if by_level:
-        started = started_by_level(observations, unknowns, settings, threads=threads, say=say)
+        started = started_by_level(campaign, observations, unknowns)
     return (
         by_level,
         started,
@@ -650,7 +617,7 @@ def fit_options(
             "band_width_percent": 100.0 * settings.band_width,
             "starts": 1 if by_level else settings.starts,
             "max_evaluations": settings.max_evaluations,
-            "threads": threads,
+            "threads": campaign.threads,
             "strategy": "direct" if by_level else settings.strategy,
         },
     )

@@ -161,12 +161,14 @@ class OneKind:
 
     def kind_of(self, element: Element) -> str | None:
         """Return the value of `kind` of an element; None if it is of none of these classes."""
-        return next((one.tag for one in self.choices if one.element is type(element)), None)
+        return next((choice.tag for choice in self.choices if choice.element is type(element)), None)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Replace the annotated type by a union of the models."""
         del source
-        union = functools.reduce(operator.or_, (Annotated[table_of(one), Tag(one.tag)] for one in self.choices))
+        union = functools.reduce(
+            operator.or_, (Annotated[table_of(choice), Tag(choice.tag)] for choice in self.choices)
+        )
         return handler.generate_schema(Annotated[union, Discriminator("kind")])
 
 

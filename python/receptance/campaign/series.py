@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +17,14 @@ from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries
-from receptance.taper.figure import axis_unit, draw_with_law
+from receptance.taper.figure import draw_with_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import SeriesTable, SettingsTable
+    from receptance.campaign.schema import SeriesTable
     from receptance.identification import Identification
     from receptance.identification.observations import Observation
     from receptance.report.table import Cell
@@ -92,70 +92,68 @@ class LevelSeries(Results[ForceSeries]):
 
 
 def started_by_level(
-    observations: Sequence[Observation],
-    unknowns: Sequence[Unknown],
-    settings: SettingsTable,
-    *,
-    threads: int | None = None,
-    say: Callable[[str], None] = lambda _: None,
+    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
 ) -> list[Unknown]:
     """Return the unknowns with start values of free ones from separate fits of each configuration.
 
     A joint fit of many levels has too many free values to converge from distant starts. The first level of each kind of
     assembly is fitted from several starts, the others from the values of the previous level.
     """
+    starts = campaign.table.settings.starts
     groups: dict[str, list[Observation]] = {}
-    for one in observations:
-        groups.setdefault(one.configuration, []).append(one)
+    for observation in observations:
+        groups.setdefault(observation.configuration, []).append(observation)
     found: dict[str, dict[str, float]] = {}
     last: dict[tuple[str, ...], tuple[dict[str, float], float]] = {}
-    for name, own in groups.items():
-        mine = [u for u in unknowns if any(covered(u.address, one.assembly) for one in own)]
-        if not mine:
+    for name, group in groups.items():
+        present = [u for u in unknowns if any(covered(u.address, observation.assembly) for observation in group)]
+        if not present:
             continue
-        say(f"fitting {name}")
-        kind = tuple(unknown.address for unknown in mine)
+        campaign.progress(f"fitting {name}")
+        kind = tuple(unknown.address for unknown in present)
         values, rms = last.get(kind, ({}, np.inf))
         fits = []
         if values:
-            fits.append(_fitted(own, mine, values, settings, threads, starts=1, staged=False))
+            fits.append(_fitted(campaign, group, present, values, starts=1, staged=False))
         if not values or fits[0] is None or fits[0].rms > _WORSE * rms:
-            fits.append(_fitted(own, mine, {}, settings, threads, starts=settings.starts, staged=True))
+            fits.append(_fitted(campaign, group, present, {}, starts=starts, staged=True))
         ended = [fit for fit in fits if fit is not None]
         if not ended:
             continue
         best = min(ended, key=lambda fit: fit.rms)
         last[kind] = best.values, max(best.rms, 1.0)
-        for unknown in mine:
+        for unknown in present:
             found.setdefault(unknown.address, {})[name] = best.values[unknown.address]
     return [
-        replace(one, starts=found.get(one.address, {})) if isinstance(one, Law) and one.free else one
-        for one in unknowns
+        replace(unknown, starts=found.get(unknown.address, {}))
+        if isinstance(unknown, Law) and unknown.free
+        else unknown
+        for unknown in unknowns
     ]
 
 
 def _fitted(
+    campaign: Campaign,
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     values: Mapping[str, float],
-    settings: SettingsTable,
-    threads: int | None,
     *,
     starts: int,
     staged: bool,
 ) -> Identification | None:
+    settings = campaign.table.settings
     plain = [
         Unknown(
-            address=one.address,
-            lower=one.lower,
-            upper=one.upper,
-            start=values.get(one.address, one.start),
-            scale=one.scale,
-            prior=one.prior,
+            address=unknown.address,
+            lower=unknown.lower,
+            upper=unknown.upper,
+            start=values.get(unknown.address, unknown.start),
+            scale=unknown.scale,
+            prior=unknown.prior,
         )
-        for one in unknowns
+        for unknown in unknowns
     ]
-    weighed = all(getattr(one, "standard_deviation", None) is not None for one in observations)
+    weighed = all(getattr(observation, "standard_deviation", None) is not None for observation in observations)
     try:
         return identify(
             observations,
@@ -164,7 +162,7 @@ def _fitted(
             starts=starts,
             seed=settings.seed,
             max_evaluations=settings.max_evaluations,
-            threads=threads,
+            threads=campaign.threads,
             strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
         )
     except (ReceptanceError, ValueError):
@@ -234,8 +232,7 @@ def _draw(found: LevelSeries, ax: Axes | None) -> Figure:
     rows = -(-count // columns)
     figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
     for axes, (name, series) in zip(panels(figure, count, columns), found.items(), strict=True):
-        factor, label = axis_unit(kind_of(name).unit, series)
-        draw_with_law(axes, series, factor, over, label)
+        draw_with_law(axes, series, over, kind_of(name).unit)
     if found.provenance.title:
         title_left(figure, found.provenance.title)
     return finished(figure)

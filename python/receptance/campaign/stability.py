@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from receptance.campaign.measurements import Measurement
     from receptance.campaign.problems import KeyPath
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import CampaignTable, StabilityTable, TipTable
+    from receptance.campaign.schema import CampaignTable, TipTable
     from receptance.diagnosis import HeldOut, Metric
     from receptance.frf import FRF
     from receptance.identification import Identification
@@ -220,14 +220,8 @@ class Tips:
         The campaign.
     identified : Identification or None
         Fit for predicted tips.
-    draws : int
-        Number of draws of uncertain receptances.
-    seed : int
-        Seed of the draws.
     tips : sequence of Tip or None
         Tips in the direction of feed and across it; None for a rigid one.
-    threads : int or None
-        As in `Assembly.receptance`.
 
     Attributes
     ----------
@@ -243,11 +237,9 @@ class Tips:
         self,
         campaign: Campaign,
         identified: Identification | None,
-        draws: int,
-        seed: int,
         tips: Sequence[Tip | None],
-        threads: int | None,
     ) -> None:
+        draws, seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
         self.notes: list[str] = []
         # The same tip in both directions has the same draws.
         given = [tip for tip in tips if tip is not None]
@@ -261,7 +253,7 @@ class Tips:
         self._sources: list[_Source] = []
         for tip, made in zip(own, predicted, strict=True):
             if made is not None:
-                self._sources.append(_PredictedTip(made, self.lines, draws, seed, threads))
+                self._sources.append(_PredictedTip(made, self.lines, draws, seed, campaign.threads))
             elif tip.frf is not None:
                 self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, draws, seed, self.notes))
         self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
@@ -342,7 +334,10 @@ class _PredictedTip:
         nothing = np.full(self._lines.size, np.nan, np.complex128)
         assemblies = self._forecast.drawn(self._draws, self._seed)
         return np.array(
-            [nothing if one is None else one.receptance(self._lines, threads=self._threads) for one in assemblies]
+            [
+                nothing if assembly is None else assembly.receptance(self._lines, threads=self._threads)
+                for assembly in assemblies
+            ]
         )
 
     def modes(self) -> TipModes:
@@ -350,7 +345,7 @@ class _PredictedTip:
 
     def drawn_modes(self) -> list[TipModes | None]:
         assemblies = self._forecast.drawn(self._draws, self._seed)
-        return [None if one is None else self._modes_of(one) for one in assemblies]
+        return [None if assembly is None else self._modes_of(assembly) for assembly in assemblies]
 
     def _modes_of(self, assembly: Assembly) -> TipModes:
         found = damped_modes(assembly, float(self._lines[-1]), threads=self._threads)
@@ -415,11 +410,8 @@ def stability_of_campaign(
     identified: Identification | None,
     *,
     cuts: Sequence[str] = (),
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Stability:
     """Return the stability of the cuts of a campaign; see `Campaign.stability`."""
-    say = progress or (lambda _: None)
     chosen = campaign.select_cuts(cuts)
     asked = campaign.table.stability
     speeds = campaign.spindle_speeds()
@@ -427,28 +419,22 @@ def stability_of_campaign(
     if not predicted:
         identified = None
     elif identified is None and campaign.unknowns:
-        identified = campaign.identify(threads=threads, progress=progress)
+        identified = campaign.identify()
     found = {}
     provenance = campaign.provenance(settings=asked.model_dump())
     for cut in chosen:
-        say(f"lobes of {cut.name}")
+        campaign.progress(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
-            tips = Tips(campaign, identified, asked.number_of_draws, asked.seed, directions, threads)
-            found[cut.name] = replace(_lobes(cut, tips, speeds, asked, threads, say), provenance=provenance)
+            tips = Tips(campaign, identified, directions)
+            found[cut.name] = replace(_lobes(campaign, cut, tips, speeds), provenance=provenance)
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
 
 
-def _lobes(
-    cut: CampaignCut,
-    tips: Tips,
-    speeds: NDArray[np.float64],
-    asked: StabilityTable,
-    threads: int | None,
-    say: Callable[[str], None],
-) -> Lobes:
+def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.float64]) -> Lobes:
+    asked = campaign.table.stability
     several = cut.drawn(asked.number_of_draws, asked.seed)
     uncertain = tips.uncertain or several is not None
     if asked.method == "mean force":
@@ -475,8 +461,8 @@ def _lobes(
             most=most,
             draws=modes,
             cuts=_selected(several, good),
-            threads=threads,
-            progress=say,
+            threads=campaign.threads,
+            progress=campaign.progress,
         )
     notes = [*tips.notes, *lobes.notes]
     if not uncertain:
@@ -489,7 +475,7 @@ def _lobes(
 
 
 def _selected(cuts: Sequence[Any] | None, good: NDArray[np.bool_]) -> list[Any] | None:
-    return None if cuts is None else [one for one, kept in zip(cuts, good, strict=True) if kept]
+    return None if cuts is None else [cut for cut, kept in zip(cuts, good, strict=True) if kept]
 
 
 _METRICS = ("stable_depth",)
@@ -515,7 +501,7 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
         if not campaign.cuts:
             text = f"there is no cut for the metric {name}, expected [cuts.NAME]"
             raise CampaignError.about(campaign.file, text)
-        if not any(_is_tip_receptance(one.observation) for one in campaign.measurements.values()):
+        if not any(_is_tip_receptance(measurement.observation) for measurement in campaign.measurements.values()):
             text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
             text += "both along y"
             raise CampaignError.about(campaign.file, text)

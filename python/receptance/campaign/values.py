@@ -19,11 +19,7 @@ from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
 from receptance.identification.mapping import FACTORS
 from receptance.identification.unknowns import Prior
-from receptance.model.beams import Material, Segment
-from receptance.model.distributed import SpreadJoint
-from receptance.model.fields import Element, Number
-from receptance.model.joints import ColletJoint, MicroslipJoint, PointJoint, PointMass
-from receptance.model.terminals import ModalPart, Mode
+from receptance.model.addresses import QUANTITIES
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
 if TYPE_CHECKING:
@@ -350,23 +346,8 @@ _OBSERVATION = {
     "end": units.TIME,
 }
 """Parameters of the measuring chain, see `receptance.identification.mapping`."""
-_ELEMENTS: tuple[type[Element], ...] = (
-    PointJoint,
-    MicroslipJoint,
-    SpreadJoint,
-    ColletJoint,
-    Segment,
-    Material,
-    PointMass,
-    Mode,
-    ModalPart,
-)
-FIELDS: dict[str, Quantity] = {
-    name: field.quantity
-    for element in _ELEMENTS
-    for name, field in element.declared.items()
-    if isinstance(field, Number) and field.parameter
-} | _OBSERVATION
+FIELDS = QUANTITIES | _OBSERVATION
+"""Quantities of all parameters by the last word of their addresses."""
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 

@@ -100,7 +100,7 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         A kind of element that cannot be written.
     """
     if isinstance(element, Part):
-        return {"segments": [_field_table(one, materials) for one in element.segments]}
+        return {"segments": [_field_table(segment, materials) for segment in element.segments]}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
@@ -260,15 +260,16 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     # A cause may act at one level only, so that each level has its own tables.
     data = copy.deepcopy(campaign.contents)
     measured = {
-        name: _applied(verdict, name, one.observation, one.effects) for name, one in campaign.measurements.items()
+        name: _applied(verdict, name, measurement.observation, measurement.effects)
+        for name, measurement in campaign.measurements.items()
     }
     assemblies = {name: _of_assembly(campaign, verdict, name) for name in campaign.assemblies}
     _write_structure(data, campaign, assemblies, {a for u in _unknowns(verdict) for a in addresses_of(u)})
     end = _early_end(campaign, verdict)
-    seen = {one.label for one in verdict.selection.base.model.observations}
-    for name, one in measured.items():
-        _write_measurement(data, name, one, name in seen)
-        if end is not None and isinstance(one.given, MeasuredFRF):
+    seen = {observation.label for observation in verdict.selection.base.model.observations}
+    for name, measurement in measured.items():
+        _write_measurement(data, name, measurement, name in seen)
+        if end is not None and isinstance(measurement.given, MeasuredFRF):
             data["measurements"][name]["ends"] = quantity(end, units.TIME)
     _write_unknowns(data, verdict)
     _rebase_files(data, campaign.file.parent, folder)
@@ -292,8 +293,14 @@ def _unknowns(verdict: Verdict) -> tuple[Any, ...]:
 def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
     """Return the end of truncated records, if a cause has identified it from all of them together."""
     assert verdict.explanation is not None
-    given = {name: getattr(one.observation, "ends", None) for name, one in campaign.measurements.items()}
-    found = [one for one in verdict.explanation.fit.model.observations if isinstance(one, MeasuredFRF)]
+    given = {
+        name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
+    }
+    found = [
+        observation
+        for observation in verdict.explanation.fit.model.observations
+        if isinstance(observation, MeasuredFRF)
+    ]
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
@@ -308,14 +315,16 @@ def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFre
         before = set(model.observations[0].assembly.attachments)
         model = step.transfer(model)
         if step.cause.group == "measurement":
-            temporary += [one for one in model.observations[0].assembly.attachments if one not in before]
+            temporary += [
+                attachment for attachment in model.observations[0].assembly.attachments if attachment not in before
+            ]
     return _Extended(observation, model.observations[0], model.tolerances, tuple(temporary))
 
 
 def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
     """Apply the causes of the best explanation to an assembly without sensors."""
     assembly = campaign.assemblies[name]
-    own = [one.observation for one in campaign.measurements.values() if one.assembly == name]
+    own = [measurement.observation for measurement in campaign.measurements.values() if measurement.assembly == name]
     like = next((one for one in own if isinstance(one, MeasuredFRF)), own[0] if own else None)
     if like is None:
         like = next(iter(campaign.measurements.values())).observation
@@ -333,15 +342,15 @@ def _write_structure(
     """Write the elements that causes have changed, and the values in which assemblies differ."""
     materials = Materials(campaign.table.materials)
     tables: dict[str, tuple[Assembly, dict[str, Any]]] = {}
-    for one in assemblies.values():
-        for name, element in one.assembly.elements.items():
+    for extended in assemblies.values():
+        for name, element in extended.assembly.elements.items():
             if name not in tables and any(_differs(name, other) for other in assemblies.values()):
-                tables[name] = (one.assembly, element_table(element, materials))
+                tables[name] = (extended.assembly, element_table(element, materials))
     for name, (_, table) in tables.items():
         section = "parts" if "segments" in table else "modal_parts" if "modes" in table else "joints"
         data.setdefault(section, {})[name] = table
-    for title, one in assemblies.items():
-        _write_assembly(data, title, one, {name: base for name, (base, _) in tables.items()}, unknown)
+    for title, extended in assemblies.items():
+        _write_assembly(data, title, extended, {name: base for name, (base, _) in tables.items()}, unknown)
     data["materials"].update(materials.added)
 
 
@@ -503,15 +512,15 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
 
 def _on_diagnosed_lines(model: Model, diagnosed: Model) -> Model:
     """Return the written model on the lines of the diagnosis, which leaves out noisy ones."""
-    seen = {one.label: one for one in diagnosed.observations}
+    seen = {observation.label: observation for observation in diagnosed.observations}
     kept: list[Observation] = []
-    for one in model.observations:
-        other = seen.get(one.label)
-        if isinstance(one, MeasuredFRF) and isinstance(other, MeasuredFRF):
-            good = np.isin(one.frequency_hz, other.frequency_hz)
-            kept.append(one.select(good))
+    for observation in model.observations:
+        other = seen.get(observation.label)
+        if isinstance(observation, MeasuredFRF) and isinstance(other, MeasuredFRF):
+            good = np.isin(observation.frequency_hz, other.frequency_hz)
+            kept.append(observation.select(good))
         elif other is not None:
-            kept.append(one)
+            kept.append(observation)
     places = [one.site(i) for i, one in enumerate(kept)]
     tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
     return replace(model, observations=tuple(kept), tolerances=tolerances)

@@ -3,7 +3,7 @@
 from receptance.catalogue.building import Catalogue, errors_of
 from receptance.catalogue.line_modes import LineModes, line_modes
 from receptance.catalogue.prediction import ToolPrediction, predict_catalogue
-from receptance.catalogue.results import CatalogueSummary, ToolCut, ToolSummary, tool_lobes
+from receptance.catalogue.results import CatalogueSummary, ToolSummary, tool_lobes
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 
 __all__ = [
@@ -11,7 +11,6 @@ __all__ = [
     "CatalogueSummary",
     "HolderRow",
     "LineModes",
-    "ToolCut",
     "ToolPrediction",
     "ToolRow",
     "ToolSummary",

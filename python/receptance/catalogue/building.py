@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from receptance import _checks
 from receptance._text import instead_of
@@ -20,8 +21,6 @@ from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from receptance.campaign import Campaign, Deviation, Effects
 
 __all__ = ["Catalogue", "ToolAssembly", "errors_of"]
@@ -100,7 +99,7 @@ class Catalogue:
         return len(self.tools)
 
     def __iter__(self) -> Iterator[ToolAssembly]:
-        """Build the assemblies one after the other; none is stored."""
+        """Yield the assembly of each tool; none is stored."""
         return map(self.assemble, self.tools)
 
     def assemble(self, row: ToolRow) -> ToolAssembly:
@@ -115,9 +114,10 @@ class Catalogue:
             _TOOL: Part(segments, name=_TOOL),
             **built.joints,
         }
-        own: list[Any] = [elements[link] for link in chain]
-        points = [built.attachments[link] for link in self.table.attachments]
-        assembly = Assembly(own if self.spindle is None else [*own, self.spindle], points)
+        links: list[Any] = [elements[name] for name in chain]
+        if self.spindle is not None:
+            links.append(self.spindle)
+        assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
         effects = self.campaign.inherited_effects(assembly, parts)
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), {**effects, **self.errors})
@@ -130,14 +130,14 @@ class Catalogue:
             (row.overhang - row.flute_length, row.diameter, "diameter", tolerance.diameter),
         ]
         pieces = [piece for piece in pieces if piece[0] > _SHORTEST]
-        found: list[Segment] = []
+        segments: list[Segment] = []
         deviations: dict[str, Deviation | None] = {}
         for index, (length, diameter, key, deviation) in enumerate(pieces):
-            first = f"{_TOOL}.segment[{index}]"
-            deviations[f"{first}.outer_diameter"] = _of_tool(deviation, row, key, diameter)
+            segment = f"{_TOOL}.segment[{index}]"
+            deviations[f"{segment}.outer_diameter"] = _of_tool(deviation, row, key, diameter)
             if index == len(pieces) - 1:  # the clamped end, so that an error of the overhang changes its length
-                deviations[f"{first}.length"] = _of_tool(tolerance.overhang, row, "overhang", row.overhang)
-            found.append(
+                deviations[f"{segment}.length"] = _of_tool(tolerance.overhang, row, "overhang", row.overhang)
+            segments.append(
                 Segment(
                     length=length,
                     outer_diameter=diameter,
@@ -145,7 +145,7 @@ class Catalogue:
                     material=self.campaign.built.materials[row.material],
                 )
             )
-        return found, {address: one for address, one in deviations.items() if one is not None}
+        return segments, {address: deviation for address, deviation in deviations.items() if deviation is not None}
 
     def _read_holders(self, holders: str | Path | Mapping[str, list[HolderRow]] | None) -> None:
         if holders is None and self.table.holders is None:
@@ -154,12 +154,12 @@ class Catalogue:
         rows = holders if isinstance(holders, Mapping) else read_holders(file)
         built = self.campaign.built
         problems: list[Problem] = []
-        for name, own in rows.items():
+        for name, holder_rows in rows.items():
             if name == _TOOL or name in built.parts or name in built.joints:
                 text = f'is "{name}", which is also a part or a joint of the campaign, expected another name'
-                problems.append(Problem((name, 0), text, own[0].line))
+                problems.append(Problem((name, 0), text, holder_rows[0].line))
             segments = []
-            for index, row in enumerate(own):
+            for index, row in enumerate(holder_rows):
                 for key, material in (("material", row.material), ("core", row.core)):
                     if material and material not in built.materials:
                         text = f'is "{material}", which is not a material of the campaign'

@@ -17,17 +17,20 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_catalogue", "draw_tool"]
 
-_NAMED, _BARS = 15, 80
+_LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""
+_LARGEST_LEGEND = 25
+"""Largest number of holders in a legend."""
 _DECADES = 3.5
+"""Largest range of the magnitude."""
 
 
-def draw_tool(one: ToolPrediction) -> Figure:
+def draw_tool(prediction: ToolPrediction) -> Figure:
     """Draw the receptance of a predicted tip with its band, and its modes with theirs.
 
     Parameters
     ----------
-    one : ToolPrediction
+    prediction : ToolPrediction
         From `predict_catalogue`; with draws the band is also valid where resonances move by more than their width.
 
     Returns
@@ -36,23 +39,23 @@ def draw_tool(one: ToolPrediction) -> Figure:
     """
     figure = new_figure(9.0, 5.0)
     axes = figure.subplots()
-    size = 1e6 * np.abs(one.receptance)
-    low, high = (1e6 * side for side in one.band())
-    kind = f"{100 * one.level:g} % band" + ("" if len(one.drawn) else ", to first order")
-    axes.fill_between(one.frequency_hz, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=kind)
-    axes.plot(one.frequency_hz, size, color=COLOURS[0], lw=1.3, label="predicted")
+    size = 1e6 * np.abs(prediction.receptance)
+    low, high = (1e6 * side for side in prediction.band())
+    kind = f"{100 * prediction.level:g} % band" + ("" if len(prediction.drawn) else ", to first order")
+    axes.fill_between(prediction.frequency_hz, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=kind)
+    axes.plot(prediction.frequency_hz, size, color=COLOURS[0], lw=1.3, label="predicted")
     top = 3.0 * float(np.max(size))
     axes.set_yscale("log")
     axes.set_ylim(max(float(np.min(size)) / 2.0, top * 10.0**-_DECADES), top)
-    axes.set_xlim(one.frequency_hz[0], one.frequency_hz[-1])
-    interval = one.modes_interval
-    for number, (frequency, damping, stiffness) in enumerate(one.modes):
+    axes.set_xlim(prediction.frequency_hz[0], prediction.frequency_hz[-1])
+    modes = zip(prediction.modes, prediction.modes_interval, strict=True)
+    for number, ((frequency, damping, stiffness), interval) in enumerate(modes):
         height = 1e6 / stiffness
         axes.errorbar(
             frequency,
             height,
-            xerr=[[frequency - interval[number, 0, 0]], [interval[number, 0, 1] - frequency]],
-            yerr=[[height - 1e6 / interval[number, 2, 1]], [1e6 / interval[number, 2, 0] - height]],
+            xerr=[[frequency - interval[0, 0]], [interval[0, 1] - frequency]],
+            yerr=[[height - 1e6 / interval[2, 1]], [1e6 / interval[2, 0] - height]],
             fmt="o",
             color=INK,
             ms=4,
@@ -60,11 +63,13 @@ def draw_tool(one: ToolPrediction) -> Figure:
             capsize=2,
             label="modes" if number == 0 else None,
         )
-        half = 50.0 * (interval[number, 1, 1] - interval[number, 1, 0])
-        text = f"{frequency:.0f} Hz\n{100 * damping:.2f} \u00b1 {half:.2g} %\n{1e-6 * stiffness:.3g} N/\u00b5m"
-        at_end = frequency > 0.85 * one.frequency_hz[-1]
+        half_width = 50.0 * (interval[1, 1] - interval[1, 0])
+        text = f"{frequency:.0f} Hz\n{100 * damping:.2f} \u00b1 {half_width:.2g} %\n{1e-6 * stiffness:.3g} N/\u00b5m"
+        at_end = frequency > 0.85 * prediction.frequency_hz[-1]
         label_point(axes, text, (frequency, height), left=bool(at_end), offset=(8.0, 4.0))
-    set_up(axes, f"{one.row.name} in {one.row.holder}", "frequency (Hz)", "receptance of the tip (\u00b5m/N)")
+    set_up(
+        axes, f"{prediction.row.name} in {prediction.row.holder}", "frequency (Hz)", "receptance of the tip (\u00b5m/N)"
+    )
     add_legend(figure, ncols=3)
     return figure
 
@@ -87,32 +92,29 @@ def draw_catalogue(tools: Sequence[ToolSummary], title: str = "", ax: Axes | Non
     """
     figure = surface(ax, 9.0, 5.8)
     axes = figure.subplots()
-    shown = [one for one in tools if one.values is not None and one.interval is not None]
-    holders = list(dict.fromkeys(one.holder for one in shown))
-    few = len(shown) <= _BARS
+    shown = [tool for tool in tools if tool.values is not None and tool.interval is not None]
+    holders = list(dict.fromkeys(tool.holder for tool in shown))
     for index, holder in enumerate(holders):
-        own = [one for one in shown if one.holder == holder]
-        values = np.array([one.values for one in own])
-        ends = np.array([one.interval for one in own])
+        group = [tool for tool in shown if tool.holder == holder]
+        values = np.array([tool.values for tool in group])
+        ends = np.array([tool.interval for tool in group])
         x, y = values[:, 0], 1e-6 * values[:, 2]
         # Colours repeat with another marker.
         colour, marker = COLOURS[index % len(COLOURS)], "osD^v"[index // len(COLOURS) % 5]
-        if few:
-            bars = {
-                "xerr": np.abs(ends[:, 0].T - x),
-                "yerr": np.abs(1e-6 * ends[:, 2].T - y),
-            }
+        if len(shown) <= _LARGEST_WITH_BARS:
+            bars = {"xerr": np.abs(ends[:, 0].T - x), "yerr": np.abs(1e-6 * ends[:, 2].T - y)}
             axes.errorbar(x, y, **bars, fmt=marker, color=colour, ms=5, lw=0.9, capsize=2, label=holder)
         else:
             axes.plot(x, y, marker, color=colour, ms=2.5, alpha=0.5, label=holder)
-        for one, place in zip(own, zip(x, y, strict=True), strict=True) if len(shown) <= _NAMED else ():
-            label_point(axes, one.name, place, offset=(5.0, 5.0))
+        if len(shown) <= _LARGEST_WITH_NAMES:
+            for tool, point in zip(group, zip(x, y, strict=True), strict=True):
+                label_point(axes, tool.name, point, offset=(5.0, 5.0))
     axes.set_yscale("log")
     hidden = len(tools) - len(shown)
     if hidden:
         axes.text(0.01, 0.01, f"{hidden} without a mode", transform=axes.transAxes, fontsize=8, color=PALE)
     x_label = "natural frequency of the most flexible mode (Hz)"
     set_up(axes, title, x_label, "dynamic stiffness (N/\u00b5m)", grid="both")
-    if len(holders) <= 25:
+    if len(holders) <= _LARGEST_LEGEND:
         add_legend(figure, ncols=6)
     return finished(figure)

@@ -9,28 +9,25 @@ relative error of G may exceed one at a resonance where that of 1 / G is small.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from receptance._peaks import local_maxima
 
 __all__ = ["LineModes", "line_modes"]
 
-_STANDS_OUT = 1.05
+_PROMINENCE = 1.05
 """Smallest ratio of a peak to its prominence base."""
+_NOISE_PROMINENCE = 3.0
+"""Smallest prominence of a peak, in standard deviations of its noise."""
 _SHARE = 0.5
 """Lines around a peak are used down to this share of its height."""
-_FEWEST, _MOST = 7, 41
-"""Smallest and largest number of lines for a mode."""
-_FEWEST_NOISY, _MOST_NOISY = 15, 81
-"""Likewise for lines with noise."""
-_MODEL = 1e-3
+_LINES, _NOISY_LINES = (7, 41), (15, 81)
+"""Smallest and largest number of lines for a mode, without and with noise."""
+_MODEL_ERROR = 1e-3
 """Relative error added to the noise, so that the weights of lines without noise are finite."""
-_NOISES = 3.0
-"""Smallest prominence of a peak, in standard deviations of its noise."""
-_STEPS, _CLOSE = 30, 1e-9
+_ITERATIONS, _TOLERANCE = 30, 1e-9
 """Largest number of iterations, and relative step of convergence."""
 
 
@@ -58,16 +55,16 @@ class LineModes:
 
     def log_slopes(self, derivative: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return derivatives of the logarithms `(k, 3, p)` from those of the lines `(n, p)`."""
-        found = [(w @ derivative[own]).real for w, own in zip(self.weights, self.lines, strict=True)]
-        return np.array(found).reshape(len(self), 3, derivative.shape[1])
+        slopes = [(w @ derivative[lines]).real for w, lines in zip(self.weights, self.lines, strict=True)]
+        return np.array(slopes).reshape(len(self), 3, derivative.shape[1])
 
     def log_variances(self, variance: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return variances of the logarithms `(k, 3)` for independent errors of the lines.
 
         `variance` is that of the real and of the imaginary part, each, of each line `(n,)`.
         """
-        found = [np.abs(w) ** 2 @ variance[own] for w, own in zip(self.weights, self.lines, strict=True)]
-        return np.array(found).reshape(len(self), 3)
+        variances = [np.abs(w) ** 2 @ variance[lines] for w, lines in zip(self.weights, self.lines, strict=True)]
+        return np.array(variances).reshape(len(self), 3)
 
 
 def line_modes(
@@ -90,25 +87,22 @@ def line_modes(
     weights: list[NDArray[np.complex128]] = []
     lines: list[slice] = []
     for first, last in _windows(size, noise):
-        own = slice(first, last)
-        found = _fit(frequency_hz[own], receptance[own], noise[own])
+        window = slice(first, last)
+        mode = _fit(frequency_hz[window], receptance[window], noise[window])
         # Several noise peaks of one resonance give the same pole.
-        if found is not None and all(abs(found[0][0] - old[0]) > old[0] * old[1] for old in values):
-            values.append(found[0])
-            weights.append(found[1])
-            lines.append(own)
+        if mode is not None and all(abs(mode[0][0] - old[0]) > old[0] * old[1] for old in values):
+            values.append(mode[0])
+            weights.append(mode[1])
+            lines.append(window)
     return LineModes(np.array(values).reshape(-1, 3), tuple(weights), tuple(lines))
 
 
 def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return first and last line (exclusive) around each distinct peak."""
-    from scipy.signal import find_peaks
-
-    all_peaks, properties = find_peaks(np.log(size), prominence=np.log(_STANDS_OUT))
-    prominence = np.asarray(dict(properties)["prominences"])
-    peaks = all_peaks[prominence > _NOISES * (noise / size)[all_peaks]]
-    fewest, most = (_FEWEST_NOISY, _MOST_NOISY) if noise.any() else (_FEWEST, _MOST)
-    found = []
+    all_peaks, prominence = local_maxima(np.log(size), np.log(_PROMINENCE))
+    peaks = all_peaks[prominence > _NOISE_PROMINENCE * (noise / size)[all_peaks]]
+    fewest, most = _NOISY_LINES if noise.any() else _LINES
+    windows = []
     for i, peak in enumerate(peaks.tolist()):
         low = peaks[i - 1] + int(np.argmin(size[peaks[i - 1] : peak])) if i else 0
         high = peak + int(np.argmin(size[peak : peaks[i + 1]])) if i + 1 < peaks.size else size.size - 1
@@ -118,8 +112,8 @@ def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tupl
         half = int(np.clip(min(left, right), fewest // 2, most // 2))
         first, last = max(peak - half, 0), min(peak + half + 1, size.size)
         if last - first >= fewest - 2:
-            found.append((first, last))
-    return found
+            windows.append((first, last))
+    return windows
 
 
 def _fit(
@@ -129,50 +123,49 @@ def _fit(
     middle, width = frequency_hz.mean(), 0.5 * np.ptp(frequency_hz)
     x, scale = (frequency_hz - middle) / width, float(np.abs(receptance).max())
     stiffness = scale / receptance
-    trusted = 1.0 / np.hypot(noise / scale * np.abs(stiffness) ** 2, _MODEL * np.abs(stiffness))
-    trusted /= trusted.max()
-    found = _quotient(x, stiffness, trusted)
-    if found is None:
+    weight = 1.0 / np.hypot(noise / scale * np.abs(stiffness) ** 2, _MODEL_ERROR * np.abs(stiffness))
+    quotient = _fit_quotient(x, stiffness, weight / weight.max())
+    if quotient is None:
         return None
-    (root, a, b, c), inverse = found
+    (root, a, b, c), inverse = quotient
     # d(root, a, b, c) = inverse d(1 / G).
-    moved = -(inverse * stiffness**2) / scale
+    slopes = -(inverse * stiffness**2) / scale
     pole = middle + width * root
     damping = pole.imag / abs(pole)
-    relative = moved[0] * width / pole
-    # The stiffness at the damped natural frequency is -i Im(root) / top; this frequency changes with the pole.
-    at, reach = root.real, root.imag
-    top = a + b * at + c * at * at
-    own = (moved[1] + moved[2] * at + moved[3] * at * at) / top
-    of_least = -(own + ((b + 2.0 * c * at) / top).real * moved[0] - (-1j * moved[0]) / reach)
+    frequency_weights = slopes[0] * width / pole
     # Im(r dG) is the real part of -i r dG.
-    of_damping = -1j * relative * np.sqrt(1.0 - damping**2) / damping
-    values = float(abs(pole)), float(damping), float(reach / (abs(top) * scale))
-    return values, np.stack([relative, of_damping, of_least])
+    damping_weights = -1j * frequency_weights * np.sqrt(1.0 - damping**2) / damping
+    # The stiffness at the damped natural frequency is -i Im(root) / denominator; this frequency changes with the pole.
+    at = root.real
+    denominator = a + b * at + c * at * at
+    direct = (slopes[1] + slopes[2] * at + slopes[3] * at * at) / denominator
+    through_pole = ((b + 2.0 * c * at) / denominator).real * slopes[0] + 1j * slopes[0] / root.imag
+    values = float(abs(pole)), float(damping), float(root.imag / (abs(denominator) * scale))
+    return values, np.stack([frequency_weights, damping_weights, -(direct + through_pole)])
 
 
-def _quotient(
-    x: NDArray[np.float64], stiffness: NDArray[np.complex128], trusted: NDArray[np.float64]
+def _fit_quotient(
+    x: NDArray[np.float64], stiffness: NDArray[np.complex128], weight: NDArray[np.float64]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]] | None:
     """Fit p, a, b, c of (x - p) / (a + b x + c x^2) to the lines; return them and their derivatives `(4, m)`."""
-    parabola = np.linalg.lstsq(np.vander(x, 3) * trusted[:, None], stiffness * trusted, rcond=None)[0]
+    parabola = np.linalg.lstsq(np.vander(x, 3) * weight[:, None], stiffness * weight, rcond=None)[0]
     roots = np.roots(parabola)
     root = roots[np.argmin(np.abs(roots))]
-    straight = np.sum(trusted**2 * stiffness.conj() * (x - root)) / np.sum((trusted * np.abs(stiffness)) ** 2)
-    now = np.array([root, straight, 0.0, 0.0], dtype=np.complex128)
+    constant = np.sum(weight**2 * stiffness.conj() * (x - root)) / np.sum((weight * np.abs(stiffness)) ** 2)
+    values = np.array([root, constant, 0.0, 0.0], dtype=np.complex128)
     inverse = np.zeros((4, x.size), np.complex128)
-    for _ in range(_STEPS):
-        below = now[1] + x * (now[2] + x * now[3])
-        model = (x - now[0]) / below
-        slope = np.stack([-1.0 / below, -model / below, -model * x / below, -model * x * x / below], axis=1)
-        q, r = np.linalg.qr(slope * trusted[:, None])
+    for _ in range(_ITERATIONS):
+        denominator = values[1] + x * (values[2] + x * values[3])
+        model = (x - values[0]) / denominator
+        slope = -np.stack([np.ones_like(model), model, model * x, model * x * x], axis=1) / denominator[:, None]
+        q, r = np.linalg.qr(slope * weight[:, None])
         if not np.abs(np.diag(r)).min() > 1e-14 * np.abs(np.diag(r)).max():
             return None
-        inverse = np.asarray(np.linalg.solve(r, q.conj().T) * trusted)
+        inverse = np.asarray(np.linalg.solve(r, q.conj().T) * weight)
         step = inverse @ (stiffness - model)
-        now = now + step
-        if not (np.isfinite(now).all() and abs(now[0]) < 4.0):
+        values = values + step
+        if not (np.isfinite(values).all() and abs(values[0]) < 4.0):
             return None
-        if np.abs(step).max() < _CLOSE * np.abs(now).max():
+        if np.abs(step).max() < _TOLERANCE * np.abs(values).max():
             break
-    return (now, inverse) if now[0].imag > 0.0 and abs(now[0].real) <= 1.0 else None
+    return (values, inverse) if values[0].imag > 0.0 and abs(values[0].real) <= 1.0 else None

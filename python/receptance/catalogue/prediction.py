@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.campaign import CampaignError, forecast_of
-from receptance.catalogue.line_modes import LineModes, line_modes
+from receptance.catalogue.line_modes import line_modes
 from receptance.errors import ReceptanceError
+from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.identification.covariance import confidence_multiplier
 from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.catalogue.building import Catalogue, ToolAssembly
     from receptance.catalogue.rows import ToolRow
     from receptance.identification import Identification
     from receptance.identification.prediction import Forecast
     from receptance.model.assembly import Assembly
 
-__all__ = ["ToolPrediction", "catalogue_lines", "predict_catalogue"]
+__all__ = ["ToolPrediction", "predict_catalogue"]
 
 _LINES = 2000
-_WAITING = 4
+"""Number of lines if neither a step nor a measured spindle gives them."""
+_SUBMITTED = 4
 """Largest number of tools in progress, for each worker thread."""
 
 
@@ -88,15 +89,29 @@ class ToolPrediction:
         The first-order band is valid as long as no resonance moves by more than about half its width. The intervals of
         modes are valid beyond that.
         """
-        middle = np.log(np.abs(self.receptance))
+        log_size = np.log(np.abs(self.receptance))
         if len(self.drawn):
             low, high = np.quantile(
                 np.log(np.abs(self.drawn)), [0.5 - 0.5 * self.level, 0.5 + 0.5 * self.level], axis=0
             )
-            return np.exp(np.minimum(low, middle)), np.exp(np.maximum(high, middle))
-        half = confidence_multiplier(self.level, None) * self.deviation
+            return np.exp(np.minimum(low, log_size)), np.exp(np.maximum(high, log_size))
+        half_width = confidence_multiplier(self.level, None) * self.deviation
         with np.errstate(over="ignore"):
-            return np.exp(middle - half), np.exp(middle + half)
+            return np.exp(log_size - half_width), np.exp(log_size + half_width)
+
+    def as_frf(self) -> FRF:
+        """Return the receptance as an FRF for other programs.
+
+        It has no variance: the variance of an FRF is noise that is independent between lines, which errors of a
+        prediction are not.
+        """
+        return FRF(
+            frequency_hz=self.frequency_hz,
+            values=self.receptance,
+            label=self.row.name,
+            source="predicted by receptance",
+            notes=("predicted, not measured",),
+        )
 
 
 def predict_catalogue(
@@ -105,10 +120,10 @@ def predict_catalogue(
     *,
     draws: int = 0,
     seed: int = 0,
-    threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> Iterator[ToolPrediction]:
     """Predict the tip of every tool of a catalogue, one after the other in its order.
+
+    As many tools are computed at the same time as the campaign has threads.
 
     Parameters
     ----------
@@ -121,10 +136,6 @@ def predict_catalogue(
         first order in the logarithms.
     seed : int, optional
         Seed of the draws.
-    threads : int, optional
-        Number of tools computed at the same time; by default RECEPTANCE_THREADS, or all available processors.
-    progress : callable, optional
-        Called with a progress message.
 
     Yields
     ------
@@ -138,54 +149,46 @@ def predict_catalogue(
         `Campaign.identify`.
     """
     campaign = catalogue.campaign
-    say = progress or (lambda _: None)
     if identified is None and campaign.unknowns:
-        identified = campaign.identify(threads=threads, progress=progress)
-    work = _Work(catalogue, identified, draws, seed)
-    workers = _checks.worker_count(threads)
-    waiting: deque[Future[ToolPrediction]] = deque()
+        identified = campaign.identify()
+    predictor = _Predictor(catalogue, identified, draws, seed)
+    workers = _checks.worker_count(campaign.threads)
+    running: deque[Future[ToolPrediction]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         try:
             rows = iter(catalogue.tools)
             for number in range(len(catalogue)):
-                while len(waiting) < _WAITING * workers and (row := next(rows, None)) is not None:
-                    waiting.append(pool.submit(work.predict, row))
+                while len(running) < _SUBMITTED * workers and (row := next(rows, None)) is not None:
+                    running.append(pool.submit(predictor.predict, row))
                 if number % 50 == 0:
-                    say(f"tool {number + 1} of {len(catalogue)}")
-                yield waiting.popleft().result()
+                    campaign.progress(f"tool {number + 1} of {len(catalogue)}")
+                yield running.popleft().result()
         finally:
-            for rest in waiting:
-                rest.cancel()
+            for future in running:
+                future.cancel()
 
 
-class _Work:
-    """Data that all tools share."""
+class _Predictor:
+    """Prediction of a tool, and the data that all tools share."""
 
-    def __init__(
-        self,
-        catalogue: Catalogue,
-        identified: Identification | None,
-        draws: int,
-        seed: int,
-    ) -> None:
+    def __init__(self, catalogue: Catalogue, identified: Identification | None, draws: int, seed: int) -> None:
         self.catalogue, self.identified, self.draws, self.seed = catalogue, identified, draws, seed
-        self.lines = catalogue_lines(catalogue)
+        self.lines = _lines(catalogue)
         self.level = catalogue.campaign.table.prediction.level
         spindle = catalogue.spindle
         self.residuals: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
         if isinstance(spindle, MeasuredPart):
-            own = np.isin(spindle.frequency_hz, self.lines)
-            rise = low_frequency_rise(spindle.frequency_hz[own], spindle.matrix[own, 0, 0], drive_point=True)
+            rows = np.isin(spindle.frequency_hz, self.lines)
+            rise = low_frequency_rise(spindle.frequency_hz[rows], spindle.matrix[rows, 0, 0], drive_point=True)
             if rise is not None:
                 self.notes = (
                     f"{spindle.name or 'the spindle'}: {rise}. Leave these lines out, under [prediction] "
                     f'lower = "{rise.clear_hz:g} Hz"',
                 )
-        if isinstance(spindle, MeasuredPart) and spindle.covariance is not None:
-            owner = spindle.name or "part"
-            self.residuals = tuple(f"{owner}.{field}" for field in RESIDUALS)
-            self.covariance = spindle.covariance[np.isin(spindle.frequency_hz, self.lines)]
+            if spindle.covariance is not None:
+                self.residuals = tuple(f"{spindle.name or 'part'}.{quantity}" for quantity in RESIDUALS)
+                self.covariance = spindle.covariance[rows]
 
     def predict(self, row: ToolRow) -> ToolPrediction:
         try:
@@ -194,65 +197,56 @@ class _Work:
             text = f"line {row.line}, {row.name} cannot be predicted: {error}"
             raise CampaignError.about(self.catalogue.file, text) from error
 
-    def _predict(self, own: ToolAssembly) -> ToolPrediction:
+    def _predict(self, tool: ToolAssembly) -> ToolPrediction:
         notes = list(self.notes)
-        forecast = forecast_of(self.catalogue.campaign, self.identified, own.site, own.effects, own.row.name, notes)
+        forecast = forecast_of(self.catalogue.campaign, self.identified, tool.site, tool.effects, tool.row.name, notes)
         addresses = [*forecast.addresses, *self.residuals]
-        found, slope = forecast.assembly.derivatives(self.lines, addresses, threads=1)
-        count = len(forecast.addresses)
-        table = self._table_variance(slope[:, count:])
-        modes = line_modes(self.lines, found, table)
-        deviation = forecast.scatter((slope[:, :count] / found[:, None]).real).total
+        receptance, slopes = forecast.assembly.derivatives(self.lines, addresses, threads=1)
+        slope, spindle_slope = np.split(slopes, [len(forecast.addresses)], axis=1)
+        # Variance of real and imaginary part, each, from the errors of a measured spindle.
+        variance = np.zeros(self.lines.size)
+        if self.residuals:
+            variance = np.einsum("ni,nij,nj->n", spindle_slope, self.covariance, spindle_slope.conj()).real
+        modes = line_modes(self.lines, receptance, variance)
+        deviation = forecast.scatter((slope / receptance[:, None]).real).total
+        modes_deviation = forecast.scatter(modes.log_slopes(slope).reshape(3 * len(modes), -1)).total.reshape(-1, 3)
         return ToolPrediction(
-            row=own.row,
+            row=tool.row,
             assembly=forecast.assembly,
             frequency_hz=self.lines,
-            receptance=found,
-            deviation=np.hypot(deviation, np.sqrt(table) / np.abs(found)),
+            receptance=receptance,
+            deviation=np.hypot(deviation, np.sqrt(variance) / np.abs(receptance)),
             modes=modes.values,
-            modes_deviation=self._of_modes(modes, slope[:, :count], table, forecast),
+            modes_deviation=np.sqrt(modes_deviation**2 + modes.log_variances(variance)),
             level=self.level,
-            drawn=self._drawn(own.row, forecast, np.sqrt(table)),
+            drawn=self._drawn(tool.row, forecast, np.sqrt(variance)),
             notes=tuple(notes),
         )
-
-    def _table_variance(self, slope: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return the variance on each line, of real and imaginary part each, that a measured spindle causes."""
-        if not self.residuals:
-            return np.zeros(self.lines.size)
-        return np.asarray(np.einsum("ni,nij,nj->n", slope, self.covariance, slope.conj()).real)
-
-    def _of_modes(
-        self, modes: LineModes, slope: NDArray[np.complex128], table: NDArray[np.float64], forecast: Forecast
-    ) -> NDArray[np.float64]:
-        flat = modes.log_slopes(slope).reshape(3 * len(modes), -1)
-        total = forecast.scatter(flat).total.reshape(-1, 3)
-        return np.asarray(np.sqrt(total**2 + modes.log_variances(table)))
 
     def _drawn(self, row: ToolRow, forecast: Forecast, noise: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return draws of the receptance; errors of a measured spindle are drawn for each line, to first order."""
         if not self.draws:
             return np.zeros((0, self.lines.size), np.complex128)
         random = np.random.default_rng([self.seed, row.line])
-        rows = []
-        for one in forecast.drawn(self.draws, self.seed):
-            if one is not None:
-                parts = random.standard_normal((2, self.lines.size))
-                rows.append(one.receptance(self.lines, threads=1) + noise * (parts[0] + 1j * parts[1]))
-        if 2 * len(rows) < self.draws:
-            raise ReceptanceError(f"only {len(rows)} of {self.draws} draws can be evaluated")
-        return np.array(rows)
+        drawn = []
+        for assembly in forecast.drawn(self.draws, self.seed):
+            if assembly is not None:
+                real, imaginary = random.standard_normal((2, self.lines.size))
+                drawn.append(assembly.receptance(self.lines, threads=1) + noise * (real + 1j * imaginary))
+        if 2 * len(drawn) < self.draws:
+            raise ReceptanceError(f"only {len(drawn)} of {self.draws} draws can be evaluated")
+        return np.array(drawn)
 
 
-def catalogue_lines(catalogue: Catalogue) -> NDArray[np.float64]:
+def _lines(catalogue: Catalogue) -> NDArray[np.float64]:
     """Return the lines of the predictions: those of a measured spindle, else those of the table `prediction`."""
     campaign = catalogue.campaign
     settings = campaign.table.prediction
     spindle = catalogue.spindle
     if isinstance(spindle, MeasuredPart):
-        own = np.asarray(spindle.frequency_hz)
+        lines = np.asarray(spindle.frequency_hz)
         low, high = settings.lower or 0.0, settings.upper or np.inf
-        return np.asarray(own[(own >= low) & (own <= high)])
+        return np.asarray(lines[(lines >= low) & (lines <= high)])
     band = spindle.band_hz if isinstance(spindle, ModalPart) else None
     upper = band[1] if band and settings.upper is None else campaign.highest_frequency
     if upper is None:

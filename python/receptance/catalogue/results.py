@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._files import inert, streamed
-from receptance.frf import FRF
 from receptance.identification.covariance import UNINFORMATIVE
 from receptance.report import Column, Provenance, Result, Table
 from receptance.stability import Lobes, Milling, stability_lobes
@@ -22,17 +22,14 @@ from receptance.stability import Lobes, Milling, stability_lobes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
-    from receptance.campaign import Campaign, CampaignCut
+    from receptance.campaign import Campaign
     from receptance.catalogue.prediction import ToolPrediction
     from receptance.report.table import Cell
 
 __all__ = [
     "CatalogueSummary",
-    "ToolCut",
     "ToolSummary",
-    "as_frf",
     "file_names",
     "summaries",
     "tool_lobes",
@@ -108,10 +105,10 @@ class ToolSummary:
 
 def summaries(predictions: Iterable[ToolPrediction]) -> Iterator[ToolSummary]:
     """Yield the summary of each prediction, which need not be kept in memory."""
-    for one in predictions:
-        most = one.most_flexible
-        values, interval = (None, None) if most is None else (one.modes[most], one.modes_interval[most])
-        yield ToolSummary(one.row.name, one.row.holder, len(one.modes), values, interval, one.notes)
+    for prediction in predictions:
+        mode, row = prediction.most_flexible, prediction.row
+        values, interval = (None, None) if mode is None else (prediction.modes[mode], prediction.modes_interval[mode])
+        yield ToolSummary(row.name, row.holder, len(prediction.modes), values, interval, prediction.notes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,15 +144,15 @@ class CatalogueSummary(Result):
         ):
             columns += [Column(name, unit, form), Column("interval", form=form)]
         rows: list[list[Cell]] = []
-        for one in self.tools[:_ROWS]:
-            if one.values is None or one.interval is None:
-                rows.append([one.name, one.holder, "none", None, None, None, None, None])
+        for tool in self.tools[:_ROWS]:
+            if tool.values is None or tool.interval is None:
+                rows.append([tool.name, tool.holder, "none", None, None, None, None, None])
                 continue
             cells: list[Cell] = []
-            for value, ends, unit in zip(one.values.tolist(), one.interval, _MODE_UNITS.tolist(), strict=True):
+            for value, ends, unit in zip(tool.values.tolist(), tool.interval, _MODE_UNITS.tolist(), strict=True):
                 low, high = (unit * ends).tolist()
                 cells += [unit * value, (low, high) if high < _WIDEST * low else UNINFORMATIVE]
-            rows.append([one.name, one.holder, *cells])
+            rows.append([tool.name, tool.holder, *cells])
         more = len(self.tools) - len(rows)
         note = f"and {more} more" if more else ""
         return [Table("The most flexible mode of each tool", columns, rows, note)]
@@ -165,18 +162,18 @@ class CatalogueSummary(Result):
         names = ("frequency_hz", "damping_ratio", "dynamic_stiffness")
         tools = [
             {
-                "name": one.name,
-                "holder": one.holder,
-                "modes": one.modes,
+                "name": tool.name,
+                "holder": tool.holder,
+                "modes": tool.modes,
                 "most_flexible": None
-                if one.values is None or one.interval is None
+                if tool.values is None or tool.interval is None
                 else {
                     name: {"value": value, "interval": ends}
-                    for name, value, ends in zip(names, one.values, one.interval, strict=True)
+                    for name, value, ends in zip(names, tool.values, tool.interval, strict=True)
                 },
-                "notes": one.notes,
+                "notes": tool.notes,
             }
-            for one in self.tools
+            for tool in self.tools
         ]
         return {"level": self.level, "tools": tools}
 
@@ -196,10 +193,10 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
     with streamed(path) as file:
         rows = csv.writer(file)
         rows.writerow(_MODE_COLUMNS)
-        for one in predictions:
-            row, interval = one.row, one.modes_interval
-            for number, values in enumerate(one.modes):
-                cells = np.column_stack([values, interval[number]]) * _MODE_UNITS[:, None]
+        for prediction in predictions:
+            row = prediction.row
+            for number, (values, interval) in enumerate(zip(prediction.modes, prediction.modes_interval, strict=True)):
+                cells = np.column_stack([values, interval]) * _MODE_UNITS[:, None]
                 rows.writerow(
                     [
                         inert(row.name),
@@ -207,69 +204,50 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
                         "" if row.teeth is None else row.teeth,
                         number + 1,
                         *(f"{cell:.6g}" for cell in cells.ravel()),
-                        "yes" if number == one.most_flexible else "",
+                        "yes" if number == prediction.most_flexible else "",
                     ]
                 )
-            yield one
+            yield prediction
 
 
-@dataclass(frozen=True)
-class ToolCut:
-    """A cut of a campaign that the tools of a catalogue make, each with its own number of teeth.
+def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobes:
+    """Return the lobes of a tool that was predicted with draws, by the mean force, with the same tip in x and y.
 
     Parameters
     ----------
+    prediction : ToolPrediction
+        The tool, with draws.
     campaign : Campaign
-        The campaign.
-    name : str
-        Name of the cut.
+        Campaign with the cut, the spindle speeds and the probability.
+    cut : str
+        Name of the cut. The number of teeth is that of the row of the tool, or that of the cut if the row has none.
 
     Raises
     ------
     CampaignError
         The campaign has no such cut, or no spindle speeds.
-    """
-
-    campaign: Campaign
-    name: str
-
-    def __post_init__(self) -> None:
-        self.campaign.select_cuts([self.name])
-        self.campaign.spindle_speeds()
-
-    @property
-    def cut(self) -> CampaignCut:
-        """The cut of the campaign."""
-        return self.campaign.cuts[self.name]
-
-
-def tool_lobes(one: ToolPrediction, cut: ToolCut) -> Lobes:
-    """Return the lobes of a tool that was predicted with draws, by the mean force, with the same tip in x and y.
-
-    The number of teeth is that of the row, or that of the cut if the row has none.
-
-    Raises
-    ------
     ValueError
         There are fewer draws than the probability needs.
     """
-    settings = cut.campaign.table.stability
-    own = cut.cut
-    if isinstance(own.cut, Milling) and one.row.teeth is not None:
-        own = replace(own, cut=replace(own.cut, teeth=one.row.teeth))
-    identity = np.eye(2 if isinstance(own.cut, Milling) else 1)
+    settings = campaign.table.stability
+    (chosen,) = campaign.select_cuts([cut])
+    if isinstance(chosen.cut, Milling) and prediction.row.teeth is not None:
+        chosen = replace(chosen, cut=replace(chosen.cut, teeth=prediction.row.teeth))
+    identity = np.eye(2 if isinstance(chosen.cut, Milling) else 1)
     lobes = stability_lobes(
-        own.cut,
-        one.frequency_hz,
-        one.receptance[:, None, None] * identity,
-        speeds_rpm=cut.campaign.spindle_speeds(),
-        draws=one.drawn[:, :, None, None] * identity,
-        cuts=own.drawn(len(one.drawn), settings.seed),
+        chosen.cut,
+        prediction.frequency_hz,
+        prediction.receptance[:, None, None] * identity,
+        speeds_rpm=campaign.spindle_speeds(),
+        draws=prediction.drawn[:, :, None, None] * identity,
+        cuts=chosen.drawn(len(prediction.drawn), settings.seed),
     )
-    return replace(own.label(lobes), probability=settings.probability)
+    return replace(chosen.label(lobes), probability=settings.probability)
 
 
-def write_depths(path: Path, predictions: Iterable[ToolPrediction], cut: ToolCut) -> Iterator[ToolPrediction]:
+def write_depths(
+    path: Path, predictions: Iterable[ToolPrediction], campaign: Campaign, cut: str
+) -> Iterator[ToolPrediction]:
     """Write recommended speeds and depths of each tool as CSV, and yield the predictions unchanged.
 
     The file appears when the last prediction was yielded.
@@ -277,32 +255,17 @@ def write_depths(path: Path, predictions: Iterable[ToolPrediction], cut: ToolCut
     with streamed(path) as file:
         rows = csv.writer(file)
         rows.writerow(_DEPTH_COLUMNS)
-        for one in predictions:
-            found = tool_lobes(one, cut)
-            limits = dict(zip(found.speeds_rpm.tolist(), found.depth.tolist(), strict=True))
-            teeth = getattr(found.cut, "teeth", "")
-            for rank, best in enumerate(found.best_cuts):
+        for prediction in predictions:
+            lobes = tool_lobes(prediction, campaign, cut)
+            limits = dict(zip(lobes.speeds_rpm.tolist(), lobes.depth.tolist(), strict=True))
+            teeth = getattr(lobes.cut, "teeth", "")
+            for rank, best in enumerate(lobes.best_cuts):
                 values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
-                ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(found.certain_depth)))
+                ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(lobes.certain_depth)))
                 cells = [f"{value:.6g}" for value in (*values, *ends)]
-                name, holder, cut_name = map(inert, (one.row.name, one.row.holder, found.name))
+                name, holder, cut_name = map(inert, (prediction.row.name, prediction.row.holder, lobes.name))
                 rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
-            yield one
-
-
-def as_frf(one: ToolPrediction) -> FRF:
-    """Return the predicted receptance as an FRF for other programs.
-
-    It has no variance: the variance of an FRF is noise that is independent between lines, which errors of a prediction
-    are not.
-    """
-    return FRF(
-        frequency_hz=one.frequency_hz,
-        values=one.receptance,
-        label=one.row.name,
-        source="predicted by receptance",
-        notes=("predicted, not measured",),
-    )
+            yield prediction
 
 
 def file_names(names: Iterable[str]) -> dict[str, str]:
@@ -319,17 +282,17 @@ def file_names(names: Iterable[str]) -> dict[str, str]:
     """
     plain = {name: _portable(name) for name in names}
     counts = Counter(map(_folded, plain.values()))
-    # A name without an equal keeps its own, so numbers never lead to one that exists.
+    # Unique names are not changed, so a number never leads to a name that exists.
     taken = {folded for folded, count in counts.items() if count == 1}
-    chosen: dict[str, str] = {}
+    assigned: dict[str, str] = {}
     for name in sorted(plain, key=lambda name: plain[name] != name):
         base, unique, number = plain[name], plain[name], 1
         while counts[_folded(base)] > 1 and _folded(unique) in taken:
             number += 1
             unique = f"{base}-{number}"
         taken.add(_folded(unique))
-        chosen[name] = unique
-    return {name: chosen[name] for name in plain}
+        assigned[name] = unique
+    return {name: assigned[name] for name in plain}
 
 
 def _portable(name: str) -> str:

@@ -130,7 +130,7 @@ def read_tools(path: str | Path) -> list[ToolRow]:
         The file does not exist or cannot be opened.
     """
     file, problems, rows = _open(path, _TOOL, _TOOL_REQUIRED)
-    found: list[ToolRow] = []
+    tools: list[ToolRow] = []
     lines: dict[str, int] = {}
     for line, row in rows:
         values, conditions = _values(line, row, _TOOL, _TOOL_REQUIRED, problems)
@@ -143,12 +143,12 @@ def read_tools(path: str | Path) -> list[ToolRow]:
         lines.setdefault(name, line)
         problem = _check_flutes(line, values)
         if problem is None:
-            own = {key.replace(" ", "_"): value for key, value in values.items()}
-            found.append(ToolRow(line=line, conditions=conditions, **own))
+            fields = {key.replace(" ", "_"): value for key, value in values.items()}
+            tools.append(ToolRow(line=line, conditions=conditions, **fields))
         else:
             problems.append(problem)
-    _raise_problems(file, problems, found)
-    return found
+    _raise_problems(file, problems, tools)
+    return tools
 
 
 def read_holders(path: str | Path) -> dict[str, list[HolderRow]]:
@@ -158,14 +158,14 @@ def read_holders(path: str | Path) -> dict[str, list[HolderRow]]:
     `core`, the material that fills the bore. See `read_tools` for parameters and errors.
     """
     file, problems, rows = _open(path, _HOLDER, _HOLDER_REQUIRED)
-    found: dict[str, list[HolderRow]] = {}
+    holders: dict[str, list[HolderRow]] = {}
     for line, row in rows:
         values, _ = _values(line, row, _HOLDER, _HOLDER_REQUIRED, problems)
         if values is not None:
             segment = HolderRow(line=line, **{key.replace(" ", "_"): value for key, value in values.items()})
-            found.setdefault(segment.holder, []).append(segment)
-    _raise_problems(file, problems, found)
-    return found
+            holders.setdefault(segment.holder, []).append(segment)
+    _raise_problems(file, problems, holders)
+    return holders
 
 
 def _open(
@@ -197,8 +197,8 @@ def _open(
             if len(cells) != len(header):
                 problems.append(Problem((), f"has {len(cells)} cells, expected {len(header)}", line))
                 continue
-            own = [cell.strip().replace(",", ".") if semicolons else cell.strip() for cell in cells]
-            yield line, {name: (cell, unit) for (name, unit), cell in zip(names, own, strict=True) if cell}
+            texts = [cell.strip().replace(",", ".") if semicolons else cell.strip() for cell in cells]
+            yield line, {name: (cell, unit) for (name, unit), cell in zip(names, texts, strict=True) if cell}
 
     return file, problems, rows()
 
@@ -217,7 +217,7 @@ def _columns(
 ) -> list[tuple[str, str]]:
     """Return names and units of the columns, and add mistakes of the header."""
     if not any(cell.strip().startswith(required) for cell in header):
-        # The header is not quoted: the file may be anything, also a confidential one.
+        # The header is not quoted, because the file may be any file, also a confidential one.
         text = f"none of the {len(header)} columns is one of these: {one_of(required)}"
         problems.append(Problem((), text))
         return []
@@ -238,7 +238,7 @@ def _columns(
 def _column_problem(name: str, unit: str, known: Mapping[str, _Cell], before: list[str]) -> str:
     """Return the mistake in the heading of a column, or an empty text."""
     if name in before:
-        return "is there twice"
+        return "occurs twice"
     if not isinstance(known.get(name), Quantity):
         near = did_you_mean(name, known) if name not in known and not unit else ""
         return f"is no known column{near}; other columns need a unit" if near else ""
@@ -263,7 +263,7 @@ def _values(
     """Return values of a row (text, whole numbers, SI values; None after a mistake is added) and its conditions."""
     values: dict[str, Any] = {}
     conditions: dict[str, float] = {}
-    own = [Problem((name,), "is empty", line) for name in required if name not in row]
+    mistakes = [Problem((name,), "is empty", line) for name in required if name not in row]
     for name, (cell, unit) in row.items():
         try:
             if name in columns:
@@ -271,9 +271,9 @@ def _values(
             elif unit:
                 conditions[name], _ = parse_any(f"{cell} {unit}")
         except ValueError as error:
-            own.append(Problem((name,), str(error), line))
-    problems += own
-    return (None if own else values), conditions
+            mistakes.append(Problem((name,), str(error), line))
+    problems += mistakes
+    return (None if mistakes else values), conditions
 
 
 def _value(cell: str, unit: str, kind: _Cell, row: _Row) -> Any:
@@ -284,8 +284,7 @@ def _value(cell: str, unit: str, kind: _Cell, row: _Row) -> Any:
             raise ValueError(f"is {shown(cell)}, expected a whole number from 1 to {_MOST_TEETH}")
         return int(cell)
     if unit == "%":
-        diameter, its_unit = row.get("diameter", ("1", "mm"))
-        return _share(cell) * parse(f"{diameter} {its_unit}", units.LENGTH)
+        return _share(cell) * parse(" ".join(row.get("diameter", ("1", "mm"))), units.LENGTH)
     return parse(f"{cell} {unit}", kind)
 
 
@@ -311,8 +310,8 @@ def _check_flutes(line: int, values: dict[str, Any]) -> Problem | None:
     return None
 
 
-def _raise_problems(file: Path, problems: list[Problem], found: Any) -> None:
+def _raise_problems(file: Path, problems: list[Problem], rows: Any) -> None:
     if problems:
         raise CampaignError(file, problems)
-    if not found:
+    if not rows:
         raise CampaignError.about(file, "there is no row below the header")

@@ -51,11 +51,11 @@ CampaignFile = Annotated[
 ]
 
 
-def load_campaign(path: Path, targets: Targets) -> Campaign:
+def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None]) -> Campaign:
     """Read a campaign, and check that no file that it reads would be overwritten."""
     from receptance.campaign import load
 
-    found = with_progress(lambda say: load(path, progress=say))
+    found = load(path, progress=progress)
     targets.protect(found.file, "the campaign file")
     files = [name for measured in found.measurements.values() for name in measured.files]
     files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
@@ -64,19 +64,20 @@ def load_campaign(path: Path, targets: Targets) -> Campaign:
     return found
 
 
-def run_on_campaign(
-    path: Path, targets: Targets, work: Callable[[Campaign, Callable[[str], None]], _Found]
-) -> tuple[Campaign, _Found]:
+def run_on_campaign(path: Path, targets: Targets, work: Callable[[Campaign], _Found]) -> tuple[Campaign, _Found]:
     """Read a campaign and analyse it, with a progress display; mistakes in the input become `InputError`.
 
     Warnings are not shown, because they are among the notes of the result.
     """
     from receptance.campaign import CampaignError
 
+    def run(say: Callable[[str], None]) -> tuple[Campaign, _Found]:
+        read = load_campaign(path, targets, say)
+        return read, work(read)
+
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
-        read = load_campaign(path, targets)
-        return read, with_progress(lambda say: work(read, say))
+        return with_progress(run)
 
 
 def example(
@@ -126,7 +127,7 @@ def identify(
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
     targets = Targets(json_file, plot)
-    read, found = run_on_campaign(campaign, targets, lambda read, say: read.identify(progress=say))
+    read, found = run_on_campaign(campaign, targets, lambda read: read.identify())
     targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
     if strict and (found.advice or not found.converged):
         raise typer.Exit(_NO)
@@ -149,10 +150,10 @@ def predict(
     """Predict held-out measurements and unmeasured assemblies."""
     targets = Targets(json_file, plot)
 
-    def work(read: Campaign, say: Callable[[str], None]) -> Prediction:
+    def work(read: Campaign) -> Prediction:
         if at_most is not None and not read.held_out:
             raise InputError("--at-most needs held-out measurements, and the campaign has none")
-        return read.predict(progress=say)
+        return read.predict()
 
     read, found = run_on_campaign(campaign, targets, work)
     targets.show(found)
@@ -182,7 +183,7 @@ def transfer(
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
     way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
-    _, found = run_on_campaign(campaign, targets, lambda read, say: read.transfer(splits=way, progress=say))
+    _, found = run_on_campaign(campaign, targets, lambda read: read.transfer(splits=way))
     if plot is not None and not found.modes and not found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
     targets.show(found)
@@ -205,9 +206,7 @@ def invert(
 ) -> None:
     """Compute joint stiffness on each line by inverse coupling."""
     targets = Targets(json_file, plot)
-    _, found = run_on_campaign(
-        campaign, targets, lambda read, say: read.invert(joint, limit=limit / 100.0, progress=say)
-    )
+    _, found = run_on_campaign(campaign, targets, lambda read: read.invert(joint, limit=limit / 100.0))
     targets.show(found)
 
 
@@ -226,9 +225,7 @@ def next_measurement(
 ) -> None:
     """Rank candidate measurements by their expected benefit."""
     targets = Targets(json_file, plot)
-    _, found = run_on_campaign(
-        campaign, targets, lambda read, say: read.next_measurement(targets=target or (), progress=say)
-    )
+    _, found = run_on_campaign(campaign, targets, lambda read: read.next_measurement(targets=target or ()))
     targets.show(found)
 
 
@@ -242,7 +239,7 @@ def stability(
 ) -> None:
     """Compute stable depths of cut and recommended spindle speeds."""
     targets = Targets(json_file, plot)
-    _, found = run_on_campaign(campaign, targets, lambda read, say: read.stability(cuts=cut or (), progress=say))
+    _, found = run_on_campaign(campaign, targets, lambda read: read.stability(cuts=cut or ()))
     targets.show(found)
 
 
@@ -272,10 +269,10 @@ def diagnose(
     """
     targets = Targets(json_file, plot, report, extended)
 
-    def work(read: Campaign, say: Callable[[str], None]) -> Verdict:
+    def work(read: Campaign) -> Verdict:
         from receptance.campaign.stability import named_metrics
 
-        return read.diagnose(causes or None, metrics=named_metrics(read, metrics or ()), progress=say)
+        return read.diagnose(causes or None, metrics=named_metrics(read, metrics or ()))
 
     read, found = run_on_campaign(campaign, targets, work)
 

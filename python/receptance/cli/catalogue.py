@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,7 +17,7 @@ from receptance.cli.running import InputError, Json, Plot, Targets, input_errors
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
-    from receptance.catalogue import CatalogueSummary, ToolCut, ToolPrediction
+    from receptance.catalogue import CatalogueSummary, ToolPrediction
 
 __all__ = ["catalogue"]
 
@@ -61,9 +61,9 @@ def catalogue(
     wanted.check(targets)
     begun = time.perf_counter()
 
-    def work(read: Campaign, say: Callable[[str], None]) -> CatalogueSummary:
+    def work(read: Campaign) -> CatalogueSummary:
         wanted.protect_inputs(read, targets)
-        return _run(read, wanted, say)
+        return _run(read, wanted)
 
     _, found = run_on_campaign(campaign, targets, work)
     targets.show(found)
@@ -122,30 +122,31 @@ class _Wanted:
                 if target.resolve() == path.resolve():
                     raise InputError(f"{option} names {target}, which is read; give another file")
 
-    def tool_cut(self, read: Campaign) -> ToolCut | None:
-        """Return the cut for --depths."""
-        from receptance.catalogue import ToolCut
-
+    def check_cut(self, read: Campaign) -> str:
+        """Return the name of the cut for --depths after checking it and the spindle speeds; empty without --depths."""
         if self.depths is None:
-            return None
+            return ""
         if self.cut is None and len(read.cuts) != 1:
             known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
             raise InputError(f"--depths needs one cut, name it with --cut; {known}")
-        return ToolCut(read, self.cut or next(iter(read.cuts)))
+        name = self.cut or next(iter(read.cuts))
+        read.select_cuts([name])
+        read.spindle_speeds()
+        return name
 
 
-def _run(read: Campaign, wanted: _Wanted, say: Callable[[str], None]) -> CatalogueSummary:
+def _run(read: Campaign, wanted: _Wanted) -> CatalogueSummary:
     from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
     from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
 
-    cut = wanted.tool_cut(read)
+    cut = wanted.check_cut(read)
     chosen = Catalogue(read, wanted.tools, wanted.holders)
     draws = read.table.stability.number_of_draws if cut else _DRAWS if wanted.figures else 0
-    predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed, progress=say)
+    predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
     if wanted.out is not None:
         predictions = write_modes(wanted.out, predictions)
-    if wanted.depths is not None and cut is not None:
-        predictions = write_depths(wanted.depths, predictions, cut)
+    if wanted.depths is not None:
+        predictions = write_depths(wanted.depths, predictions, read, cut)
     if wanted.figures is not None or wanted.frfs is not None:
         names = file_names(row.name for row in chosen.tools)
         predictions = _write_files(predictions, names, wanted.figures, wanted.frfs)
@@ -163,17 +164,16 @@ def _write_files(
 ) -> Iterator[ToolPrediction]:
     """Write the figure and the FRF of each tool, and yield the predictions unchanged."""
     from receptance.catalogue.figure import draw_tool
-    from receptance.catalogue.results import as_frf
     from receptance.io import write
     from receptance.report.figure import as_image
 
-    for one in predictions:
-        name = names[one.row.name]
+    for prediction in predictions:
+        name = names[prediction.row.name]
         if figures is not None:
-            write_whole({figures / f"{name}.png": as_image(draw_tool(one), "png")})
+            write_whole({figures / f"{name}.png": as_image(draw_tool(prediction), "png")})
         if frfs is not None:
-            write(frfs / f"{name}.csv", as_frf(one))
-        yield one
+            write(frfs / f"{name}.csv", prediction.as_frf())
+        yield prediction
 
 
 def _renamed_files(found: CatalogueSummary) -> str:

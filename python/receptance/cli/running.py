@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderHook
 from rich.control import Control
-from rich.measure import Measurement
 from rich.segment import Segment
 
 from receptance._files import check_target, write_whole
@@ -133,7 +132,7 @@ class Targets:
 
     def write(
         self,
-        results: dict[str, Any],
+        results: Callable[[], dict[str, Any]],
         draw: Callable[[], Figure] | None = None,
         profiles: Callable[[], Figure] | None = None,
         report: Callable[[], str] | None = None,
@@ -145,7 +144,7 @@ class Targets:
         contents: dict[Path, bytes] = {}
         document = ""
         if self.json_file is not None or self.json_to_output:
-            document = json.dumps(results, indent=2, allow_nan=False) + "\n"
+            document = json.dumps(results(), indent=2, allow_nan=False) + "\n"
         if self.json_file is not None:
             contents[self.json_file] = document.encode()
         if self.report is not None and report is not None:
@@ -185,7 +184,7 @@ class Targets:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
         from receptance.report.terminal import print_result
 
-        self.write(result.to_dict(), result.plot, profiles, report, extended)
+        self.write(result.to_dict, result.plot, profiles, report, extended)
         console = self.console()
         print_result(console, result, measured)
         self.print_names(console)
@@ -231,9 +230,6 @@ class _Escaped:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
         for segment in console.render(self._inner, options):
             yield segment if segment.control else Segment(printable(segment.text), segment.style)
-
-    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        return Measurement.get(console, options, self._inner)
 
 
 class _EscapeHook(RenderHook):

@@ -88,7 +88,7 @@ def bt50(json_file: Json = None, plot: Plot = None, step: Step = 1, seed: Seed =
 
 def _report(targets: Targets, found: dict[str, Any], sections: Sequence[Section], draw: Callable[[], Figure]) -> None:
     """Write the files, print the sections of a study and name the files."""
-    targets.write(found, draw)
+    targets.write(lambda: found, draw)
     console = targets.console()
     for section in sections:
         print_title(console, section.title)

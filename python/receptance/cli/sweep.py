@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -70,12 +71,12 @@ def sweep(
     targets = Targets(json_file, plot)
     with warnings.catch_warnings(record=True) as caught, input_errors(ReceptanceError, ValueError, OSError):
         warnings.simplefilter("always", ReceptanceWarning)
-        read = load_campaign(campaign, targets)
+        read = with_progress(lambda say: load_campaign(campaign, targets, say))
         caught.clear()  # warnings on measurements are shown by the commands that fit them
         given = _fixed_values(at or [])
         candidates = _candidates(read, vary or [], points, sample, seed, given)
         try:
-            found = with_progress(lambda say: read.compare(candidates, given=given, store=store, progress=say))
+            found = with_progress(lambda say: replace(read, progress=say).compare(candidates, given=given, store=store))
         except (KeyboardInterrupt, OSError):
             # OSError: the disk may be full.
             if store is not None and store.is_dir():

@@ -19,7 +19,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["Adequacy", "MisfitBand", "Strain", "judge"]
+__all__ = ["Adequacy", "MisfitBand", "Strain", "judge", "misfit_limit"]
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,11 @@ class Adequacy:
         return ""
 
 
+def misfit_limit(fit: Fit) -> float:
+    """Return the misfit up to which a fit may be adequate."""
+    return max(MISFIT_LIMIT, _quantile(fit.expected_chi_square))
+
+
 def judge(fit: Fit) -> Adequacy:
     """Return the adequacy of a fit."""
     smooth = expected = 0.0
@@ -151,7 +156,7 @@ def judge(fit: Fit) -> Adequacy:
             worst.append(MisfitBand(one.label or one.configuration, frequency, frequency, float(residual[at] ** 2)))
     return Adequacy(
         misfit=fit.misfit,
-        limit=max(MISFIT_LIMIT, _quantile(fit.expected_chi_square)),
+        limit=misfit_limit(fit),
         smooth=smooth / expected if expected else 1.0,
         smooth_limit=max(MISFIT_LIMIT, _quantile(expected)) if expected else MISFIT_LIMIT,
         worst=tuple(sorted(worst, key=lambda band: -band.misfit)),

@@ -61,8 +61,8 @@ def diagnose(
     threads : int, optional
         As in `Assembly.receptance`; it does not change the result.
     held_out : bool, optional
-        Whether the improvement is measured by cross-validation, with the whole selection repeated without each
-        configuration.
+        Whether the improvement is measured by cross-validation, with the choice among the explanations repeated without
+        each configuration.
     most : int, optional
         Largest number of causes that act together.
     metrics : mapping of str to callable, optional
@@ -126,13 +126,13 @@ def diagnose(
     _checks.thread_count(threads)
     model, line_notes = select_lines(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
     model = model.with_witnesses()
-    report = Progress(progress, 1 + (count_folds(model) if held_out else 0))
+    report = Progress(progress)
+    report.plan("held out", count_folds(model) if held_out else 0)
     selection = select(model, catalogue, most=most, progress=report)
     verdict = _verdict(selection, most, line_notes, report)
     if not held_out or not verdict.final:
         return verdict
-    report.next_selection()
-    improvement = cross_validate(model, catalogue, most=most, metrics=metrics, progress=report)
+    improvement = cross_validate(selection, metrics=metrics, progress=report)
     if not improvement.complete:
         verdict = verdict.interrupt(report.position, tried=True)
     return verdict.with_improvement(improvement)
@@ -223,7 +223,7 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> Candidate:
         parameters={name: (value, *one.fit.identification.interval(name)) for name, value in sizes.items()},
         gain=one.gain,
         evidence=one.evidence,
-        misfit=one.adequacy.misfit,
+        misfit=one.fit.misfit,
         plausible=not set(one.implausible) & set(sizes),
         vetoed=implausible(declared, sizes),
         converged=one.fit.converged,

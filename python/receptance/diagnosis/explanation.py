@@ -6,12 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from receptance.diagnosis.adequacy import Adequacy, judge
+from receptance.diagnosis.adequacy import Adequacy, judge, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
+from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE
 
-__all__ = ["Explanation", "Selection", "best_of_each"]
+__all__ = ["Explanation", "Selection", "behind_limit", "best_of_each"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,11 @@ class Explanation:
         return judge(self.fit)
 
     @cached_property
+    def passed(self) -> bool:
+        """Whether the fit is adequate."""
+        return self.fit.misfit <= misfit_limit(self.fit) and self.adequacy.passed
+
+    @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """Parameters of all its causes by the names of their unknowns."""
         return parameters_of(self.fit.model.unknowns)
@@ -89,6 +95,20 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
     for one in sorted(found, key=lambda one: -one.evidence):
         best.setdefault(one.ids, one)
     return list(best.values())
+
+
+def behind_limit(without: float, found: Iterable[float]) -> float:
+    """Return the largest chi-square that an explanation may have to be fitted on all lines.
+
+    Parameters
+    ----------
+    without : float
+        Chi-square without a cause.
+    found : iterable of float
+        Chi-square of the explanations.
+    """
+    best = min([without, *found])
+    return best + BEHIND + BEHIND_SHARE * (without - best)
 
 
 @dataclass(eq=False)

@@ -29,6 +29,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 from receptance.identification.fit import conclude
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import InfeasibleError
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import fit_direct, fit_staged
 
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Task
 
-__all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "refit"]
+__all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "refit", "with_null"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,6 @@ class Fit:
     ----------
     model : Model
         The fitted model.
-    problem : Problem
-        Its residuals on all lines.
     x : ndarray
         The fitted variables.
     chi_square : float
@@ -64,7 +63,6 @@ class Fit:
     """
 
     model: Model
-    problem: Problem
     x: NDArray[np.float64]
     chi_square: float
     converged: bool
@@ -76,6 +74,11 @@ class Fit:
         """The model as a task of the identification."""
         return self.model.task
 
+    @property
+    def problem(self) -> Problem:
+        """The residuals on all lines."""
+        return self.model.problem
+
     @cached_property
     def values(self) -> dict[str, float]:
         """Values of the unknowns in SI units by name."""
@@ -84,7 +87,10 @@ class Fit:
     @cached_property
     def residual(self) -> NDArray[np.float64]:
         """All residuals, priors last."""
-        return self.problem.residual(self.x).copy()
+        try:
+            return self.problem.value(self.x)
+        except InfeasibleError:
+            return np.full(self.problem.size, np.inf)
 
     @property
     def parts(self) -> list[NDArray[np.float64]]:
@@ -193,28 +199,23 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
     evaluations : int
         Number of evaluations that led to the start.
     """
-    problem = model.task.problem()
+    problem = model.problem
     end = problem.fit_one(_vector(model.task, start), EVALUATIONS, least=CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     regained = 2.0 * (end.first - end.cost)
-    return Fit(model, problem, end.x, 2.0 * end.cost, end.converged, evaluations + end.evaluations, regained)
+    return Fit(model, end.x, 2.0 * end.cost, end.converged, evaluations + end.evaluations, regained)
 
 
-def evaluate(model: Model, values: Mapping[str, float], *, converged: bool = False, evaluations: int = 0) -> Fit:
-    """Return a model on all lines at given values, without a fit.
-
-    Parameters
-    ----------
-    model, values, evaluations
-        As in `refit`.
-    converged : bool
-        Whether the values are those of a fit that has converged.
-    """
-    problem = model.task.problem()
+def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0) -> Fit:
+    """Return a model on all lines at given values, without a fit; parameters as in `refit`."""
     x = _vector(model.task, values)
-    residual = problem.residual(x)
-    return Fit(model, problem, x, float(residual @ residual), converged, evaluations)
+    return Fit(model, x, 2.0 * model.problem.cost(x), False, evaluations)
+
+
+def with_null(model: Model, fit: Fit) -> Fit:
+    """Return a fit as that of its model with a further cause, which is null; neither is evaluated."""
+    return Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,10 +241,23 @@ class Exploration:
         """Smallest chi-square on few lines."""
         return self.ends[0][0] if self.ends else np.inf
 
-    def finish(self) -> Fit:
-        """Return the fit on all lines, the better one from the best end point and from another one nearly as good."""
+    @property
+    def misfit(self) -> float:
+        """Smallest chi-square on few lines divided by its expectation from noise and floor."""
+        pairs = zip(self.model.observations, informative_lines(self.model), strict=True)
+        values = sum((one if lines is None else one.select(lines)).independent_values for one, lines in pairs)
+        return self.chi_square / max(values - sum(unknown.prior is None for unknown in self.model.unknowns), 1.0)
+
+    def finish(self) -> Fit | None:
+        """Return the fit on all lines, the better one from the best end point and from another one nearly as good.
+
+        None is returned where the model has no value on all lines.
+        """
         near = [values for cost, values in self.ends if cost < self.chi_square + SAME_END][:2]
-        fits = [refit(self.model, values) for values in near]
+        try:
+            fits = [refit(self.model, values) for values in near]
+        except ReceptanceError:
+            return None
         evaluations = self.evaluations + sum(fit.evaluations for fit in fits)
         return replace(min(fits, key=lambda fit: fit.chi_square), evaluations=evaluations)
 

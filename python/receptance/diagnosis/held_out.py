@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
-from receptance.diagnosis.causes import Cause, IndescribableError, transfer
-from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.causes import IndescribableError, parameters_of, transfer
+from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
+from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.selection import select
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS, SINGLES_HELD_OUT
 from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
@@ -43,6 +42,7 @@ __all__ = [
     "gain_of",
     "improvement",
     "metrics_of",
+    "select_without",
 ]
 
 FREQUENCIES = "natural frequencies, rms error in percent"
@@ -136,11 +136,6 @@ class PosteriorPrediction:
         return [own.apply(one.assembly, values) for one, own in pairs]
 
     @property
-    def chi_square(self) -> float:
-        """Increase of chi-square when the new data are fitted together with the data of the fit."""
-        return 2.0 * self._with_all_variables.cost
-
-    @property
     def log_score(self) -> float:
         """Natural logarithm of the predictive density of the data: of log FRFs, and of frequencies in Hz."""
         end = self._with_all_variables
@@ -169,51 +164,92 @@ class _Fold:
 
 
 def cross_validate(
-    model: Model,
-    causes: Sequence[Cause],
+    selection: Selection,
     *,
-    most: int,
     metrics: Mapping[str, Metric] | None = None,
     progress: Progress | None = None,
 ) -> Improvement:
-    """Return the improvement on configurations that are left out in turn, with the whole selection repeated.
+    """Return the improvement on configurations that are left out in turn, with the choice of the causes repeated.
 
     Where there are more configurations than folds, several are left out together. A KeyboardInterrupt ends it with the
     completed folds.
 
     Parameters
     ----------
-    model : Model
-        The model.
-    causes, most, progress
-        As in `select`.
+    selection : Selection
+        The fits to all configurations.
     metrics : mapping of str to callable, optional
         User-defined metrics.
+    progress : Progress, optional
+        Reports each fold.
     """
-    names = model.configurations
-    count = count_folds(model)
-    report = progress or Progress(selections=count)
+    model = selection.base.model
+    names, count = model.configurations, count_folds(model)
+    report = progress or Progress()
+    report.plan("held out", count)
     folds: list[_Fold] = []
     complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
         held_out = tuple(o for o, own in zip(model.observations, model.configuration_of, strict=True) if own in group)
-        report.holding_out = name
         try:
-            selection = select(without(model, group), causes, most=most, progress=report)
-            if selection.interrupted:
-                raise KeyboardInterrupt
+            report("held out", f"held out: {name}")
+            fold = select_without(selection, group)
         except (ValueError, ReceptanceError) as error:
             folds.append(_Fold(name, f"not fitted: {error}", (), {}, {}))
             continue
         except KeyboardInterrupt:
             complete = False
             break
-        report.next_selection()
-        judgement = conclude(selection)
+        judgement = conclude(fold)
         best = judgement.reported[0] if judgement.reported else None
-        folds.append(_fold(name, judgement.answer, selection, best, held_out, model.tolerances, metrics))
+        folds.append(_fold(name, judgement.answer, fold, best, held_out, model.tolerances, metrics))
     return replace(_combine(folds, model, metrics), complete=complete)
+
+
+def select_without(selection: Selection, configurations: Sequence[str]) -> Selection:
+    """Return the selection without some configurations.
+
+    The base and every explanation that is close to the best one on the other configurations are fitted to these, from
+    the values of the fit to all. An explanation is close by the rule that decides which explanations are fitted on all
+    lines. `tests/validation/folds.py` compares the answers and the improvement with a selection from the beginning.
+    """
+    base = refit(without(selection.base.model, configurations), selection.base.values)
+    found = replace(
+        selection,
+        base=base,
+        penalty=math.log(max(base.independent_values, 2.0)),
+        explanations=[],
+        tried=[],
+        alternatives=[],
+    )
+    every = best_of_each([*selection.explanations, *selection.tried])
+    remaining = {one: _on_others(one.fit, configurations) - one.expected for one in every}
+    limit = behind_limit(_on_others(selection.base, configurations), remaining.values())
+    for one in every:
+        if remaining[one] <= limit:
+            found.add(*_refit(found, one, configurations))
+    for one in selection.alternatives:
+        found.alternatives += _refit(found, one, configurations)
+    found.alternatives.sort(key=lambda one: -one.evidence)
+    return found
+
+
+def _on_others(fit: Fit, configurations: Sequence[str]) -> float:
+    """Return chi-square without the residuals of some configurations."""
+    own = fit.by_configuration
+    return fit.chi_square - sum(own.get(name, 0.0) for name in configurations)
+
+
+def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]) -> list[Explanation]:
+    """Return an explanation fitted without some configurations; none where it acts in these alone."""
+    model = without(one.fit.model, configurations)
+    if not parameters_of(model.unknowns).keys() >= one.parameters.keys():
+        return []
+    try:
+        return [selection.explain(one.steps, refit(model, one.fit.values))]
+    except ReceptanceError:
+        return []
 
 
 def count_folds(model: Model) -> int:

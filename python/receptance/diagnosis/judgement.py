@@ -60,7 +60,7 @@ def conclude(selection: Selection) -> Judgement:
     best = selection.best
     if best is None or best.evidence <= limit:
         return _judge_base(selection)
-    passing = [one for one in selection.explanations if one.adequacy.passed]
+    passing = [one for one in selection.explanations if one.passed]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
         return Judgement("unexplained", (), (), tuple(notes))

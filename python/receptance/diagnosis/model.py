@@ -11,7 +11,7 @@ from typing import Any
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters, Site
 from receptance.identification.observations import MeasuredFRF, Observation, altered
-from receptance.identification.problem import Unit
+from receptance.identification.problem import Problem, Unit
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
@@ -104,6 +104,11 @@ class Model:
         units: tuple[Unit, ...] = tuple("standard deviations" for _ in self.observations)
         parameters = Parameters(self.unknowns, self.tolerances, self._places_in_laws)
         return Task(self.observations, parameters, units, threads=self.threads)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The residuals on all lines."""
+        return self.task.problem()
 
     @cached_property
     def _places_in_laws(self) -> list[Site]:

@@ -8,7 +8,7 @@ from time import perf_counter
 
 __all__ = ["Progress"]
 
-_EXPECTED = {"base": 1, "causes": 60, "together": 18, "alternatives": 25}
+_EXPECTED = {"base": 1, "causes": 60, "together": 18, "alternatives": 25, "held out": 0}
 """Steps of each stage until their number is known."""
 _RECENT = 15
 """Number of the last steps from which the remaining time is estimated."""
@@ -23,29 +23,24 @@ class Progress:
     ----------
     report : callable, optional
         Called with one line of text at the start of each step.
-    selections : int, optional
-        Number of selections of causes: one, and one for each fold that is held out.
     """
 
-    def __init__(self, report: Callable[[str], None] | None = None, selections: int = 1) -> None:
+    def __init__(self, report: Callable[[str], None] | None = None) -> None:
         self._report = report or (lambda text: None)
         self.leading = ""
-        self.holding_out = ""
         self._stages = {stage: [0, count] for stage, count in _EXPECTED.items()}
-        self._before = 0
-        self._selections = selections
         self._began = perf_counter()
         self._times: deque[float] = deque([self._began], maxlen=_RECENT + 1)
 
     @property
     def done(self) -> int:
         """Number of steps that have started."""
-        return self._before + sum(done for done, _ in self._stages.values())
+        return sum(done for done, _ in self._stages.values())
 
     @property
     def total(self) -> int:
         """Expected number of steps."""
-        return self._before + self._selections * sum(planned for _, planned in self._stages.values())
+        return sum(planned for _, planned in self._stages.values())
 
     @property
     def seconds(self) -> float:
@@ -74,16 +69,7 @@ class Progress:
         self._times.append(now)
         if self.leading:
             text += f", leading so far: {self.leading}"
-        fold = f"held out: {self.holding_out}: " if self.holding_out else ""
-        self._report(f"{text}; {fold}{step}")
-
-    def next_selection(self) -> None:
-        """End a selection of causes; the next one is expected to have as many steps."""
-        sizes = {stage: done for stage, (done, _) in self._stages.items()}
-        self._before = self.done
-        self._selections = max(self._selections - 1, 1)
-        self._stages = {stage: [0, count] for stage, count in sizes.items()}
-        self.leading = ""
+        self._report(f"{text}; {step}")
 
 
 def _duration(seconds: float) -> str:

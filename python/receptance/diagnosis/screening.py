@@ -148,11 +148,11 @@ def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray
     Only these columns of the Jacobian are evaluated.
     """
     task = variant.model.task
-    problem = task.problem()
     unknowns = task.parameters.unknowns
     values = np.array([fit.values.get(u.name, u.start or 0.0) for u in unknowns], dtype=np.float64)
     fresh = np.array([u.name in names for u in unknowns])
     x = task.variables.from_values(values)
+    problem = variant.model.problem
     rows = problem.slopes(x, fresh) / task.variables.slopes(values)[fresh]
     return rows[: sum(problem.sizes)], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
+from typing import TypeVar
 
+from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
-from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
-from receptance.diagnosis.fitting import Exploration, Fit, evaluate, explore, fit_base, refit
+from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
+from receptance.diagnosis.fitting import Exploration, Fit, evaluate, explore, fit_base, refit, with_null
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, detection_threshold, directions, list_variants, rank
@@ -20,7 +24,6 @@ from receptance.diagnosis.thresholds import (
     ADDED_EVIDENCE,
     ALTERNATIVES_FINISHED,
     BEHIND,
-    BEHIND_SHARE,
     CONVERGED,
     EVALUATED_ON_INTERRUPT,
     LEADING_CAUSES,
@@ -32,6 +35,8 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 
 __all__ = ["Search", "select"]
+
+_T = TypeVar("_T")
 
 
 def select(
@@ -60,9 +65,12 @@ def select(
         base, interrupted = fit_levels(model, partial(report, "base")), False
     except KeyboardInterrupt:
         base, interrupted = evaluate(model, {}), True
+    workers = _checks.worker_count(model.threads)
+    # From here on the threads share the fits, and each fit has one.
+    base = replace(base, model=replace(base.model, threads=1))
     selection = Selection(base, math.log(max(base.independent_values, 2.0)), interrupted=interrupted)
     if not interrupted:
-        Search(selection, causes, most=most, progress=report).run()
+        Search(selection, causes, most=most, progress=report, workers=workers).run()
     selection.seconds = perf_counter() - began
     return selection
 
@@ -91,12 +99,21 @@ class Search:
         With the fit of the base.
     causes, most, progress
         As in `select`.
+    workers : int, optional
+        Number of fits that run at the same time.
     """
 
     def __init__(
-        self, selection: Selection, causes: Sequence[Cause], *, most: int = 2, progress: Progress | None = None
+        self,
+        selection: Selection,
+        causes: Sequence[Cause],
+        *,
+        most: int = 2,
+        progress: Progress | None = None,
+        workers: int = 1,
     ) -> None:
         self.selection = selection
+        self._workers = workers
         self._causes = causes
         self._most = most
         self._report = progress or Progress()
@@ -152,7 +169,7 @@ class Search:
         found: list[Explanation] = []
         best = roots[0]
         threshold = max(own.threshold, 0.0)
-        extends_all = not best.adequacy.passed
+        extends_all = not best.passed
         for root in roots[:ROOTS]:
             # Where the best explanation is adequate, only those within the margin are extended.
             if root is not best and not extends_all and root.evidence < best.evidence - MARGIN:
@@ -201,7 +218,7 @@ class Search:
         best cause: from the base a wrong variant may end closer to the data than the right one.
         """
         own = self.selection
-        if own.base.misfit <= MISFIT_LIMIT or any(one.adequacy.passed for one in own.explanations):
+        if own.base.misfit <= MISFIT_LIMIT or any(one.passed for one in own.explanations):
             return
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
@@ -235,7 +252,7 @@ class Search:
     def finish_best(self) -> None:
         """Continue the fit of the best explanation, if it is adequate and reached its limit of evaluations."""
         own, best = self.selection, self.selection.best
-        if best is not None and best.adequacy.passed and not best.fit.converged:
+        if best is not None and best.passed and not best.fit.converged:
             continued = own.explain(best.steps, refit(best.fit.model, best.fit.values))
             own.explanations = best_of_each([continued, *own.explanations])
 
@@ -246,7 +263,7 @@ class Search:
         starts from the one together with another cause.
         """
         own, best = self.selection, self.selection.best
-        if best is None or len(best.steps) < 2 or not best.adequacy.passed:
+        if best is None or len(best.steps) < 2 or not best.passed:
             return
         fewer = [tuple(step for step in best.steps if step is not removed) for removed in best.steps]
         for steps in [*fewer, *_with_fewer_parameters(own.base.model, best)]:
@@ -264,34 +281,34 @@ class Search:
     def fit_alternatives(self) -> None:
         """Fit changes that are not causes to the base where a cause may be reported."""
         own, base = self.selection, self.selection.base
-        best = next((one for one in own.explanations if one.adequacy.passed), None)
+        best = next((one for one in own.explanations if one.passed), None)
         if best is None or best.evidence <= max(own.threshold, 0.0) or _changes_data(base.model, best.steps):
             self._report.plan("alternatives", 0)
             return
         variants, _ = list_variants(base, ALTERNATIVES)
-        found = directions(base, variants)
-        own.evaluations += len(found)
-        chosen = rank([one for one in found if one.slopes.shape[1]], own.penalty)
+        screened = directions(base, variants)
+        own.evaluations += len(screened)
+        chosen = rank([one for one in screened if one.slopes.shape[1]], own.penalty)
         self._report.plan("alternatives", len(chosen))
         explored: list[tuple[Direction, Exploration]] = []
-        for direction in chosen:
-            self._report("alternatives", f"no cause: {direction.cause.meaning} {direction.variant.name}")
-            starts = starts_of(direction, base)
-            # The joint of the best explanation is closer to the solution than that of an inadequate base.
-            starts += [{**one, **best.fit.values} for one in starts[-2:]]
-            explored += self._explore(direction, starts)
+        starts = [starts_of(direction, base) for direction in chosen]
+        # The joint of the best explanation is closer to the solution than that of an inadequate base.
+        starts = [[*own, *({**one, **best.fit.values} for one in own[-2:])] for own in starts]
+        titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
+        for found in self._explore("alternatives", titles, chosen, starts):
+            explored += found
         explored.sort(key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
         leaders: dict[str, tuple[Direction, Exploration]] = {}
         for pair in explored:
             leaders.setdefault(pair[0].cause.id, pair)
-        for direction, few in list(leaders.values())[:ALTERNATIVES_FINISHED]:
-            try:
-                fit = few.finish()
-            except ReceptanceError:
-                continue
-            own.evaluations += fit.evaluations - few.evaluations
-            own.alternatives.append(own.explain((direction.step,), fit))
+        finished = list(leaders.values())[:ALTERNATIVES_FINISHED]
+        titles = [f"no cause: {direction.cause.meaning}, on all lines" for direction, _ in finished]
+        fits = [few.finish for _, few in finished]
+        for (direction, few), fit in zip(finished, self._each("alternatives", titles, fits), strict=True):
+            if fit is not None:
+                own.evaluations += fit.evaluations - few.evaluations
+                own.alternatives.append(own.explain((direction.step,), fit))
         own.alternatives.sort(key=lambda one: -one.evidence)
 
     def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
@@ -322,7 +339,7 @@ class Search:
                     continue
                 own.evaluations += fit.evaluations
                 found = own.explain((*steps, direction.step), fit)
-                is_other_quantity = is_other_quantity or found.adequacy.passed
+                is_other_quantity = is_other_quantity or found.passed
                 yield found
         others = [one for one in chosen if not one.variant.changes_data]
         if is_other_quantity:
@@ -332,11 +349,11 @@ class Search:
             return
         explored: list[tuple[Direction, Exploration]] = []
         try:
-            for direction in others:
-                self._report(stage, _title(steps, direction))
-                singles = [one.fit for one in own.singles if steps and one.steps[0] == direction.step]
-                starts = [*starts_of(direction, root), *starts_from_singles(own.base, singles, root)]
-                explored += self._explore(direction, starts)
+            singles = [[one.fit for one in own.singles if steps and one.steps[0] == each.step] for each in others]
+            pairs = zip(others, singles, strict=True)
+            starts = [[*starts_of(each, root), *starts_from_singles(own.base, fits, root)] for each, fits in pairs]
+            for ends in self._explore(stage, [_title(steps, each) for each in others], others, starts):
+                explored += ends
                 leading = min(explored, key=lambda pair: pair[1].chi_square, default=None)
                 if leading is not None:
                     self._report.leading = _title(steps, leading[0], variant=False)
@@ -348,15 +365,34 @@ class Search:
         explored.sort(key=lambda pair: pair[1].chi_square)
         yield from self._finish(steps, root, explored)
 
-    def _explore(self, direction: Direction, starts: list[dict[str, float]]) -> list[tuple[Direction, Exploration]]:
-        """Return a variant with its fits on few lines; none where the model has no value at any start."""
-        few = explore(direction.variant.model, starts)
-        self.selection.evaluations += few.evaluations
-        return [(direction, few)] if few.ends else []
+    def _explore(
+        self, stage: str, titles: Sequence[str], chosen: Sequence[Direction], starts: Sequence[list[dict[str, float]]]
+    ) -> Iterator[list[tuple[Direction, Exploration]]]:
+        """Yield each variant with its fits on few lines; none where the model has no value at any start."""
+        fits = [partial(explore, one.variant.model, own) for one, own in zip(chosen, starts, strict=True)]
+        for direction, few in zip(chosen, self._each(stage, titles, fits), strict=True):
+            self.selection.evaluations += few.evaluations
+            yield [(direction, few)] if few.ends else []
+
+    def _each(self, stage: str, titles: Sequence[str], fits: Sequence[Callable[[], _T]]) -> Iterator[_T]:
+        """Yield the results of fits in their order; several run at the same time."""
+        if self._workers == 1 or len(fits) == 1:
+            for title, fit in zip(titles, fits, strict=True):
+                self._report(stage, title)
+                yield fit()
+            return
+        pool = ThreadPoolExecutor(self._workers)
+        try:
+            for title, future in zip(titles, [pool.submit(fit) for fit in fits], strict=True):
+                self._report(stage, title)
+                yield future.result()
+        finally:
+            # After a KeyboardInterrupt fits that run end in the background.
+            pool.shutdown(wait=False, cancel_futures=True)
 
     def _predict(self, steps: tuple[Step, ...], root: Fit, direction: Direction) -> Explanation:
         """Return a variant at the values of the fit without it, with the gain that its linear effect predicts."""
-        fit = evaluate(direction.variant.model, root.values, converged=root.converged)
+        fit = with_null(direction.variant.model, root)
         return self.selection.explain((*steps, direction.step), fit, direction.score)
 
     def _finish(
@@ -364,28 +400,32 @@ class Search:
     ) -> Iterator[Explanation]:
         """Yield explanations on all lines: fitted where they come close to the best one, else evaluated."""
         own, stage = self.selection, "together" if steps else "causes"
-        self._report.plan(stage, len(explored))
         without = root.chi_square_on_few_lines
-        best = min([without, *(few.chi_square for _, few in explored)])
-        limit = best + BEHIND + BEHIND_SHARE * (without - best)
+        limit = behind_limit(without, (few.chi_square for _, few in explored))
+        # Far from the data short fits are unreliable, unless one of them has come close.
+        fit_all = root.misfit > SCREENING_LIMIT and all(few.misfit > MISFIT_LIMIT for _, few in explored[:1])
         leaders: dict[str, float] = {}
+        finished: list[tuple[Direction, Exploration]] = []
+        fits: list[Callable[[], Fit | None]] = []
+        for direction, few in explored:
+            is_leading = len(leaders) < LEADING_CAUSES
+            leader = leaders.setdefault(direction.cause.id, few.chi_square)
+            # A variant far behind another one of its cause is not needed.
+            is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
+            gains_nothing = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < MARGIN
+            if gains_nothing and not is_leading:
+                yield self._predict(steps, root, direction)
+                continue
+            finished.append((direction, few))
+            fits.append(few.finish if is_close or fit_all else few.evaluate)
         leading: Explanation | None = None
         done = 0
+        titles = [f"{_title(steps, direction)}, on all lines" for direction, _ in finished]
+        self._report.plan(stage, len(finished))
         try:
-            for number, (direction, few) in enumerate(explored):
-                done = number
-                is_leading = len(leaders) < LEADING_CAUSES
-                leader = leaders.setdefault(direction.cause.id, few.chi_square)
-                # A variant far behind another one of its cause is not needed.
-                is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
-                gains_nothing = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < MARGIN
-                self._report(stage, f"{_title(steps, direction)}, on all lines")
-                if gains_nothing and not is_leading:
-                    yield self._predict(steps, root, direction)
-                    continue
-                try:
-                    fit = few.finish() if is_close or root.misfit > SCREENING_LIMIT else few.evaluate()
-                except ReceptanceError:
+            for (direction, few), fit in zip(finished, self._each(stage, titles, fits), strict=True):
+                done += 1
+                if fit is None:
                     continue
                 own.evaluations += fit.evaluations - few.evaluations
                 found = own.explain((*steps, direction.step), fit)
@@ -393,7 +433,7 @@ class Search:
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
         except KeyboardInterrupt:
-            for direction, few in explored[done:]:
+            for direction, few in finished[done:]:
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 

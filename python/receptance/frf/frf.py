@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["FRF", "form_factor"]
 
@@ -82,7 +82,7 @@ class FRF(Renderable):
     Attributes
     ----------
     values, coherence, log_variance, degrees_of_freedom : ndarray
-        `(n, n_responses, n_excitations)`, read-only; the last three None where not given.
+        `(n, n_responses, n_excitations)`, read-only; the last three are None if not given.
 
     Raises
     ------
@@ -145,8 +145,8 @@ class FRF(Renderable):
         source: str = "",
         notes: Sequence[str] = (),
     ) -> None:
-        given = {name: value for name, value in locals().items() if name != "self"}
-        _checks.set_fields(self, checked_fields(**given))
+        arguments = {name: value for name, value in locals().items() if name != "self"}
+        _checks.set_fields(self, checked_fields(**arguments))
         self._check_drive_points()
 
     @property
@@ -178,10 +178,15 @@ class FRF(Renderable):
     @property
     def unit(self) -> str:
         """SI unit of all entries; raises ValueError if translations and rotations are mixed, see `units`."""
-        found = sorted({unit for row in self.units for unit in row})
-        if len(found) > 1:
-            raise ValueError(f"{self!r} has several units: {', '.join(found)}; use units, or select one entry")
-        return found[0]
+        if len(self.distinct_units) > 1:
+            listed = ", ".join(self.distinct_units)
+            raise ValueError(f"{self!r} has several units: {listed}; use units, or select one entry")
+        return self.distinct_units[0]
+
+    @property
+    def distinct_units(self) -> tuple[str, ...]:
+        """SI units of the entries without repetition, sorted."""
+        return tuple(sorted({unit for row in self.units for unit in row}))
 
     def to(self, form: Form) -> FRF:
         """Return the FRF in another form: multiplied by a power of i w, with the complex w of an exponential window.
@@ -404,13 +409,12 @@ class FRF(Renderable):
         return self._checked_copy(changes)
 
     def __repr__(self) -> str:
-        units = sorted({unit for row in self.units for unit in row})
         n, n_out, n_in = self.shape
         name = f"{self.label!r}: " if self.label else ""
         window = f", decay rate {self.decay_rate:g}/s" if self.decay_rate else ""
         return (
-            f"FRF({name}{self.form} in {', '.join(units)}, {n_out} x {n_in}, {n} lines from {self.frequency_hz[0]:g} "
-            f"to {self.frequency_hz[-1]:g} Hz{window})"
+            f"FRF({name}{self.form} in {', '.join(self.distinct_units)}, {n_out} x {n_in}, {n} lines from "
+            f"{self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz{window})"
         )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -418,28 +422,28 @@ class FRF(Renderable):
 
     def _check_drive_points(self, stacklevel: int = 3) -> None:
         """Warn of drive points that contradict the declared form, and add the warnings to the notes."""
-        found = drive_point_notes(self)
-        for text in found:
+        contradictions = drive_point_notes(self)
+        for text in contradictions:
             warnings.warn(f"{self!r}: {text}", ReceptanceWarning, stacklevel=stacklevel)
-        _checks.set_fields(self, {"notes": (*self.notes, *found)})
+        _checks.set_fields(self, {"notes": (*self.notes, *contradictions)})
 
     def _checked_copy(self, changes: dict[str, Any]) -> Self:
         """Return a copy with some fields replaced and validated."""
-        given = {field.name: getattr(self, field.name) for field in fields(self)} | changes
+        arguments = {field.name: getattr(self, field.name) for field in fields(self)} | changes
         recheck = not changes.keys().isdisjoint(_PHYSICAL)
         if recheck:
-            given["notes"] = tuple(note for note in given["notes"] if not note.startswith(DRIVE_POINT_NOTE))
-        other = object.__new__(type(self))
-        _checks.set_fields(other, checked_fields(**given))
+            arguments["notes"] = tuple(note for note in arguments["notes"] if not note.startswith(DRIVE_POINT_NOTE))
+        copy = object.__new__(type(self))
+        _checks.set_fields(copy, checked_fields(**arguments))
         if recheck:
-            other._check_drive_points(stacklevel=4)
-        return other
+            copy._check_drive_points(stacklevel=4)
+        return copy
 
     def _copy(self, **changes: Any) -> Self:
         """Return a copy with some fields replaced that need no validation."""
-        other = object.__new__(type(self))
-        _checks.set_fields(other, {**{field.name: getattr(self, field.name) for field in fields(self)}, **changes})
-        return other
+        copy = object.__new__(type(self))
+        _checks.set_fields(copy, {**{field.name: getattr(self, field.name) for field in fields(self)}, **changes})
+        return copy
 
     def _on_lines(self, chosen: NDArray[np.bool_] | slice) -> Self:
         arrays = {name: getattr(self, name) for name in ("frequency_hz", *_PER_LINE)}
@@ -476,28 +480,28 @@ def _selected(
     """Return the numbers of the selected responses or excitations."""
     if selection is None:
         return list(range(len(side)))
-    several = list(selection) if isinstance(selection, Iterable) and not isinstance(selection, str) else [selection]
-    if not several:
+    items = list(selection) if isinstance(selection, Iterable) and not isinstance(selection, str) else [selection]
+    if not items:
         raise ValueError(f"{owner}: {quantity} is empty, expected at least one")
-    return [_index(owner, quantity, one, side, labels) for one in several]
+    return [_index(owner, quantity, item, side, labels) for item in items]
 
 
-def _index(owner: str, quantity: str, one: Any, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None) -> int:
-    if isinstance(one, Coordinate):
-        found = [index for index, coordinate in enumerate(side) if coordinate == one]
-    elif isinstance(one, str):
-        found = [index for index, label in enumerate(labels or ()) if label == one]
+def _index(owner: str, quantity: str, item: Any, side: tuple[Coordinate, ...], labels: tuple[str, ...] | None) -> int:
+    if isinstance(item, Coordinate):
+        matching = [index for index, coordinate in enumerate(side) if coordinate == item]
+    elif isinstance(item, str):
+        matching = [index for index, label in enumerate(labels or ()) if label == item]
     else:
         try:
-            index = one.__index__()
+            index = item.__index__()
         except AttributeError:
-            raise TypeError(f"{owner}: {quantity} holds {one!r}, expected a number, Coordinate or label") from None
-        found = [index % len(side)] if -len(side) <= index < len(side) else []
-    if len(found) == 1:
-        return found[0]
-    known = "; ".join(
+            raise TypeError(f"{owner}: {quantity} holds {item!r}, expected a number, Coordinate or label") from None
+        matching = [index % len(side)] if -len(side) <= index < len(side) else []
+    if len(matching) == 1:
+        return matching[0]
+    listed = "; ".join(
         f"{index}: {coordinate.describe()}" + (f" ({labels[index]})" if labels and labels[index] else "")
         for index, coordinate in enumerate(side)
     )
-    count = "several" if found else "none"
-    raise ValueError(f"{owner}: {count} of the {quantity} is {one!r}; they are {known}")
+    count = "several" if matching else "none"
+    raise ValueError(f"{owner}: {count} of the {quantity} is {item!r}; they are {listed}")

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receptance.model.coordinates import Unplaced
+from receptance._peaks import local_maxima
+from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf.frf import FRF
 
 __all__ = [
@@ -47,7 +47,7 @@ _MIN_PEAK_LINES = 11
 _PEAK_FLOOR = 0.25
 """A peak extends down to this share of its height."""
 _FALSE_PEAK_RATE = 1e-6
-"""Accepted probability that noise is taken for a peak; a record has thousands of lines."""
+"""Accepted probability of a false peak in noise; a record has thousands of lines."""
 _SIDE_DEVIATIONS = 3.0
 """Standard deviations by which a pole must be away from the real axis for its side to count."""
 _MIN_AGREEMENT = 0.5
@@ -102,23 +102,23 @@ class _Peak:
 
 
 def drive_point_notes(frf: FRF) -> list[str]:
-    """Return one note for each drive point whose peaks contradict the declared form."""
+    """Return a note for each drive point whose peaks contradict the declared form."""
     notes = []
     chosen = slice(None) if frf.usable is None else frf.usable
     for i, response in enumerate(frf.responses):
         for j, excitation in enumerate(frf.excitations):
-            if isinstance(response, Unplaced) or response != excitation:
+            if isinstance(response, UnknownPosition) or response != excitation:
                 continue
             verdict = check_drive_point(frf.frequency_hz[chosen], frf.values[chosen, i, j], frf.form)
             if not verdict.contradicted:
                 continue
-            found = ", or of ".join(_with_remedies(convention, frf.form) for convention in verdict.conventions)
+            alternatives = ", or of ".join(_with_remedies(convention, frf.form) for convention in verdict.conventions)
             peaks = (
                 "only clear peak has the phase" if verdict.peaks == 1 else f"{verdict.peaks} clear peaks have the phase"
             )
             notes.append(
-                f"{DRIVE_POINT_NOTE}{response.describe()}: its {peaks} of {found}; not of {frf.form}, as declared "
-                "(passive structure, e^(+i w t)). The data are unchanged"
+                f"{DRIVE_POINT_NOTE}{response.describe()}: its {peaks} of {alternatives}; not of {frf.form}, as "
+                "declared (passive structure, e^(+i w t)). The data are unchanged"
             )
     return notes
 
@@ -166,11 +166,11 @@ def check_drive_point(
     declared = Convention(form)
     conventions: list[Convention] = []
     if peaks:
-        every = [Convention(f, c, s) for f in FORMS for c in (False, True) for s in (False, True)]
-        every.sort(key=lambda one: ((one.form != form) + one.conjugated + one.flipped, one.form != form))
-        fits = {convention: _agreement(convention, peaks) for convention in every}
-        if max(fits.values()) >= _CLEAR_AGREEMENT:
-            conventions = [convention for convention, fit in fits.items() if fit >= _MIN_AGREEMENT]
+        known = [Convention(f, c, s) for f in FORMS for c in (False, True) for s in (False, True)]
+        known.sort(key=lambda other: ((other.form != form) + other.conjugated + other.flipped, other.form != form))
+        agreements = {convention: _agreement(convention, peaks) for convention in known}
+        if max(agreements.values()) >= _CLEAR_AGREEMENT:
+            conventions = [convention for convention, cosine in agreements.items() if cosine >= _MIN_AGREEMENT]
     return DrivePointVerdict(len(peaks), tuple(conventions), declared)
 
 
@@ -186,31 +186,29 @@ def _agreement(convention: Convention, peaks: list[_Peak]) -> float:
 
 def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) -> list[_Peak]:
     """Return the prominent peaks that are fitted by one mode."""
-    from scipy.signal import find_peaks  # slow to import
-
     known = (frequency_hz > 0.0) & (values != 0.0)
     frequency_hz, values = frequency_hz[known], values[known]
     if frequency_hz.size < _MIN_PEAK_LINES:
         return []
     size = np.log(np.abs(values))
-    tops, properties = find_peaks(size, prominence=_PROMINENCE)
-    chosen = np.sort(tops[np.argsort(-properties["prominences"])[:_MAX_PEAKS]])
-    found = []
+    tops, prominences = local_maxima(size, _PROMINENCE)
+    chosen = np.sort(tops[np.argsort(-prominences)[:_MAX_PEAKS]])
+    peaks = []
     for number, top in enumerate(chosen):
         # Limited by the lowest line between this peak and the next.
         first = 0 if number == 0 else chosen[number - 1] + int(size[chosen[number - 1] : top].argmin())
         last = size.size if number == chosen.size - 1 else top + int(size[top : chosen[number + 1]].argmin()) + 1
         low = np.flatnonzero(size < size[top] + np.log(_PEAK_FLOOR))
-        place = int(np.searchsorted(low, top))
-        begin = low[place - 1] + 1 if place else 0
-        end = low[place] if place < low.size else size.size
+        index = int(np.searchsorted(low, top))
+        begin = low[index - 1] + 1 if index else 0
+        end = low[index] if index < low.size else size.size
         begin, end = min(begin, top - _MIN_PEAK_LINES // 2), max(end, top + _MIN_PEAK_LINES // 2 + 1)
         part = slice(max(begin, first), min(end, last))
         with np.errstate(all="ignore"):
             peak = _fit(frequency_hz[part], values[part], float(frequency_hz[top]))
         if peak is not None:
-            found.append(peak)
-    return found
+            peaks.append(peak)
+    return peaks
 
 
 def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_hz: float) -> _Peak | None:
@@ -224,14 +222,14 @@ def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_
     rows = np.stack([d, x.astype(np.complex128), np.ones_like(d)], axis=1)
     (p, c, e), *_ = np.linalg.lstsq(rows, x * d, rcond=None)
     residue = e + c * p
-    # Top and neighbours are left out: a pole between them would fit hum on one or two lines, but not its flanks.
+    # Without the top and its neighbours: a pole between them would fit hum on one or two lines, but not its flanks.
     beside = np.abs(np.arange(d.size) - int(np.abs(d).argmax())) > 1
     slope = np.stack([x[beside], np.ones(int(beside.sum()))], axis=1).astype(np.complex128)
     straight = d[beside] - slope @ np.linalg.lstsq(slope, d[beside], rcond=None)[0]
     level = float(np.sum(np.abs(straight) ** 2))
-    left = float(np.sum(np.abs(d - c - residue / (x - p))[beside] ** 2)) + np.finfo(float).tiny
+    misfit_with_pole = float(np.sum(np.abs(d - c - residue / (x - p))[beside] ** 2)) + np.finfo(float).tiny
     freedom = int(beside.sum()) - 3
-    chance = fdtrc(4, 2 * freedom, (level - left) / 2.0 / left * freedom)
+    chance = fdtrc(4, 2 * freedom, (level - misfit_with_pole) / 2.0 / misfit_with_pole * freedom)
     near = max(abs(p.imag), 1.5 * float(np.abs(np.diff(x)).max()))
     if not (chance <= _FALSE_PEAK_RATE and abs(p.real) <= near):
         return None
@@ -312,12 +310,12 @@ def low_frequency_rise(
     >>> import numpy as np
     >>> from receptance.frf.plausibility import low_frequency_rise
     >>> f = np.arange(5.0, 1000.0, 1.25)
-    >>> held = 1e-7 / (1.0 - (f / 800.0) ** 2 + 0.04j * f / 800.0)
-    >>> low_frequency_rise(f, held, drive_point=True) is None
+    >>> supported = 1e-7 / (1.0 - (f / 800.0) ** 2 + 0.04j * f / 800.0)
+    >>> low_frequency_rise(f, supported, drive_point=True) is None
     True
     >>> drift = 2e-4 / f**2 * np.exp(1j * np.random.default_rng(1).uniform(0.0, 6.28, f.size))
-    >>> found = low_frequency_rise(f, held + drift, drive_point=True)
-    >>> found.lowest_hz, 25.0 < found.highest_hz < 80.0, found.noise_share > 0.5
+    >>> rise = low_frequency_rise(f, supported + drift, drive_point=True)
+    >>> rise.lowest_hz, 25.0 < rise.highest_hz < 80.0, rise.noise_share > 0.5
     (5.0, True, True)
     """
     lines = frequency_hz.real
@@ -342,14 +340,14 @@ def low_frequency_rise(
     if not last:
         return None
     stop = int(first[last] + size[last])
-    own = acceleration[:stop]
+    lowest = acceleration[:stop]
     highest = max(_MIN_GROUP_LINES, int(np.searchsorted(lines, _TOP_RANGE * lines[0])))
-    if int(np.argmax(np.abs(own) / lines[:stop] ** 2)) >= highest:
+    if int(np.argmax(np.abs(lowest) / lines[:stop] ** 2)) >= highest:
         return None
     # The second difference of noise has six times its power, that of a smooth curve almost none.
-    share = float(np.mean(np.abs(np.diff(own, 2)) ** 2) / 6.0 / np.mean(np.abs(own) ** 2))
+    share = float(np.mean(np.abs(np.diff(lowest, 2)) ** 2) / 6.0 / np.mean(np.abs(lowest) ** 2))
     # The upper half may contain the following antiresonance, of a mass and a spring for example.
-    lower = own[: int(np.searchsorted(lines, lines[stop - 1] / _OCTAVE))]
+    lower = lowest[: int(np.searchsorted(lines, lines[stop - 1] / _OCTAVE))]
     real = float(lower.real.sum() / np.abs(lower).sum())
     if share < _MIN_NOISE_SHARE and (-real if drive_point else abs(real)) > _MIN_REAL_SHARE:
         return None
@@ -361,9 +359,9 @@ def low_frequency_rise(
 
 def _line_groups(lines: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the first line of each group of half an octave and at least `_MIN_GROUP_LINES` lines."""
-    found, start = [], 0
+    first_lines, start = [], 0
     while start < lines.size:
         end = max(int(np.searchsorted(lines, _HALF_OCTAVE * lines[start])), start + _MIN_GROUP_LINES)
-        found.append(start)
+        first_lines.append(start)
         start = end
-    return np.array(found, dtype=np.int64)
+    return np.array(first_lines, dtype=np.int64)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receptance.model.coordinates import Unplaced
+from receptance.model.coordinates import UnknownPosition
 from receptance.report import Table
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-    from numpy.typing import NDArray
 
     from receptance.frf import FRF
 
@@ -52,8 +52,7 @@ def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
     figure = surface(ax, 9.0, 5.4 + 1.4 * (rows - 2))
     heights = [3.0, 1.4, 1.0][:rows]
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
-    units = {unit for row in frf.units for unit in row}
-    unit = units.pop().replace("^2", "²") if len(units) == 1 else "SI units"
+    unit = frf.unit.replace("^2", "²") if len(frf.distinct_units) == 1 else "SI units"
     set_up(panels[0], "", "", f"|{frf.form}| ({unit})")
     set_up(panels[1], "", "", "phase (°)")
     for number, entry in enumerate(np.ndindex(frf.shape[1:])):
@@ -94,7 +93,7 @@ def _name(frf: FRF, row: int, column: int) -> str:
     if frf.labels is not None and (frf.labels[0][row] or frf.labels[1][column]):
         return f"{frf.labels[0][row]} over {frf.labels[1][column]}"
     load = "force" if excitation.direction == "y" else "moment"
-    if isinstance(response, Unplaced) or isinstance(excitation, Unplaced):
+    if isinstance(response, UnknownPosition) or isinstance(excitation, UnknownPosition):
         return f"{response.direction} {row} over {load} {column}" if frf.values[0].size > 1 else ""
     return f"{response.describe()} over {load}{excitation.describe().removeprefix(excitation.direction)}"
 
@@ -139,13 +138,13 @@ def summary_table(frf: FRF) -> Table:
     """Return lines, form, coordinates, averages and quality of an FRF."""
     rows = [
         ("lines", f"{frf.frequency_hz.size}, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz{_spacing(frf)}"),
-        ("form", f"{frf.form} in {', '.join(sorted({unit for row in frf.units for unit in row}))}"),
+        ("form", f"{frf.form} in {', '.join(frf.distinct_units)}"),
     ]
     names = frf.labels or ((), ())
     for title, side, labels in zip(("responses", "excitations"), (frf.responses, frf.excitations), names, strict=True):
         names_of_side = [
-            place.describe() + (f" ({labels[index]})" if labels and labels[index] else "")
-            for index, place in enumerate(side)
+            coordinate.describe() + (f" ({labels[index]})" if labels and labels[index] else "")
+            for index, coordinate in enumerate(side)
         ]
         rows.append((title, "; ".join(names_of_side)))
     if frf.decay_rate:
@@ -181,9 +180,8 @@ def dataset(frf: FRF) -> xarray.Dataset:
     import xarray  # slow to import
 
     arrays: dict[str, Any] = {"frf": (_DIMENSIONS, frf.values, {"long_name": frf.form})}
-    units = {unit for row in frf.units for unit in row}
-    if len(units) == 1:
-        arrays["frf"][2]["units"] = units.pop()
+    if len(frf.distinct_units) == 1:
+        arrays["frf"][2]["units"] = frf.unit
     long_names = {
         "coherence": "coherence",
         "log_variance": "variance of the real and of the imaginary part of the logarithm",
@@ -201,15 +199,15 @@ def dataset(frf: FRF) -> xarray.Dataset:
     }
     names = frf.labels or (None, None)
     for title, side, labels in zip(_DIMENSIONS[1:], (frf.responses, frf.excitations), names, strict=True):
-        coordinates[title] = (title, [place.describe() for place in side])
-        coordinates[f"{title}_direction"] = (title, [place.direction for place in side])
+        coordinates[title] = (title, [coordinate.describe() for coordinate in side])
+        coordinates[f"{title}_direction"] = (title, [coordinate.direction for coordinate in side])
         if labels is not None:
             coordinates[f"{title}_label"] = (title, list(labels))
     attributes = {
         "form": frf.form,
         "decay_rate": frf.decay_rate,
-        "responses": [repr(place) for place in frf.responses],
-        "excitations": [repr(place) for place in frf.excitations],
+        "responses": [repr(coordinate) for coordinate in frf.responses],
+        "excitations": [repr(coordinate) for coordinate in frf.excitations],
         "label": frf.label,
         "source": frf.source,
         "notes": list(frf.notes),

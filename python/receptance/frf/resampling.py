@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf.frf import FRF
 
 __all__ = ["Interpolation", "curvature_warning", "interpolate", "resample"]
@@ -20,7 +19,7 @@ _MAX_CURVATURE = 0.05
 """Largest difference of spline and linear interpolation, relative to the magnitude. With 5, 4, 3, 2 lines in the
 half-power band of a mode it is 0.035, 0.05, 0.07, 0.12, and the error of the spline 0.004, 0.01, 0.03, 0.11."""
 _NOISE_DEVIATIONS = 4.0
-"""Standard deviations of noise up to which a difference is not taken for curvature."""
+"""Standard deviations of noise up to which a difference does not count as curvature."""
 _ROUNDING = 1e-6
 """Rounding of the frequencies of a file, relative to the spacing."""
 
@@ -37,30 +36,30 @@ class Interpolation:
     @property
     def exact(self) -> NDArray[np.bool_]:
         """New lines that are measured lines."""
-        found: NDArray[np.bool_] = (self.share == 0.0) | (self.share == 1.0)
-        return found
+        return np.asarray((self.share == 0.0) | (self.share == 1.0))
 
     @property
     def steps(self) -> NDArray[np.float64]:
         """Distance of each new line to its nearer neighbour, `(n_new,)` in measured lines, at least 1."""
-        apart = np.diff(self.left + self.share)
-        return np.ones(self.left.size) if not apart.size else np.minimum(np.append(apart, np.inf), np.r_[np.inf, apart])
+        steps = np.diff(self.left + self.share)
+        return np.ones(self.left.size) if not steps.size else np.minimum(np.append(steps, np.inf), np.r_[np.inf, steps])
 
     def linear(self, array: NDArray[Any]) -> NDArray[Any]:
         """Return `(n_new, ...)` by linear interpolation; measured lines keep their values exactly."""
         share = self.share.reshape(-1, *(1,) * (array.ndim - 1))
         left, right = array[self.left], array[np.minimum(self.left + 1, len(array) - 1)]
         with np.errstate(invalid="ignore"):
-            mixed = left + share * (right - left)
+            interpolated = left + share * (right - left)
         # Infinite variance on one side gives infinite variance between the lines, but not on the other line.
-        mixed = np.where(np.isnan(mixed), np.inf, mixed) if array.dtype.kind == "f" else mixed
-        return np.where(share == 0.0, left, np.where(share == 1.0, right, mixed))
+        interpolated = (
+            np.where(np.isnan(interpolated), np.inf, interpolated) if array.dtype.kind == "f" else interpolated
+        )
+        return np.where(share == 0.0, left, np.where(share == 1.0, right, interpolated))
 
     def both(self, array: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return True where all lines contributing to a new line are True."""
         right = np.minimum(self.left + 1, len(array) - 1)
-        chosen: NDArray[np.bool_] = (array[self.left] | (self.share == 1.0)) & (array[right] | (self.share == 0.0))
-        return chosen
+        return np.asarray((array[self.left] | (self.share == 1.0)) & (array[right] | (self.share == 0.0)))
 
     def spline(self, array: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Return `(n_new, ...)` by a cubic spline, and its relative difference from linear interpolation."""
@@ -70,16 +69,16 @@ class Interpolation:
         if self.exact.all() or len(array) < 4:
             return linear, np.zeros(linear.shape)
         curve = CubicSpline(self.measured_hz, array)(self.frequency_hz)
-        found = np.where(self.exact.reshape(-1, *(1,) * (array.ndim - 1)), linear, curve)
-        size = np.maximum(np.abs(found), np.abs(linear))
-        return found, np.abs(found - linear) / np.where(size > 0.0, size, 1.0)
+        values = np.where(self.exact.reshape(-1, *(1,) * (array.ndim - 1)), linear, curve)
+        size = np.maximum(np.abs(values), np.abs(linear))
+        return values, np.abs(values - linear) / np.where(size > 0.0, size, 1.0)
 
 
 def interpolate(measured_hz: NDArray[np.float64], frequency_hz: NDArray[np.float64], owner: str) -> Interpolation:
     """Return the positions of new lines, or raise if they are outside or too close together."""
     spacing = np.diff(measured_hz) if measured_hz.size > 1 else measured_hz * 0.0 + 1.0
-    slack = _ROUNDING * float(spacing.min())
-    outside = (frequency_hz < measured_hz[0] - slack) | (frequency_hz > measured_hz[-1] + slack)
+    rounding = _ROUNDING * float(spacing.min())
+    outside = (frequency_hz < measured_hz[0] - rounding) | (frequency_hz > measured_hz[-1] + rounding)
     if outside.any():
         first = frequency_hz[outside][0]
         raise ValueError(

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.model.coordinates import measured_coordinates
 from receptance.units import FORMS, Form
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "average_count",
@@ -20,6 +18,7 @@ __all__ = [
     "check_form",
     "check_labels",
     "check_lines",
+    "check_texts",
     "checked_fields",
     "per_line",
 ]
@@ -56,10 +55,10 @@ def checked_fields(
     array = _response_values(owner, values, lines)
     shape = array.shape
     quality = per_entry(owner, "coherence", coherence, shape)
-    remark = ""
+    coherence_note = ""
     if quality is not None:
-        quality, remark = check_coherence(owner, quality, lines)
-    found: dict[str, Any] = {
+        quality, coherence_note = check_coherence(owner, quality, lines)
+    checked: dict[str, Any] = {
         "frequency_hz": lines,
         "values": array,
         "form": check_form(owner, form),
@@ -75,13 +74,13 @@ def checked_fields(
         "labels": check_labels(owner, labels, (shape[1], shape[2])),
         "label": "" if label is None else str(label),
         "source": "" if source is None else str(source),
-        "notes": _texts(owner, "notes", notes) + ((remark,) if remark else ()),
+        "notes": check_texts(owner, "notes", notes) + ((coherence_note,) if coherence_note else ()),
     }
-    return _without_undefined_zero_line(owner, found)
+    return _without_undefined_zero_line(owner, checked)
 
 
 def check_form(owner: str, form: Any) -> Form:
-    """Return the form, or raise where it is none of receptance, mobility and accelerance."""
+    """Return the form, or raise if it is not receptance, mobility or accelerance."""
     for known in FORMS:
         if form == known:
             return known
@@ -140,7 +139,7 @@ def per_entry(
     at_least: float = -np.inf,
     above: float = -np.inf,
 ) -> NDArray[np.float64] | None:
-    """Return real numbers as `(n, n_responses, n_excitations)`, from one number, one a line, or one an entry.
+    """Return real numbers as `(n, n_responses, n_excitations)`, from a number, or a number per line or entry.
 
     Infinite values are allowed. NaN is checked by `_without_undefined_zero_line`.
     """
@@ -161,7 +160,7 @@ def per_entry(
 
 
 def per_line(owner: str, quantity: str, value: ArrayLike, n: int, *, at_least: float) -> NDArray[np.float64]:
-    """Return finite real numbers `(n,)`, from one number for all lines or one for each."""
+    """Return finite real numbers `(n,)`, from a number, or a number per line."""
     array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), (n,)):
         raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or ({n},)")
@@ -177,7 +176,7 @@ def per_line(owner: str, quantity: str, value: ArrayLike, n: int, *, at_least: f
 def check_coherence(
     owner: str, coherence: NDArray[np.float64], frequency_hz: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], str]:
-    """Return coherence `(n, ...)` clipped to 0 to 1, and a note where rounding was clipped; NaN is kept.
+    """Return coherence `(n, ...)` clipped to 0 to 1, and a note if rounding was clipped; NaN is kept.
 
     Raises
     ------
@@ -214,11 +213,15 @@ def _usable_mask(owner: str, value: ArrayLike | None, n: int) -> NDArray[np.bool
     return array
 
 
-def _texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
-    """Return several texts as a tuple; a single string, which would be split into letters, is refused."""
+def check_texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Return texts as a tuple; a single string, which would be split into letters, is refused."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise TypeError(f"{owner}: {quantity} is {value!r}, expected a sequence of texts")
-    return tuple(str(one) for one in value)
+    texts = tuple(value)
+    for text in texts:
+        if not isinstance(text, str):
+            raise TypeError(f"{owner}: {quantity} holds {text!r}, expected texts")
+    return texts
 
 
 def check_labels(
@@ -252,32 +255,31 @@ def average_count(owner: str, value: Any) -> int:
     return count
 
 
-def _without_undefined_zero_line(owner: str, found: dict[str, Any]) -> dict[str, Any]:
+def _without_undefined_zero_line(owner: str, checked: dict[str, Any]) -> dict[str, Any]:
     """Return the fields, without the line at 0 Hz if it is not finite; raise if any other line is not finite.
 
     At 0 Hz the receptance of a free structure is infinite, and the coherence of AC-coupled sensors is 0 / 0.
     """
-    frequency_hz = found["frequency_hz"]
-    names = [name for name, array in found.items() if isinstance(array, np.ndarray)]
-    bad = {"values": ~np.isfinite(found["values"])}
+    frequency_hz = checked["frequency_hz"]
+    names = [name for name, array in checked.items() if isinstance(array, np.ndarray)]
+    bad = {"values": ~np.isfinite(checked["values"])}
     for name in ("coherence", "log_variance", "degrees_of_freedom"):
-        if found[name] is not None:
-            bad[name] = np.isnan(found[name])
+        if checked[name] is not None:
+            bad[name] = np.isnan(checked[name])
     rows = {name: np.flatnonzero(wrong.reshape(frequency_hz.size, -1).any(axis=1)) for name, wrong in bad.items()}
     for name, index in rows.items():
         elsewhere = index[frequency_hz[index] > 0.0]
         if elsewhere.size:
-            wrong = found[name][elsewhere[0]].ravel()
-            value = wrong[bad[name][elsewhere[0]].ravel()][0]
+            value = checked[name][elsewhere[0]][bad[name][elsewhere[0]]][0]
             raise ValueError(
                 f"{owner}: {name} at {frequency_hz[elsewhere[0]]:g} Hz is {value}, expected a finite number; "
                 "leave the line out"
             )
     if not any(index.size for index in rows.values()):
-        return found
+        return checked
     if frequency_hz.size == 1:
         raise ValueError(f"{owner}: the only line is at 0 Hz and not finite")
     undefined = " and ".join(name for name, index in rows.items() if index.size)
-    changed: dict[str, Any] = {**found, **{name: found[name][1:] for name in names}}
-    changed["notes"] = (*found["notes"], f"the line at 0 Hz is dropped: {undefined} not finite there")
+    changed: dict[str, Any] = {**checked, **{name: checked[name][1:] for name in names}}
+    changed["notes"] = (*checked["notes"], f"the line at 0 Hz is dropped: {undefined} not finite there")
     return changed

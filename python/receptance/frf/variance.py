@@ -12,13 +12,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf.validation import average_count
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.frf.frf import FRF
 
 __all__ = [
@@ -39,7 +38,7 @@ _REWEIGHTINGS = 4
 _MIN_SPREAD = 1e-9
 """Relative spread of |H|^2 in a window below which a and b cannot be separated."""
 _MIN_PROBABILITY = 1e-3
-"""A line less likely than this given its neighbours (hum, for example) keeps its own variance."""
+"""A line that is less probable than this given its neighbours (hum, for example) keeps its variance."""
 _SHARE_HALF_WIDTH = 8
 """Independent lines to each side from which the additive share of the variance is estimated."""
 _CHUNK = 4096
@@ -89,15 +88,13 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
 
 
 def with_variance(frf: FRF) -> FRF:
-    """Return an FRF of one entry with the pooled variance from its coherence.
+    """Return an FRF with the pooled variance from its coherence.
 
     The FRF is returned unchanged if it has a variance, or lacks coherence or averages.
     """
     if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
         return frf
-    variance, freedom = variance_from_coherence(frf.coherence[:, 0, 0], frf.averages)
-    pooled, known = pool_variance(frf.values[:, 0, 0], variance, freedom, correlated_lines=frf.correlated_lines)
-    return frf.with_(log_variance=pooled, degrees_of_freedom=known)
+    return frf.with_coherence_variance()
 
 
 def pool_variance(
@@ -146,8 +143,8 @@ def pool_variance(
     values = _checks.unmasked(owner, "values", values)
     result = _checks.unmasked(owner, "log_variance", log_variance, np.float64).copy()
     freedoms = _checks.unmasked(owner, "degrees_of_freedom", degrees_of_freedom, np.float64)
-    own = np.array(np.broadcast_to(freedoms, values.shape))
-    known = np.isfinite(result) & np.isfinite(own) & (values != 0.0)
+    line_freedom = np.array(np.broadcast_to(freedoms, values.shape))
+    known = np.isfinite(result) & np.isfinite(line_freedom) & (values != 0.0)
     shares = _checks.unmasked(owner, "correlated_lines", correlated_lines, np.float64)
     correlated = np.broadcast_to(shares, values.shape)[known]
     gain = np.abs(values[known]) ** 2
@@ -160,25 +157,25 @@ def pool_variance(
         widths = [min(int(width), (gain.size - 1) // 2)]
     # Simulated data without noise have zero variance and are not fitted.
     if not scatter.any() or not widths or widths[0] < 1:
-        return result, own
-    own_freedom = own[known]
+        return result, line_freedom
+    known_freedom = line_freedom[known]
     for width in widths:
         with np.errstate(all="ignore"):
-            fitted, freedom = _fit(scatter, gain, own_freedom, correlated, width)
+            fitted, freedom = _fit(scatter, gain, known_freedom, correlated, width)
             pooled = fitted / gain
         if float(np.median(freedom)) >= _TARGET_FREEDOM:
             break
-    # Lines keep their own variance where values spanning hundreds of decades make the fit overflow.
-    sound = np.isfinite(pooled) & np.isfinite(freedom)
-    result[known] = np.where(sound, pooled, result[known])
-    own[known] = np.where(sound, freedom, own_freedom)
-    return result, own
+    # Lines keep their variance if values spanning hundreds of decades make the fit overflow.
+    is_finite = np.isfinite(pooled) & np.isfinite(freedom)
+    result[known] = np.where(is_finite, pooled, result[known])
+    line_freedom[known] = np.where(is_finite, freedom, known_freedom)
+    return result, line_freedom
 
 
 def _fit(
     scatter: NDArray[np.float64],
     gain: NDArray[np.float64],
-    own_freedom: NDArray[np.float64],
+    line_freedom: NDArray[np.float64],
     correlated: NDArray[np.float64],
     width: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -207,12 +204,12 @@ def _fit(
         alpha = np.where(flat, 1.0 / w, np.where(through_zero, 0.0, 1.0 / w - off * centre / spread))
         beta = np.where(flat, 0.0, np.where(through_zero, gain / wgg, off / spread))
         power = np.maximum(alpha * ws + beta * wgs, lowest)
-    size = weight**2 * power**2 * correlated * 2.0 / own_freedom
+    size = weight**2 * power**2 * correlated * 2.0 / line_freedom
     variance = alpha**2 * total(size) + 2.0 * alpha * beta * total(size * gain) + beta**2 * total(size * gain**2)
-    # The line own_freedom is a lower limit, with correlated or steeply weighted neighbours as well.
-    freedom = np.maximum(2.0 * power**2 / variance, own_freedom)
-    unlikely = gammaincc(own_freedom / 2.0, own_freedom / 2.0 * scatter / power) < _MIN_PROBABILITY
-    return np.where(unlikely, scatter, power), np.where(unlikely, own_freedom, freedom)
+    # The freedom of the line is a lower limit, with correlated or steeply weighted neighbours as well.
+    freedom = np.maximum(2.0 * power**2 / variance, line_freedom)
+    unlikely = gammaincc(line_freedom / 2.0, line_freedom / 2.0 * scatter / power) < _MIN_PROBABILITY
+    return np.where(unlikely, scatter, power), np.where(unlikely, line_freedom, freedom)
 
 
 def additive_share(
@@ -254,16 +251,16 @@ def additive_share(
     if half < 1:
         return result
     for first in range(0, power.size, _CHUNK):
-        own = np.arange(first, min(first + _CHUNK, power.size))
-        near = lines_around(own, half, stride[own], power.size)
+        lines = np.arange(first, min(first + _CHUNK, power.size))
+        near = lines_around(lines, half, stride[lines], power.size)
         # Variances of zero are handled by the caller.
         with np.errstate(divide="ignore", invalid="ignore"):
-            result[own] = _share(power[near], noise[near], near == own[:, None])
+            result[lines] = _share(power[near], noise[near], near == lines[:, None])
     return result
 
 
-def _share(power: NDArray[np.float64], noise: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the share of a in noise = a + b |H|^2 with a, b >= 0; each row has the lines around one line."""
+def _share(power: NDArray[np.float64], noise: NDArray[np.float64], is_line: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the share of a in noise = a + b |H|^2 with a, b >= 0; each row has the lines around a line."""
     g = power / power.mean(axis=1, keepdims=True)
     y = noise / noise.mean(axis=1, keepdims=True)
     # Weighted for relative deviations, because both span decades beside a resonance.
@@ -274,15 +271,15 @@ def _share(power: NDArray[np.float64], noise: NDArray[np.float64], own: NDArray[
     slope = (total * np.sum(w * g * y, axis=1) - first * np.sum(w * y, axis=1)) / np.where(flat, 1.0, spread)
     slope = np.clip(slope, 0.0, np.sum(w * g * y, axis=1) / second)
     constant = np.maximum(np.sum(w * y, axis=1) - slope * first, 0.0) / total
-    middle = np.sum(g * own, axis=1)
+    middle = np.sum(g * is_line, axis=1)
     middle = np.where(middle > 0.0, middle, 1.0)
     share: NDArray[np.float64] = constant / (constant + slope * middle)
     return np.where(flat | ~np.isfinite(share), 0.0, share)
 
 
-def lines_around(own: NDArray[np.intp], half: int, stride: NDArray[np.intp], size: int) -> NDArray[np.intp]:
+def lines_around(lines: NDArray[np.intp], half: int, stride: NDArray[np.intp], size: int) -> NDArray[np.intp]:
     """Return the indices of the lines around each line, `(n, 2 half + 1)`, in steps of a stride, within the record."""
-    begin = np.clip(own - half * stride, 0, size - 1 - 2 * half * stride)
+    begin = np.clip(lines - half * stride, 0, size - 1 - 2 * half * stride)
     return np.asarray(begin[:, None] + stride[:, None] * np.arange(2 * half + 1))
 
 

@@ -58,7 +58,7 @@ def common_lines(
         Number of lines that are not common.
     """
     lines = _shared(observed)
-    if lines.size < _FEW * min(one.frequency_hz.size for one in observed):
+    if lines.size < _FEW * min(observation.frequency_hz.size for observation in observed):
         other = _resampled(observed)
         if other and other[0].frequency_hz.size * _FEW > lines.size:
             observed, lines = other, other[0].frequency_hz
@@ -67,14 +67,14 @@ def common_lines(
             f"there is no line that all of {', '.join(map(repr, observed))} have, and no band that all of them cover "
             "with the same exponential window; all receptances are needed on each line"
         )
-    rows = [_nearest(lines, one.frequency_hz)[0] for one in observed]
+    rows = [_nearest(lines, observation.frequency_hz)[0] for observation in observed]
     return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
 
 
 def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[Any]:
     lines: NDArray[Any] = observed[0].frequency_hz
-    for one in observed[1:]:
-        lines = lines[_nearest(lines, one.frequency_hz)[1]]
+    for observation in observed[1:]:
+        lines = lines[_nearest(lines, observation.frequency_hz)[1]]
     return lines
 
 
@@ -83,54 +83,59 @@ def _resampled(observed: tuple[MeasuredFRF, ...]) -> tuple[MeasuredFRF, ...]:
     widest = max(observed, key=_spacing)
     lines = widest.frequency_hz
     kept = np.ones(lines.size, dtype=np.bool_)
-    for one in observed:
-        kept &= _covered(lines, one)
-    return tuple(_resample(one, lines[kept], widest) for one in observed) if kept.any() else ()
+    for observation in observed:
+        kept &= _covered(lines, observation)
+    return tuple(_resample(observation, lines[kept], widest) for observation in observed) if kept.any() else ()
 
 
-def _spacing(one: MeasuredFRF) -> float:
-    return float(np.median(np.diff(one.frequency_hz.real))) if one.frequency_hz.size > 1 else np.inf
+def _spacing(observation: MeasuredFRF) -> float:
+    return float(np.median(np.diff(observation.frequency_hz.real))) if observation.frequency_hz.size > 1 else np.inf
 
 
-def _covered(lines: NDArray[Any], one: MeasuredFRF) -> NDArray[np.bool_]:
+def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]:
     """Return which lines an observation covers, gaps and other exponential windows excluded."""
-    own = one.frequency_hz
+    own = observation.frequency_hz
     nearest, same = _nearest(lines, own)
     if own.size < _SPLINE_LINES:
         return same
     after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
     inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
-    dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(one)
+    dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(observation)
     window = np.abs(lines.imag - own.imag[nearest]) <= _SAME * np.abs(lines)
     found: NDArray[np.bool_] = same | (inside & dense & window)
     return found
 
 
-def _resample(one: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
-    if one is widest:
-        rows = np.isin(one.frequency_hz, lines)
+def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
+    if observation is widest:
+        rows = np.isin(observation.frequency_hz, lines)
         fields: dict[str, Any] = {
             name: value[rows]
-            for name, value in vars(one).items()
-            if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape
+            for name, value in vars(observation).items()
+            if isinstance(value, np.ndarray) and value.shape == observation.frequency_hz.shape
         }
-        return altered(one, **fields)
-    owner = repr(one)
-    own = one.frequency_hz.real
+        return altered(observation, **fields)
+    owner = repr(observation)
+    own = observation.frequency_hz.real
     # Lines on the edge of the band may lie outside by rounding.
     grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
-    values, bend = grid.spline(one.receptance)
-    spread = one.standard_deviation
+    values, bend = grid.spline(observation.receptance)
+    spread = observation.standard_deviation
     fields = {
         name: grid.linear(value)
-        for name, value in vars(one).items()
-        if isinstance(value, np.ndarray) and value.shape == one.frequency_hz.shape and not np.iscomplexobj(value)
+        for name, value in vars(observation).items()
+        if isinstance(value, np.ndarray)
+        and value.shape == observation.frequency_hz.shape
+        and not np.iscomplexobj(value)
     }
     fields |= {"frequency_hz": lines, "receptance": values}
-    notes = [*one.notes, f"{one.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}"]
+    notes = [
+        *observation.notes,
+        f"{observation.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}",
+    ]
     sharp = curvature_warning(grid, values, bend, None if spread is None else grid.linear(spread**2))
-    notes += [f"{one.label or owner}: {sharp}"] if sharp else []
-    return altered(one, **fields, notes=tuple(notes))
+    notes += [f"{observation.label or owner}: {sharp}"] if sharp else []
+    return altered(observation, **fields, notes=tuple(notes))
 
 
 def _nearest(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

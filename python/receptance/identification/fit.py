@@ -17,7 +17,7 @@ from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, Observation, as_observations
 from receptance.identification.peaks import check_bands
 from receptance.identification.result import Identification, Start
-from receptance.identification.search import STAGE_TOLERANCE, fit_direct, fit_staged
+from receptance.identification.search import GlobalSearch, Strategy
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, Variables
 from receptance.report import Provenance
@@ -25,12 +25,12 @@ from receptance.report import Provenance
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import Problem, Unit
+    from receptance.identification.observations import Unit
+    from receptance.identification.problem import Problem
 
 __all__ = ["conclude", "identify"]
 
 Objective = Literal["log", "percentage"]
-Strategy = Literal["direct", "staged"]
 Noise = Literal["scaled", "stated"]
 _SMOOTHING_PERCENT = 0.1
 """The cost is the absolute value of percentages well above this, and the square of those below."""
@@ -105,7 +105,7 @@ def identify(
     tolerance : float, optional
         Relative change of the cost and of the variables at which a fit has converged.
     threads : int, optional
-        As in `Assembly.receptance`.
+        As in `Assembly.receptance`; for predictions of the result as well.
     tolerances : sequence of Tolerance, optional
         Errors of dimensions and materials, which are fitted as well, each with its prior.
     strategy : {"direct", "staged"}, optional
@@ -158,15 +158,14 @@ def identify(
     for name, value, options in (
         ("objective", objective, get_args(Objective)),
         ("noise", noise, get_args(Noise)),
-        ("strategy", strategy, get_args(Strategy)),
     ):
         if value not in options:
             raise ValueError(f"{name} is {value!r}, expected one of {', '.join(options)}")
     if strategy == "staged" and objective != "log":
         raise ValueError('the strategy "staged" is for the objective "log"')
-    for name, number, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
-        _checks.whole_number("identify", name, number, least=least)
-    _checks.positive("identify", "tolerance", tolerance)
+    search = GlobalSearch(
+        strategy=strategy, starts=starts, seed=seed, max_evaluations=max_evaluations, tolerance=tolerance
+    )
     _checks.thread_count(threads)
     chosen = None if bands is None else check_bands(bands)
     units = _units(observed, objective)
@@ -186,17 +185,11 @@ def identify(
     notes = [note for observation in observed for note in observation.notes]
     notes += [*parameters.notes, *_weight_notes(observed, units, objective)]
 
-    x = variables.draw(starts, seed)
-
     def fit(task: Task, problem: Problem) -> Identification:
-        if strategy == "staged":
-            runs = fit_staged(task, problem, x, seed, max_evaluations, tolerance)
-        else:
-            ends = None if smoothing is None else task.approach().fit(x, max_evaluations, tolerance=STAGE_TOLERANCE)
-            runs = fit_direct(problem, x, max_evaluations, tolerance, ends)
+        runs = search.fits(task, problem, None if smoothing is None else task.approach())
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(
-                f"the model has no value at any of the {len(x)} starts; at the first: {runs[0].message}"
+                f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}"
             )
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
@@ -240,9 +233,8 @@ def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
         )
     if all(known):
         return ["standard deviations"] * len(observed)
-    kinds = {type(observation) for observation in observed}
-    frequencies: Unit = "percent" if len(kinds) == 1 else "relative"
-    return ["logarithm" if isinstance(observation, MeasuredFRF) else frequencies for observation in observed]
+    units: list[Unit] = [observation.unit for observation in observed]
+    return ["percent"] * len(units) if set(units) == {"relative"} else units
 
 
 def _weight_notes(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:
@@ -430,17 +422,19 @@ def _misfit_advice(
     return []
 
 
-def _comparable(one: Observation, other: Observation) -> bool:
+def _comparable(observation: Observation, other: Observation) -> bool:
     # Two structures may have the same natural frequencies to the digits that are written.
-    if isinstance(one, MeasuredFRF):
+    if isinstance(observation, MeasuredFRF):
         return True
-    return one.assembly is other.assembly or bool(one.configuration and one.configuration == other.configuration)
+    return observation.assembly is other.assembly or bool(
+        observation.configuration and observation.configuration == other.configuration
+    )
 
 
 def _copy_advice(observed: Sequence[Observation]) -> list[str]:
     """Return advice on observations with the same numbers, which noise would make different."""
     advice = []
-    names = [one.title(i) for i, one in enumerate(observed)]
+    names = [observation.title(i) for i, observation in enumerate(observed)]
     pairs = [
         (i, j)
         for i in range(len(observed))
@@ -448,7 +442,9 @@ def _copy_advice(observed: Sequence[Observation]) -> list[str]:
         if type(observed[i]) is type(observed[j]) and _comparable(observed[i], observed[j])
     ]
     # Sorting can take longer than a fit, so only comparable observations are sorted.
-    values = {i: np.unique(one.data) for i, one in enumerate(observed) if any(i in pair for pair in pairs)}
+    values = {
+        i: np.unique(observation.data) for i, observation in enumerate(observed) if any(i in pair for pair in pairs)
+    }
     for i, j in pairs:
         same = np.intersect1d(values[i], values[j], assume_unique=True).size
         least = min(values[i].size, values[j].size)

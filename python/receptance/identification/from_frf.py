@@ -25,7 +25,7 @@ from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import additive_share, lines_around, with_variance
-from receptance.model.coordinates import Coordinate, Unplaced
+from receptance.model.coordinates import Coordinate, UnknownPosition
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -241,10 +241,10 @@ def _entry(
         coordinate = given if isinstance(given, Coordinate) else found
         if coordinate.direction != found.direction:
             raise ValueError(f"{frf!r}: its {name} is in direction {found.direction!r}, and {coordinate!r} is not")
-        if isinstance(coordinate, Unplaced):
+        if isinstance(coordinate, UnknownPosition):
             notes.append(f"the coordinate of the {name} is unknown: taken at the tip")
             coordinate = Coordinate(direction=coordinate.direction)
-        elif coordinate != found and not isinstance(found, Unplaced):
+        elif coordinate != found and not isinstance(found, UnknownPosition):
             notes.append(f"the {name} is taken at {coordinate!r}; the FRF has {found!r}")
         coordinates.append(coordinate)
     return entry, coordinates, notes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance import _checks
+from receptance import _checks, units
 from receptance.identification.common_lines import check_observations, common_lines, masked_lines
 from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
@@ -406,14 +406,14 @@ def _moved_by_errors(
     parameters = Parameters([some], errors, sites)
     vector = np.array([unknown.start for unknown in parameters.unknowns], dtype=np.float64)
     result = []
-    for one, site in zip(observed, sites, strict=True):
+    for observation, site in zip(observed, sites, strict=True):
         mapping = parameters.at(site)
         keep = [i for i, address in enumerate(mapping.addresses) if not address.startswith(f"{joint}.")]
         h, dh = site.assembly.replace({f"{joint}.{name}": value for name, value in values.items()}).derivatives(
             lines,
             [mapping.addresses[i] for i in keep],
-            response=one.response,
-            excitation=one.excitation,
+            response=observation.response,
+            excitation=observation.excitation,
             threads=threads,
         )
         result.append(dh @ mapping.jacobian(vector)[keep][:, parameters.count :] / h[:, None])
@@ -471,10 +471,6 @@ def _equations(
     threads: int | None,
 ) -> Equations:
     parts = [_with_rigid_joint(o.assembly, joint, lines, o, threads) for o in observed]
-    known = _joint_of(observed[0].assembly, joint)
-    w = 2.0 * np.pi * lines.astype(np.complex128)
-    springs = np.array([[known.k_y, known.k_ytheta], [known.k_ytheta, known.k_theta]])
-    dashpots = np.array([[known.c_y, known.c_ytheta], [known.c_ytheta, known.c_theta]])
     deviations = [np.asarray(o.standard_deviation)[row] for o, row in zip(observed, rows, strict=True)]
     return Equations(
         rigid=np.stack([part[0] for part in parts], axis=1),
@@ -483,21 +479,21 @@ def _equations(
         excitation=np.stack([part[2] for part in parts], axis=1),
         surroundings=np.stack([part[3] for part in parts], axis=1),
         deviation=np.stack(deviations, axis=1),
-        known=(1.0 + 1j * known.loss_factor) * springs + 1j * w[:, None, None] * dashpots,
-        angular_frequency=w,
+        known=_joint_of(observed[0].assembly, joint).stiffness(lines),
+        angular_frequency=2.0 * np.pi * lines.astype(np.complex128),
         terms=terms,
     )
 
 
 def _with_rigid_joint(
-    assembly: Assembly, joint: str, lines: NDArray[Any], one: MeasuredFRF, threads: int | None
+    assembly: Assembly, joint: str, lines: NDArray[Any], observation: MeasuredFRF, threads: int | None
 ) -> tuple[NDArray[np.complex128], ...]:
     """Return H, F_r, F_e and Y of (T8) with the joint rigid."""
     planes = assembly.reduced_to_joint(
         joint,
         lines,
-        response=one.response,
-        excitation=one.excitation,
+        response=observation.response,
+        excitation=observation.excitation,
         at=_RIGID,
         planes=True,
         threads=threads,
@@ -560,15 +556,15 @@ def _check_joint(observed: tuple[MeasuredFRF, ...], joint: str, terms: tuple[str
     """Raise if the joints of the observations differ in their known terms."""
     solved = {name for term in terms for name in (term, f"c{term[1:]}")}
     if len(terms) == len(TERMS):
-        solved.add("loss_factor")
+        solved |= {name for name, quantity in PointJoint.quantities.items() if quantity is units.LOSS_FACTOR}
     first = _joint_of(observed[0].assembly, joint)
-    for one in observed[1:]:
-        other = _joint_of(one.assembly, joint)
+    for observation in observed[1:]:
+        other = _joint_of(observation.assembly, joint)
         for name in PointJoint.columns_of:
             if name not in solved and getattr(other, name) != getattr(first, name):
                 raise ValueError(
                     f"{joint}.{name} is {getattr(first, name):g} in {observed[0]!r} and {getattr(other, name):g} in "
-                    f"{one!r}, expected the same joint, or {name} among the terms"
+                    f"{observation!r}, expected the same joint, or {name} among the terms"
                 )
 
 
@@ -588,7 +584,7 @@ def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF
 
 def _notes(found: InverseCoupling, observed: tuple[MeasuredFRF, ...], dropped: int) -> list[str]:
     """Return the notes for the user; `dropped` lines are not common to all observations."""
-    notes = [note for one in observed for note in one.notes]
+    notes = [note for observation in observed for note in observation.notes]
     if dropped:
         notes.append(f"{dropped} lines are left out because some measurements lack them")
     count = len(found.frequency_hz)

@@ -148,7 +148,7 @@ class Law(Unknown):
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
         """Return the unknowns of the law for these configurations."""
         if self.free:
-            own = [self.base(self.name_in(one), (one,)) for one in configurations]
+            own = [self.base(self.name_in(configuration), (configuration,)) for configuration in configurations]
             return [
                 replace(unknown, start=min(max(self.starts.get(name, start), self.lower), self.upper))
                 for name, unknown in zip(configurations, own, strict=True)
@@ -157,7 +157,7 @@ class Law(Unknown):
         found = [self.base(self.name, self.configurations)]
         found += [power.exponent(self.name) for power in self.powers]
         if self.individual:
-            found += [error_of(self.name_in(one)) for one in configurations]
+            found += [error_of(self.name_in(configuration)) for configuration in configurations]
         return found
 
     def name_in(self, configuration: str) -> str:

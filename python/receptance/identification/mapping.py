@@ -384,7 +384,8 @@ class Parameters:
             (f"Unknown {one.address!r}", one.addresses, one.configurations, None) for one in self.given
         ]
         rows += [
-            (f"Tolerance {one.name!r}", tuple(one.moves), one.configurations, one.labels) for one in self.tolerances
+            (f"Tolerance {tolerance.name!r}", tuple(tolerance.moves), tolerance.configurations, tolerance.labels)
+            for tolerance in self.tolerances
         ]
         rows += [
             (f"Law {one.address!r}, with what follows it", tuple(one.follows), one.configurations, None)

@@ -222,7 +222,7 @@ class NewObservations:
         tolerances: Sequence[Sequence[Tolerance]],
     ) -> None:
         self.observations = tuple(observations)
-        sites = [one.site(index) for index, one in enumerate(self.observations)]
+        sites = [observation.site(index) for index, observation in enumerate(self.observations)]
         self.mappings, self.errors = parameters.extended(sites, tolerances)
         self.variables = Variables((*parameters.unknowns, *map(error_of, self.errors)))
 
@@ -234,8 +234,8 @@ class NewObservations:
         """Return the noise-free data of each observation at fitted variables `(p,)`; see `calculated`."""
         start = self.start(x)
         return [
-            calculated(one, mapping, self.variables, start)
-            for one, mapping in zip(self.observations, self.mappings, strict=True)
+            calculated(observation, mapping, self.variables, start)
+            for observation, mapping in zip(self.observations, self.mappings, strict=True)
         ]
 
     def problem(
@@ -260,7 +260,7 @@ class NewObservations:
 
 
 def calculated(
-    one: Observation, mapping: ParameterMap, variables: Variables, x: NDArray[np.float64]
+    observation: Observation, mapping: ParameterMap, variables: Variables, x: NDArray[np.float64]
 ) -> NDArray[np.complex128] | NDArray[np.float64]:
     """Return the noise-free data of an observation: receptances with its measuring chain, or frequencies in Hz.
 
@@ -268,7 +268,7 @@ def calculated(
 
     Parameters
     ----------
-    one : MeasuredFRF or MeasuredFrequencies
+    observation : MeasuredFRF or MeasuredFrequencies
         The observation.
     mapping : ParameterMap
         The parameters of its assembly.
@@ -282,14 +282,14 @@ def calculated(
     InfeasibleError, ReceptanceError, ValueError
         The model has no value there.
     """
-    if not isinstance(one, MeasuredFrequencies):
-        problem = Problem(variables, [Observed(one, mapping, "logarithm")])
+    if not isinstance(observation, MeasuredFrequencies):
+        problem = Problem(variables, [Observed(observation, mapping, "logarithm")])
         real, imaginary = problem.parts(problem.value(x))[0].reshape(2, -1)
-        recorded: NDArray[np.complex128] = one.data * np.exp(-real - 1j * imaginary)
+        recorded: NDArray[np.complex128] = observation.data * np.exp(-real - 1j * imaginary)
         return recorded
-    assembly = mapping.apply(one.assembly, variables.to_values(x))
-    lowest, _ = assembly.lowest_natural_frequencies(max(one.modes))
-    frequencies: NDArray[np.float64] = lowest[np.array(one.modes) - 1]
+    assembly = mapping.apply(observation.assembly, variables.to_values(x))
+    lowest, _ = assembly.lowest_natural_frequencies(max(observation.modes))
+    frequencies: NDArray[np.float64] = lowest[np.array(observation.modes) - 1]
     return frequencies
 
 

@@ -313,16 +313,16 @@ def next_measurement(
     >>> better.best.label
     'tip FRF'
     """
-    menu = _check_candidates(candidates)
+    candidates = _check_candidates(candidates)
     require_likelihood(found)
     known = _Known(found, _check_targets(targets, found), level)
     report = progress or (lambda _: None)
     wide = _wide_profiles(known, dict(profiles or {}), report)
     points, notes = _points(known, wide)
-    report(f"evaluating {len(menu)} candidates at {len(points)} points")
+    report(f"evaluating {len(candidates)} candidates at {len(points)} points")
     now = _Now(known, points, wide)
     ranking = []
-    for candidate in menu:
+    for candidate in candidates:
         report(f"evaluating {candidate.label}")
         expected = _expected(known, candidate, points, now)
         shrink = float(np.exp(np.mean([np.log(max(one.shrink, _SMALLEST)) for one in expected.values()])))
@@ -347,14 +347,16 @@ def next_measurement(
 
 
 def _check_candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
-    menu = _checks.items("candidates", candidates, Candidate)
-    for one in menu:
-        if one.modes is not None and one.standard_deviation_hz is None:
-            raise ValueError(f"{one!r}: standard_deviation_hz is missing, expected that of its natural frequencies")
-    labels = [one.label for one in menu]
+    found = _checks.items("candidates", candidates, Candidate)
+    for candidate in found:
+        if candidate.modes is not None and candidate.standard_deviation_hz is None:
+            raise ValueError(
+                f"{candidate!r}: standard_deviation_hz is missing, expected that of its natural frequencies"
+            )
+    labels = [candidate.label for candidate in found]
     if double := sorted({label for label in labels if labels.count(label) > 1}):
         raise ValueError(f"two candidates have the label {double[0]!r}, expected different labels")
-    return menu
+    return found
 
 
 def _check_targets(targets: Target | Sequence[Target] | None, found: Identification) -> tuple[Target, ...]:
@@ -403,12 +405,12 @@ class _Outlook:
     def __init__(self, known: _Known, candidate: Candidate | None = None) -> None:
         self._names = known.variables.names
         self._targets, self._candidate = known.targets, candidate
-        predicted = [one for one in known.targets if isinstance(one, Candidate)]
+        predicted = [target for target in known.targets if isinstance(target, Candidate)]
         self._hypotheses = predicted if candidate is None else [*predicted, candidate]
         self._new = NewObservations(
             known.parameters,
-            [one.observation() for one in self._hypotheses],
-            [_tolerances_of(one, known.parameters.tolerances) for one in self._hypotheses],
+            [hypothesis.observation() for hypothesis in self._hypotheses],
+            [_tolerances_of(hypothesis, known.parameters.tolerances) for hypothesis in self._hypotheses],
         )
 
     def values(self, x: NDArray[np.float64]) -> dict[str, float]:
@@ -431,7 +433,8 @@ class _Outlook:
         """
         x = point.x
         observations = [
-            one.observation(data) for one, data in zip(self._hypotheses, self._new.calculated(x), strict=True)
+            hypothesis.observation(data)
+            for hypothesis, data in zip(self._hypotheses, self._new.calculated(x), strict=True)
         ]
         problem = self._new.problem(x, point.root, observations)
         start = self._new.start(x)
@@ -469,16 +472,16 @@ def _names_of(target: Target) -> list[str]:
     return [f"{target.label}: mode {mode} [Hz]" for mode in target.modes]
 
 
-def _tolerances_of(one: Candidate, known: Sequence[Tolerance]) -> list[Tolerance]:
+def _tolerances_of(candidate: Candidate, known: Sequence[Tolerance]) -> list[Tolerance]:
     """Return the errors of a candidate, and those of the fit that it does not describe itself."""
-    own = {tolerance.name for tolerance in one.tolerances}
-    return [*(tolerance for tolerance in known if tolerance.name not in own), *one.tolerances]
+    own = {tolerance.name for tolerance in candidate.tolerances}
+    return [*(tolerance for tolerance in known if tolerance.name not in own), *candidate.tolerances]
 
 
 def _wide_profiles(known: _Known, given: dict[str, Profile], report: Callable[[str], None]) -> dict[str, Profile]:
     """Return the profiles of parameters with wide intervals; those that are not given are computed."""
     found = known.found
-    named = [one for one in known.targets if isinstance(one, str) and one not in found.errors]
+    named = [target for target in known.targets if isinstance(target, str) and target not in found.errors]
     if len(named) < len(known.targets):
         named = [name for name in found.addresses if name not in found.errors]
     low, high = known.variables.limits
@@ -551,7 +554,7 @@ class _Now:
         self.deviations = {name: _geometric_mean([one[name] for one in found]) for name in self.values}
         self.scales = dict.fromkeys(self.values, "linear")
         self.intervals: dict[str, tuple[float, float]] = {}
-        for name in (one for one in known.targets if isinstance(one, str)):
+        for name in (target for target in known.targets if isinstance(target, str)):
             i = known.variables.names.index(name)
             self.scales[name] = str(known.variables.unknowns[i].scale)
             self.values[name] = known.found.values[name]

@@ -6,7 +6,7 @@ import copy
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, cast
 
 import numpy as np
 
@@ -24,7 +24,10 @@ if TYPE_CHECKING:
     from receptance.identification.from_frf import Floor
     from receptance.units import Form
 
-__all__ = ["MeasuredFRF", "MeasuredFrequencies", "Observation", "altered", "as_observations"]
+__all__ = ["MeasuredFRF", "MeasuredFrequencies", "Observation", "Unit", "altered", "as_observations"]
+
+Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
+"""Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 
 _PER_LINE = ("frequency_hz", "receptance", "standard_deviation", "correlated_lines", "force")
 _Any = TypeVar("_Any", bound="_Observation")
@@ -41,6 +44,13 @@ class _Observation:
     notes: tuple[str, ...] = ()
     factors: ClassVar[tuple[str, ...]] = ()
     """Addresses of its measuring chain."""
+    unit: ClassVar[Unit]
+    """Unit of its residuals if no observation has standard deviations."""
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Response and excitation of a receptance."""
+        return ()
 
     def site(self, index: int) -> Site:
         """Return assembly, configuration and conditions; an unnamed observation is a configuration by its number."""
@@ -128,6 +138,7 @@ class MeasuredFRF(_Observation):
     """
 
     factors = FACTORS
+    unit = "logarithm"
 
     assembly: Assembly
     frequency_hz: NDArray[Any]
@@ -235,6 +246,11 @@ class MeasuredFRF(_Observation):
         """Standard deviation of each residual, `(2 n,)`; ones if none were given."""
         known = self.standard_deviation
         return np.tile(np.ones(self.frequency_hz.size) if known is None else known, 2)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Response and excitation."""
+        return self.response, self.excitation
 
     @property
     def data(self) -> NDArray[np.complex128]:
@@ -390,6 +406,8 @@ class MeasuredFrequencies(_Observation):
     label: str
     configuration: str
     conditions: Mapping[str, float]
+
+    unit = "relative"
 
     def __init__(
         self,

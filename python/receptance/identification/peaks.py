@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.identification.covariance import confidence_multiplier, is_uninformative
 
 if TYPE_CHECKING:
@@ -85,10 +85,7 @@ def find_bands(frf: MeasuredFRF, *, width_percent: float = 5.0, prominence: floa
 
 def peak_indices(values: NDArray[np.complex128], prominence: float = _PROMINENCE) -> NDArray[np.intp]:
     """Return the indices of the peaks of a magnitude; the prominence is a natural logarithm."""
-    from scipy.signal import find_peaks  # slow to import
-
-    found: NDArray[np.intp] = find_peaks(np.log(np.abs(values)), prominence=prominence)[0]
-    return found
+    return local_maxima(np.log(np.abs(values)), prominence)[0]
 
 
 def check_bands(bands: Sequence[tuple[float, float]]) -> Bands:
@@ -267,18 +264,16 @@ def _peaks(
     scatter: NDArray[np.float64],
 ) -> list[tuple[float, float]]:
     """Return frequencies of peaks and their standard deviations, from parabolas through three logarithms each."""
-    from scipy.signal import peak_prominences  # slow to import
-
     level = np.log(np.abs(values))
     found = peak_indices(values)
     if scatter.any() and found.size:
         # Between two lines that noise has made small any line has prominence; the level around them is compared.
         around = _running_median(level, 2)
         around[found] = level[found]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of peaks without prominence
-            height, _, _ = peak_prominences(around, found)
-        found = found[height > np.maximum(_PROMINENCE, _NOISE_PROMINENCE * scatter[found])]
+        prominences = np.zeros(level.size)
+        places, sizes = local_maxima(around)
+        prominences[places] = sizes
+        found = found[prominences[found] > np.maximum(_PROMINENCE, _NOISE_PROMINENCE * scatter[found])]
     result = []
     for index in found:
         near = slice(index - 1, index + 2)

@@ -351,6 +351,7 @@ class Forecast:
         self._values = np.array([] if fit is None else list(fit.values.values()))
         self._covariance = np.zeros((0, 0)) if fit is None else fit.covariance
         self._errors = [(name, fit.index(name)) for name in parameters.errors] if fit is not None else []
+        self._threads = None if fit is None else fit.task.threads
         self._freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
         self._parameters, self._site, self._tolerances = parameters, site, tolerances
         self._mapping = parameters.at(site, tolerances, fresh)
@@ -434,7 +435,6 @@ class Forecast:
         force: ArrayLike | None = None,
         draws: int = 0,
         seed: int = 0,
-        threads: int | None = None,
     ) -> PredictedFRF:
         """Return a receptance with its scatter, and with its magnitudes for vectors drawn from the posterior.
 
@@ -444,13 +444,18 @@ class Forecast:
             Fewer than half of the vectors have a model.
         """
         response, excitation = response or Coordinate(), excitation or Coordinate()
-        options: dict[str, Any] = {"response": response, "excitation": excitation, "force": force, "threads": threads}
+        options: dict[str, Any] = {
+            "response": response,
+            "excitation": excitation,
+            "force": force,
+            "threads": self._threads,
+        }
         found, slope = self.assembly.derivatives(frequency_hz, list(self.addresses), **options)
         slope = slope / found[:, None]
         assemblies = [one for one in self.drawn(draws, seed) if one is not None]
         if 2 * len(assemblies) < draws:
             raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
-        drawn = [np.log(np.abs(one.receptance(frequency_hz, **options))) for one in assemblies]
+        drawn = [np.log(np.abs(assembly.receptance(frequency_hz, **options))) for assembly in assemblies]
         return PredictedFRF(
             response=response,
             excitation=excitation,
@@ -469,7 +474,6 @@ class Forecast:
         *,
         draws: int = 0,
         seed: int = 0,
-        threads: int | None = None,
     ) -> PredictedFRF:
         """Return the receptance on the lines of a measurement of this assembly, as its measuring chain records it.
 
@@ -482,16 +486,14 @@ class Forecast:
             The measurement.
         noise : ndarray, optional
             `(n,)` standard deviation of its logarithm; by default the stated one.
-        draws, seed, threads : optional
+        draws, seed : optional
             As in `receptance`.
         """
         places = (
             MovingCoordinate(measured.assembly, one).on(self.assembly)
             for one in (measured.response, measured.excitation)
         )
-        found = self.receptance(
-            measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed, threads=threads
-        )
+        found = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)
         if any(unknown.address in FACTORS for unknown in self._parameters.given):
             chain = self.recorded(measured) / found.receptance
             found = replace(found, receptance=chain * found.receptance, drawn=found.drawn + np.log(np.abs(chain)))

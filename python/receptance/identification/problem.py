@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
 from receptance.identification.mapping import FACTORS
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Unit
 from receptance.model.joints import PointJoint
 from receptance.model.tables import Tied
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["End", "InfeasibleError", "Observed", "Problem", "Unit", "only_joint", "prior_table", "residuals_at"]
 
-Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
-"""Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
 _STATUS = {
@@ -249,7 +247,7 @@ class Problem:
             strict=True,
         )
         kept = np.append(moving | of_all, True)
-        ends = [self._against_bound(start, End(*one), kept) for start, one in zip(starts, numbers, strict=True)]
+        ends = [self._against_bound(start, End(*number), kept) for start, number in zip(starts, numbers, strict=True)]
         self.evaluations += sum(end.evaluations for end in ends)
         self._end = min(ends, key=lambda end: end.cost, default=None)
         return ends
@@ -278,9 +276,9 @@ class Problem:
     def reason(self, x: NDArray[np.float64]) -> str:
         """Return why the model has no value at a point."""
         values = self.variables.to_values(x)
-        for one in self._observed:
+        for item in self._observed:
             try:
-                one.mapping.apply(one.observation.assembly, values)
+                item.mapping.apply(item.observation.assembly, values)
             except ValueError as error:
                 return str(error)
         found = self.core.reason(np.ascontiguousarray(x))
@@ -345,11 +343,11 @@ class _CoreObservations:
         self.assemblies: list[Assembly] = []
         self.reduced = 0
         found: list[int] = []
-        for index, one in enumerate(observed):
-            if isinstance(one.observation, MeasuredFRF):
-                found.append(self._add_receptance(index, one, one.observation))
-            elif isinstance(one.observation, MeasuredFrequencies):
-                found.append(self._add_frequencies(index, one, one.observation))
+        for index, item in enumerate(observed):
+            if isinstance(item.observation, MeasuredFRF):
+                found.append(self._add_receptance(index, item, item.observation))
+            elif isinstance(item.observation, MeasuredFrequencies):
+                found.append(self._add_frequencies(index, item, item.observation))
         self.sizes = tuple(found)
         for each in self._receptances.values():
             records = _core.Records(np.stack(each.measured), np.stack(each.weights), each.percent, each.end)
@@ -359,28 +357,28 @@ class _CoreObservations:
         begins = np.cumsum([0, *self.sizes])
         self.places = np.concatenate([np.arange(begins[i], begins[i + 1]) for i in self._order] or [np.arange(0)])
 
-    def _add_receptance(self, index: int, one: Observed, frf: MeasuredFRF) -> int:
+    def _add_receptance(self, index: int, item: Observed, frf: MeasuredFRF) -> int:
         """Add a receptance; those of one model on the same lines are records of one observation of the core."""
-        percent = one.unit == "percent"
+        percent = item.unit == "percent"
         measured = np.ascontiguousarray(frf.receptance)
         weights = np.ones(measured.size)
-        if one.unit == "standard deviations" and frf.standard_deviation is not None:
+        if item.unit == "standard deviations" and frf.standard_deviation is not None:
             weights = 1.0 / frf.standard_deviation
         size = measured.size if percent else 2 * measured.size
-        if not percent and frf.ends is None and self._add_reduced(index, one, frf, weights):
+        if not percent and frf.ends is None and self._add_reduced(index, item, frf, weights):
             return size
-        model, addresses, factors = _tied(one)
+        model, addresses, factors = _tied(item)
         w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz, dtype=np.complex128)
         lines, end = _core.Lines(w), b"" if frf.ends is None else np.float64(frf.ends).tobytes()
         forces = b"" if frf.force is None else frf.force.tobytes()
-        key = (one.unit.encode(), w.tobytes(), forces, end, addresses.tobytes(), factors.tobytes(), *model.key)
+        key = (item.unit.encode(), w.tobytes(), forces, end, addresses.tobytes(), factors.tobytes(), *model.key)
         if key not in self._receptances:
             evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
             try:
                 given = model.flat.by_line(evaluated / math.tau, frf.force)
             except ValueError as error:
                 raise InfeasibleError(str(error)) from None
-            tied, assembly = model.model(addresses, factors), one.observation.assembly
+            tied, assembly = model.model(addresses, factors), item.observation.assembly
             self._receptances[key] = _Receptance(tied, lines, model.points, percent, frf.ends, given, assembly)
         own = self._receptances[key]
         own.indices.append(index)
@@ -388,14 +386,14 @@ class _CoreObservations:
         own.weights.append(weights)
         return size
 
-    def _add_reduced(self, index: int, one: Observed, frf: MeasuredFRF, weights: NDArray[np.float64]) -> bool:
+    def _add_reduced(self, index: int, item: Observed, frf: MeasuredFRF, weights: NDArray[np.float64]) -> bool:
         """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
-        joint = only_joint(one)
+        joint = only_joint(item)
         if joint is None or not self._unknowns:
             return False
-        fields = [address.split(".", 1)[1] for address in one.mapping.addresses]
+        fields = [address.split(".", 1)[1] for address in item.mapping.addresses]
         columns = [PointJoint.columns_of.index(name) for name in fields]
-        bounds = [self._unknowns[i] for i in one.mapping.base]
+        bounds = [self._unknowns[i] for i in item.mapping.base]
         try:
             stiff = _stiffest(frf, joint, dict(zip(fields, bounds, strict=True)))
             reduction = frf.assembly.reduced_to_joint(
@@ -411,19 +409,19 @@ class _CoreObservations:
             return False
         measured = np.ascontiguousarray(frf.receptance)
         numbers = np.full(len(PointJoint.columns_of), -1.0)
-        numbers[columns] = one.mapping.base
+        numbers[columns] = item.mapping.base
         self._core.add_joint_receptance(reduction, np.array(stiff.columns()), numbers, measured, weights)
         self._order.append(index)
         self.assemblies.append(frf.assembly)
         self.reduced += 1
         return True
 
-    def _add_frequencies(self, index: int, one: Observed, measured: MeasuredFrequencies) -> int:
+    def _add_frequencies(self, index: int, item: Observed, measured: MeasuredFrequencies) -> int:
         """Add natural frequencies and the damping ratios that are known."""
-        model, addresses, factors = _tied(one)
+        model, addresses, factors = _tied(item)
         frequency, spread = measured.frequency_hz, measured.standard_deviation_hz
-        weighed = one.unit == "standard deviations" and spread is not None
-        share = 0.01 if one.unit == "percent" else 1.0
+        weighed = item.unit == "standard deviations" and spread is not None
+        share = 0.01 if item.unit == "percent" else 1.0
         unit = spread if weighed and spread is not None else frequency * share
         damping: tuple[NDArray[np.float64], ...] = ()
         ratio, known = measured.damping_ratio, measured.standard_deviation_damping
@@ -439,12 +437,12 @@ class _CoreObservations:
         return frequency.size + measured.damped.size
 
 
-def residuals_at(one: Observed, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def residuals_at(item: Observed, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the residuals of an observation at rows of values of the unknowns, `(n, p)`; NaN where it has no value."""
     count = values.shape[1]
     limits = np.array([[-np.inf], [np.inf]]) * np.ones(count)
     core = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)), 1)
-    (size,) = _CoreObservations(core, [one], (), None).sizes
+    (size,) = _CoreObservations(core, [item], (), None).sizes
     result, none = np.full((len(values), size), np.nan), np.zeros(count, dtype=np.bool_)
     for row, found in zip(result, map(np.ascontiguousarray, values), strict=True):
         rows = core.rows(found, none)
@@ -453,12 +451,12 @@ def residuals_at(one: Observed, values: NDArray[np.float64]) -> NDArray[np.float
     return result
 
 
-def only_joint(one: Observed) -> str | None:
+def only_joint(item: Observed) -> str | None:
     """Return the joint whose terms are the only unknowns of an observation, each by itself; None if there is none."""
-    mapping = one.mapping
+    mapping = item.mapping
     owners = {name.split(".", 1)[0] for name in mapping.addresses}
     name = owners.pop() if len(owners) == 1 else ""
-    if type(one.observation.assembly.elements.get(name)) is not PointJoint:
+    if type(item.observation.assembly.elements.get(name)) is not PointJoint:
         return None
     alone = np.all(mapping.base >= 0) and np.all(mapping.scale == 1.0) and np.all(mapping.second < 0)
     return name if alone and not mapping.exponents.any() and not mapping.shifts.any() else None
@@ -475,13 +473,12 @@ def _stiffest(frf: MeasuredFRF, joint: str, unknowns: dict[str, Unknown]) -> Poi
     return PointJoint(**values)
 
 
-def _tied(one: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]]:
+def _tied(item: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]]:
     """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
-    mapping = one.mapping
+    mapping = item.mapping
     factors = [(FACTORS.index(name), i) for i, name in enumerate(mapping.addresses) if name in FACTORS]
-    frf = one.observation
-    points = (frf.response, frf.excitation) if isinstance(frf, MeasuredFRF) else ()
-    tied = frf.assembly.tied(mapping.addresses, points, others=FACTORS)
+    observation = item.observation
+    tied = observation.assembly.tied(mapping.addresses, observation.coordinates, others=FACTORS)
     start = np.where(mapping.base >= 0, mapping.scale, mapping.fixed)
     columns = [mapping.base, start, mapping.second, mapping.share, mapping.exponents, mapping.shifts]
     addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)

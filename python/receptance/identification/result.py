@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.identification.laws import Tolerance
-    from receptance.identification.problem import Unit
+    from receptance.identification.observations import Unit
     from receptance.identification.profiles import Profiles
     from receptance.identification.sampling import Samples
     from receptance.identification.task import Task
@@ -159,7 +159,7 @@ class Identification(Result):
     @property
     def labels(self) -> list[str]:
         """Label of each observation, or its number."""
-        return [one.title(i) for i, one in enumerate(self.task.observed)]
+        return [observation.title(i) for i, observation in enumerate(self.task.observed)]
 
     @property
     def rms(self) -> float:
@@ -439,13 +439,12 @@ class Identification(Result):
         tolerances: Sequence[Tolerance] | None = None,
         draws: int = 0,
         seed: int = 0,
-        threads: int | None = None,
     ) -> PredictedFRF:
         """Predict a receptance of an assembly with the identified values, and its confidence band.
 
         Parameters
         ----------
-        assembly, frequency_hz, response, excitation, threads
+        assembly, frequency_hz, response, excitation
             As in `Assembly.receptance`; the assembly may be observed or not.
         configuration, conditions, tolerances : optional
             As in `predict_natural_frequencies`.
@@ -475,7 +474,7 @@ class Identification(Result):
         True
         """
         forecast = self._forecast(assembly, configuration, conditions, tolerances)
-        return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed, threads=threads)
+        return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed)
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""

@@ -12,14 +12,16 @@ their ends are starts of the problem itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from receptance import _checks, units
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 from receptance.identification.peaks import peak_indices
 from receptance.identification.result import Start
+from receptance.model.addresses import QUANTITIES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +30,9 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End, Problem
 from receptance.identification.task import Task
 
-__all__ = ["STAGE_TOLERANCE", "Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
+__all__ = ["Continuation", "GlobalSearch", "Strategy", "different_ends", "fit_direct", "fit_staged", "smeared"]
+
+Strategy = Literal["direct", "staged"]
 
 _DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
@@ -46,10 +50,11 @@ _STAGE_LINES = 80
 """Lines of each receptance in these stages."""
 _STAGE_EVALUATIONS = 40
 """Largest number of evaluations in a stage."""
-STAGE_TOLERANCE = 1e-4
+_STAGE_TOLERANCE = 1e-4
 """Tolerance of all fits before the last one."""
 _PEAK_DEVIATION = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
+_DASHPOTS = (units.DAMPING, units.ROTATIONAL_DAMPING, units.COUPLING_DAMPING)
 _LOSS_FACTOR = 0.02
 """Loss factor of dampings before they are fitted."""
 _DRAWN = 15
@@ -66,6 +71,53 @@ _MARGIN = 2.0
 """Distance of smeared lines from the upper end, in widths."""
 _MIN_LINES = 8
 """Least number of lines for a stage."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GlobalSearch:
+    """Settings of a search for the global optimum.
+
+    Parameters
+    ----------
+    strategy, starts, seed, max_evaluations, tolerance
+        As in `identify`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Invalid settings.
+    """
+
+    strategy: Strategy
+    starts: int
+    seed: int
+    max_evaluations: int
+    tolerance: float
+
+    def __post_init__(self) -> None:
+        if self.strategy not in get_args(Strategy):
+            raise ValueError(f"strategy is {self.strategy!r}, expected one of {', '.join(get_args(Strategy))}")
+        for name, least in (("starts", 1), ("seed", 0), ("max_evaluations", 1)):
+            _checks.whole_number("identify", name, getattr(self, name), least=least)
+        _checks.positive("identify", "tolerance", self.tolerance)
+
+    def fits(self, task: Task, problem: Problem, easier: Problem | None = None) -> list[Start]:
+        """Return the fits of the problem of a task from drawn starts.
+
+        Parameters
+        ----------
+        task : Task
+            The input of the fit.
+        problem : Problem
+            The problem of the task.
+        easier : Problem, optional
+            A problem whose ends replace the starts of a direct fit.
+        """
+        x, most = task.variables.draw(self.starts, self.seed), self.max_evaluations
+        if self.strategy == "staged":
+            return fit_staged(task, problem, x, self.seed, most, self.tolerance)
+        ends = None if easier is None else easier.fit(x, most, tolerance=_STAGE_TOLERANCE)
+        return fit_direct(problem, x, most, self.tolerance, ends)
 
 
 def fit_direct(
@@ -98,7 +150,7 @@ def fit_direct(
     first: list[End] = []
     owners = {i: i for i in range(len(starts))}
     if few is not None:
-        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, STAGE_TOLERANCE))
+        first = few.fit(at, np.maximum(most - spent, 1), tolerance=max(tolerance, _STAGE_TOLERANCE))
         more, at = _continued(first, at)
         spent = spent + more
         problem.evaluations += few.evaluations
@@ -181,7 +233,9 @@ class Continuation:
         self.variables = exact.variables
         self.count = len(exact.variables.unknowns)
         names = [unknown.address.split(" ")[0].rsplit(".", 1)[-1] for unknown in exact.variables.unknowns]
-        self._damping = np.array([name.startswith("c_") or name == "loss_factor" for name in names])
+        quantities = [QUANTITIES.get(name) for name in names]
+        self._loss = np.array([quantity is units.LOSS_FACTOR for quantity in quantities])
+        self._damping = self._loss | np.array([quantity in _DASHPOTS for quantity in quantities])
         self._coupling = np.array([name.endswith("_ytheta") for name in names])
         self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
         self._angular = 2.0 * np.pi * float(np.median([np.median(o.frequency_hz.real) for o in task.observed]))
@@ -204,7 +258,7 @@ class Continuation:
             if not self._damping[column]:
                 continue
             stiffness = self._columns.get(name.replace(".c_", ".k_"))
-            if name.rsplit(".", 1)[-1].startswith("loss_factor"):
+            if self._loss[column]:
                 values[:, column] = _LOSS_FACTOR
             elif stiffness is not None:
                 values[:, column] = _LOSS_FACTOR * values[:, stiffness] / self._angular
@@ -257,7 +311,7 @@ def _fit_stage(
     free: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the ends of fits and their costs; starts without a value keep their place, with infinite cost."""
-    ends = stage.fit(starts, most, tolerance=STAGE_TOLERANCE, free=free)
+    ends = stage.fit(starts, most, tolerance=_STAGE_TOLERANCE, free=free)
     costs = np.array([end.cost for end in ends])
     found = np.array([end.x for end in ends]).reshape(starts.shape)
     return np.where(np.isfinite(costs)[:, None], found, starts), costs
@@ -275,24 +329,24 @@ def _fit_stages(
 
 def _peak_problem(task: Task) -> Problem | None:
     """Return the problem with the peaks of receptances as natural frequencies, numbered from the lowest."""
-    if not all(one.assembly.countable for one in task.observed):
+    if not all(observation.assembly.countable for observation in task.observed):
         return None
     found: list[Observation] = []
-    for one in task.observed:
-        if isinstance(one, MeasuredFrequencies):
-            found.append(one)
+    for observation in task.observed:
+        if isinstance(observation, MeasuredFrequencies):
+            found.append(observation)
             continue
-        frequency = one.frequency_hz.real[peak_indices(one.receptance)]
+        frequency = observation.frequency_hz.real[peak_indices(observation.receptance)]
         if not frequency.size:
             return None
         found.append(
             MeasuredFrequencies(
-                assembly=one.assembly,
+                assembly=observation.assembly,
                 frequency_hz=frequency,
                 standard_deviation_hz=_PEAK_DEVIATION * frequency,
-                label=one.label,
-                configuration=one.configuration,
-                conditions=one.conditions,
+                label=observation.label,
+                configuration=observation.configuration,
+                conditions=observation.conditions,
             )
         )
     return task.on(found).problem()

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from receptance.identification.laws import Law
 from receptance.identification.mapping import ParameterMap, Parameters
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import MeasuredFRF, Observation, Unit
 from receptance.identification.peaks import find_bands, within
-from receptance.identification.problem import Observed, Problem, Unit
+from receptance.identification.problem import Observed, Problem
 from receptance.identification.unknowns import Variables
 
 if TYPE_CHECKING:
@@ -61,12 +61,14 @@ class Task:
     @cached_property
     def mappings(self) -> list[ParameterMap]:
         """Parameters of each observation's assembly as functions of the unknowns."""
-        return self.parameters.of([one.site(i) for i, one in enumerate(self.observed)])
+        return self.parameters.of([observation.site(i) for i, observation in enumerate(self.observed)])
 
     @cached_property
     def selected(self) -> tuple[Observation, ...]:
         """The observations on the lines within the bands."""
-        return tuple(self._in_bands(one, unit) for one, unit in zip(self.observed, self.units, strict=True))
+        return tuple(
+            self._in_bands(observation, unit) for observation, unit in zip(self.observed, self.units, strict=True)
+        )
 
     @property
     def independent_values(self) -> float:
@@ -87,7 +89,7 @@ class Task:
         """
         selected = self.selected
         if lines is not None:
-            selected = tuple(one.select(own) for one, own in zip(self.observed, lines, strict=True))
+            selected = tuple(observation.select(own) for observation, own in zip(self.observed, lines, strict=True))
         observed = [Observed(*one) for one in zip(selected, self.mappings, self.units, strict=True)]
         return Problem(self.variables, observed, self.threads, smoothing=smoothing)
 
@@ -96,18 +98,21 @@ class Task:
 
         Percentages in bands around measured peaks do not depend on calculated peaks outside of them.
         """
-        units: list[Unit] = ["logarithm" if isinstance(o, MeasuredFRF) else "relative" for o in self.observed]
-        return replace(self, units=tuple(units), band_width_percent=0.0).problem()
+        return replace(
+            self, units=tuple(observation.unit for observation in self.observed), band_width_percent=0.0
+        ).problem()
 
     def noisier(self, factor: float) -> Task:
         """Return the task with the stated standard deviations times a factor."""
         more = factor / self.noise_factor
-        return replace(self, observed=tuple(one.noisier(more) for one in self.observed), noise_factor=factor)
+        return replace(
+            self, observed=tuple(observation.noisier(more) for observation in self.observed), noise_factor=factor
+        )
 
     def without_errors(self) -> Task:
         """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
         exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.given]
-        sites = [one.site(i) for i, one in enumerate(self.observed)]
+        sites = [observation.site(i) for i, observation in enumerate(self.observed)]
         return replace(self, parameters=Parameters(exact, (), sites))
 
     def on(self, observed: Sequence[Observation]) -> Task:
@@ -115,10 +120,10 @@ class Task:
         units: list[Unit] = ["standard deviations"] * len(observed)
         return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
 
-    def _in_bands(self, one: Observation, unit: Unit) -> Observation:
-        if not isinstance(one, MeasuredFRF):
-            return one
+    def _in_bands(self, observation: Observation, unit: Unit) -> Observation:
+        if not isinstance(observation, MeasuredFRF):
+            return observation
         bands = self.bands
         if bands is None and unit == "percent":
-            bands = find_bands(one, width_percent=self.band_width_percent)
-        return one if bands is None else one.select(within(one, bands))
+            bands = find_bands(observation, width_percent=self.band_width_percent)
+        return observation if bands is None else observation.select(within(observation, bands))

@@ -345,9 +345,9 @@ def transfer(
         kept = [o for o in observed if o.configuration not in group]
         fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
         predictor = _Predictor(fit, [u for u in given if u not in here], errors, draws, seed)
-        for one in observed:
-            if one.configuration in group:
-                predictor.predict(one)
+        for observation in observed:
+            if observation.configuration in group:
+                predictor.predict(observation)
         found.append(
             Split(
                 held_out=group,
@@ -417,38 +417,40 @@ class _Predictor:
     reasons: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def predict(self, one: Observation) -> None:
+    def predict(self, observation: Observation) -> None:
         """Add the prediction of an observation, or the reason why there is none."""
-        site = replace(one.site(0), factors=())
+        site = replace(observation.site(0), factors=())
         given = () if self.fit is None else self.fit.task.parameters.given
         missing = [u.address for u in self.lost if _in_some((u.address,), u.configurations, None, [site])]
         shared = any(_in_some((u.address,), u.configurations, None, [site]) for u in given)
         if missing or not shared or self.fit is None:
             names = ", ".join(missing) or "none of the identified parameters"
             self.reasons.append(
-                f"{one.configuration}: {names} {'is in' if missing else 'in'} no configuration that is left"
+                f"{observation.configuration}: {names} {'is in' if missing else 'in'} no configuration that is left"
             )
             return
         try:
             forecast = Forecast(self.fit, site, self.tolerances)
-            if isinstance(one, MeasuredFRF):
-                frf = self._frf(one, self.fit, forecast)
+            if isinstance(observation, MeasuredFRF):
+                frf = self._frf(observation, self.fit, forecast)
                 self.frfs.append(frf)
                 self.modes += [peak for peak in frf.peaks if peak.measured_hz is not None]
             else:
-                self.modes += forecast.observed_modes(one, _readings(one, self.fit)).modes
+                self.modes += forecast.observed_modes(observation, _readings(observation, self.fit)).modes
         except (ValueError, ReceptanceError) as error:
-            self.reasons.append(f"{one.configuration}: {error}")
+            self.reasons.append(f"{observation.configuration}: {error}")
 
-    def _frf(self, one: MeasuredFRF, fit: Identification, forecast: Forecast) -> PredictedFRF:
-        noise = one.standard_deviation
+    def _frf(self, observation: MeasuredFRF, fit: Identification, forecast: Forecast) -> PredictedFRF:
+        noise = observation.standard_deviation
         if noise is None or not fit.known_scatter:
-            noise = np.full(one.frequency_hz.size, _residual_deviation(fit) if "logarithm" in fit.units else 0.0)
+            noise = np.full(
+                observation.frequency_hz.size, _residual_deviation(fit) if "logarithm" in fit.units else 0.0
+            )
         try:
-            return forecast.observed(one, noise, draws=self.draws, seed=self.seed)
+            return forecast.observed(observation, noise, draws=self.draws, seed=self.seed)
         except ReceptanceError as error:
-            self.notes.append(f"{one.label or one.configuration}: its band is linear, because {error}")
-            return forecast.observed(one, noise, seed=self.seed)
+            self.notes.append(f"{observation.label or observation.configuration}: its band is linear, because {error}")
+            return forecast.observed(observation, noise, seed=self.seed)
 
 
 def _residual_deviation(fit: Identification) -> float:

@@ -219,11 +219,15 @@ class Variables:
         if starts == 1:
             return self.start[None, :]
         from scipy.special import ndtri
-        from scipy.stats import qmc  # slow to import
 
         low, high = self.limits
-        sampler = qmc.LatinHypercube(len(self.unknowns), seed=np.random.default_rng(seed))
-        share = sampler.random(starts - 1)
+        (rng,) = np.random.default_rng(seed).spawn(1)
+        share = rng.uniform(size=(starts - 1, len(self.unknowns)))
+        # Not `scipy.stats.qmc`, which takes longer to import than many fits.
+        ranks = np.tile(np.arange(1, starts), (len(self.unknowns), 1))
+        for rank in ranks:
+            rng.shuffle(rank)
+        share = (ranks.T - share) / (starts - 1)
         found = low + (high - low) * share
         for i, unknown in enumerate(self.unknowns):
             if unknown.prior is not None:

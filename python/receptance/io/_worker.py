@@ -7,6 +7,7 @@ measurements of this library, and shape and type of all variables.
 
 from __future__ import annotations
 
+import itertools
 import pickle
 import re
 import signal
@@ -16,7 +17,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-OWN = re.compile(r"(?:frf|time|coherence)[0-9]+")
+_MEASUREMENT_NAME = re.compile(r"(?:frf|time|coherence)[0-9]+")
 """Names of measurements written by this library."""
 _MAX_DEPTH, _MAX_DATA_SETS, _MAX_ELEMENTS = 5, 10_000, 1000
 """Limits of nesting, of data sets in a file, and of elements of an array of structs."""
@@ -31,7 +32,7 @@ class _RefusedError(Exception):
 
 def _is_requested(name: str, names: list[str] | None) -> bool:
     """Return whether a variable is loaded: the names in the request, or without these the variables of this library."""
-    return bool(OWN.fullmatch(re.split(r"[./]", name)[0])) if names is None else name in names
+    return bool(_MEASUREMENT_NAME.fullmatch(re.split(r"[./]", name)[0])) if names is None else name in names
 
 
 def _bases(names: list[str]) -> list[str]:
@@ -44,23 +45,23 @@ def _mat(path: str, names: list[str] | None) -> Iterator[tuple[str, Any]]:
 
     try:
         try:
-            held: list[tuple[str, tuple[int, ...], str]] = list(scipy.io.whosmat(path))
+            variables: list[tuple[str, tuple[int, ...], str]] = list(scipy.io.whosmat(path))
         except TypeError:
             # whosmat fails on MATLAB objects such as strings and tables, which loadmat skips.
             loaded = scipy.io.loadmat(path, variable_names=None if names is None else _bases(names))
-            held = [
+            variables = [
                 (name, value.shape, "struct" if value.dtype.names else str(value.dtype))
                 for name, value in loaded.items()
                 if isinstance(value, np.ndarray) and not isinstance(value, scipy.io.matlab.MatlabOpaque)
             ]
         # Without a request, structs are loaded as well, to list their fields.
-        structs = [name for name, _, kind in held if kind == "struct"] if names is None else []
+        structs = [name for name, _, kind in variables if kind == "struct"] if names is None else []
         bases = None if names is None else _bases(names)
-        read = [name for name, _, _ in held if name in structs or _is_requested(name, bases)]
-        loaded = scipy.io.loadmat(path, variable_names=read, simplify_cells=True) if read else {}
+        to_load = [name for name, _, _ in variables if name in structs or _is_requested(name, bases)]
+        loaded = scipy.io.loadmat(path, variable_names=to_load, simplify_cells=True) if to_load else {}
     except NotImplementedError as error:
         raise _RefusedError(f"unsupported contents: {error}") from None
-    for name, shape, kind in held:
+    for name, shape, kind in variables:
         if name in loaded:
             yield from _flatten(name, loaded[name], 0)
         else:
@@ -83,22 +84,21 @@ def _hdf5(request: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     import h5py  # type: ignore[import-untyped]
 
     with h5py.File(request["path"], "r") as file:
-        found: list[tuple[str, Any]] = []
-        for name, item in _members(h5py, file, "", 0):
-            if len(found) >= _MAX_DATA_SETS:
-                raise _RefusedError(f"it holds more than {_MAX_DATA_SETS} data sets")
-            found.append((name, item))
-        loaded = [
+        data_sets = list(itertools.islice(_members(h5py, file, "", 0), _MAX_DATA_SETS + 1))
+        if len(data_sets) > _MAX_DATA_SETS:
+            raise _RefusedError(f"it holds more than {_MAX_DATA_SETS} data sets")
+        requested = {
+            name: item
+            for name, item in data_sets
             # External storage and virtual data sets read other files, which is refused.
-            not _is_external(item) and item.shape is not None and _is_requested(name, request["names"])
-            for name, item in found
-        ]
+            if not _is_external(item) and item.shape is not None and _is_requested(name, request["names"])
+        }
         # Declared sizes are checked before allocation: data sets without chunks may declare any size.
-        total = sum(item.nbytes for (_, item), load in zip(found, loaded, strict=True) if load)
+        total = sum(item.nbytes for item in requested.values())
         _check_size(total, request["largest"])
         _limit(request["seconds"] + total / request["bytes_per_second"])
-        for (name, item), load in zip(found, loaded, strict=True):
-            value = _value(item) if load else None
+        for name, item in data_sets:
+            value = _value(item) if name in requested else None
             yield name, _describe(item) if value is None else value
 
 
@@ -120,16 +120,16 @@ def _check_size(size: int, largest: int) -> None:
         )
 
 
-def _members(h5py: Any, group: Any, owner: str, depth: int) -> Iterator[tuple[str, Any]]:
+def _members(h5py: Any, group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
     for name in group:
         # Soft links and links into other files are not followed.
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue
         item = group[name]
         if isinstance(item, h5py.Dataset):
-            yield owner + name, item
+            yield prefix + name, item
         elif isinstance(item, h5py.Group) and depth < _MAX_DEPTH:
-            yield from _members(h5py, item, f"{owner}{name}/", depth + 1)
+            yield from _members(h5py, item, f"{prefix}{name}/", depth + 1)
 
 
 def _value(item: Any) -> Any:
@@ -178,8 +178,8 @@ def _limit_memory(size: int) -> None:
     except ImportError:
         return
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = _MEMORY + 8 * size
-    resource.setrlimit(resource.RLIMIT_AS, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
+    limit = _MEMORY + 8 * size
+    resource.setrlimit(resource.RLIMIT_AS, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 
 
 def serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:

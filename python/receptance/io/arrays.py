@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make, make_frf, missing_phase_notes, sampling, to_si
 from receptance.io.description import ABOUT, about_text, arrays_of, kind_of, measurement_of, parse_about
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions, resolve_frf
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = ["measurements_of", "named_items", "requested_names"]
 
-_PREFIXES = {"frf": "frf", "time series": "time", "coherence": "coherence"}
 _FRF_KEYS = (
     "frequency_hz",
     "values",
@@ -42,11 +39,11 @@ def named_items(measurements: Sequence[Measurement], *, separator: str) -> dict[
     items: dict[str, Any] = {}
     counts: dict[str, int] = {}
     for measurement in measurements:
-        prefix = _PREFIXES[kind_of(measurement)]
-        counts[prefix] = counts.get(prefix, 0) + 1
-        owner = f"{prefix}{counts[prefix]}{separator}"
-        items[owner + ABOUT] = about_text(measurement)
-        items.update({owner + name: array for name, array in arrays_of(measurement).items()})
+        kind = kind_of(measurement).removesuffix(" series")
+        counts[kind] = counts.get(kind, 0) + 1
+        prefix = f"{kind}{counts[kind]}{separator}"
+        items[prefix + ABOUT] = about_text(measurement)
+        items.update({prefix + name: array for name, array in arrays_of(measurement).items()})
     return items
 
 
@@ -71,35 +68,34 @@ def measurements_of(
     FileFormatError
         No measurement; the message lists the variables and the options that identify them.
     """
-    if options.variables is None:
-        found = []
-        owned: dict[str, dict[str, NDArray[Any]]] = {}
-        for name, value in items.items():
-            if isinstance(value, np.ndarray):
-                for owner in _owners(name, separator):
-                    owned.setdefault(owner, {})[name[len(owner) :].removeprefix(separator)] = value
-        for name, value in items.items():
-            owner, _, last = name.rpartition(separator)
-            about = parse_about(value) if last == ABOUT else None
-            if about is not None:
-                with placed(place=owner or "the file"):
-                    found.append(measurement_of(owned.get(owner, {}), about, options))
-        if found:
-            return found
     arrays = {name: array for name, array in items.items() if isinstance(array, np.ndarray)}
-    try:
-        return [_external(arrays, options)]
-    except _MissingError as error:
-        shapes = {
+    measurements = _stored_measurements(items, arrays, options, separator) if options.variables is None else []
+    if measurements:
+        return measurements
+    if listed is None:
+        listed = {
             name: f"{'x'.join(map(str, array.shape)) or 'scalar'} {array.dtype}" for name, array in arrays.items()
         }
-        raise FileFormatError(f"{error}{_listing(listed if listed is not None else shapes)}") from None
+    return [_external(arrays, options, _listing(listed))]
 
 
-def _owners(name: str, separator: str) -> list[str]:
-    """Return the prefixes under which an array may belong to a measurement: none, and that of its name."""
-    owner = name.rpartition(separator)[0]
-    return ["", owner] if owner else [""]
+def _stored_measurements(
+    items: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], options: ReadOptions, separator: str
+) -> list[Measurement]:
+    """Return the measurements written by this library: the arrays with the prefix of each description."""
+    arrays_by_prefix: dict[str, dict[str, NDArray[Any]]] = {"": dict(arrays)}
+    for name, array in arrays.items():
+        prefix, _, field = name.rpartition(separator)
+        if prefix:
+            arrays_by_prefix.setdefault(prefix, {})[field] = array
+    measurements = []
+    for name, value in items.items():
+        prefix, _, field = name.rpartition(separator)
+        about = parse_about(value) if field == ABOUT else None
+        if about is not None:
+            with error_location(place=prefix or "the file"):
+                measurements.append(measurement_of(arrays_by_prefix.get(prefix, {}), about, options))
+    return measurements
 
 
 def requested_names(options: ReadOptions) -> list[str] | None:
@@ -112,23 +108,22 @@ def requested_names(options: ReadOptions) -> list[str] | None:
     )
 
 
-class _MissingError(Exception):
-    """A missing variable; the list of the existing ones is appended to the message."""
-
-
-def _external(arrays: Mapping[str, NDArray[Any]], options: ReadOptions) -> Measurement:
+def _external(arrays: Mapping[str, NDArray[Any]], options: ReadOptions, listing: str) -> Measurement:
     """Return the measurement in arrays of another program, by the option `variables` or by their names."""
-    chosen = dict(options.variables) if options.variables is not None else {k: k for k in _FRF_KEYS if k in arrays}
-    if "frequency_hz" in chosen and {"values", "real", "magnitude", "coherence"} & set(chosen):
-        return _external_frf(arrays, chosen, options)
-    if options.variables is not None and "frequency_hz" not in chosen:
-        return _external_time_series(arrays, chosen, options)
-    raise _MissingError(
+    names = dict(options.variables) if options.variables is not None else {k: k for k in _FRF_KEYS if k in arrays}
+    is_frf = "frequency_hz" in names and not {"values", "real", "magnitude", "coherence"}.isdisjoint(names)
+    if is_frf and (unknown := sorted(names.keys() - set(_FRF_KEYS))):
+        raise FileFormatError(f"variables names {unknown[0]!r}, expected some of {', '.join(_FRF_KEYS)} for an FRF")
+    if is_frf or (options.variables is not None and "frequency_hz" not in names):
+        variables = {role: _variable(arrays, role, name, listing) for role, name in names.items()}
+        return (_external_frf if is_frf else _external_time_series)(variables, names, options)
+    raise FileFormatError(
         "this file was not written by receptance; name its variables and their unit. For an FRF: "
         "variables={'frequency_hz': ..., 'values': ..., 'coherence': ...} and unit='m/s^2/N', for example, with 'real' "
         "and 'imaginary', or 'magnitude' and 'phase_deg' or 'phase_rad', instead of 'values' if they are separate. For "
         "time series: variables={'time_s': ..., 'hammer': ..., 'tip': ...} and unit={'hammer': 'N', 'tip': 'm/s^2'}. "
         "'NAME[:,1]' is the second column of NAME. On the command line: --variable frequency_hz=NAME. The file holds "
+        f"{listing}"
     )
 
 
@@ -138,49 +133,48 @@ def _listing(shapes: Mapping[str, str]) -> str:
     return ", ".join(names[:_MAX_LISTED]) + more if names else "no arrays of numbers"
 
 
-def _variable(arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], role: str) -> NDArray[Any]:
-    array = arrays.get(chosen[role])
-    column = _COLUMN.fullmatch(chosen[role])
+def _variable(arrays: Mapping[str, NDArray[Any]], role: str, name: str, listing: str) -> NDArray[Any]:
+    array = arrays.get(name)
+    column = _COLUMN.fullmatch(name)
     if array is None and column is not None and column["name"] in arrays:
-        whole = arrays[column["name"]]
-        if whole.ndim != 2 or int(column["column"]) >= whole.shape[1]:
+        table = arrays[column["name"]]
+        if table.ndim != 2 or int(column["column"]) >= table.shape[1]:
             raise FileFormatError(
-                f"the variable {column['name']!r} for {role!r} has shape {whole.shape} and no column "
+                f"the variable {column['name']!r} for {role!r} has shape {table.shape} and no column "
                 f"{column['column']}; columns are counted from 0"
             )
-        array = whole[:, int(column["column"])]
+        array = table[:, int(column["column"])]
     if array is None:
-        raise _MissingError(f"there is no numeric variable {chosen[role]!r} for {role!r}; the file holds ")
+        raise FileFormatError(f"there is no numeric variable {name!r} for {role!r}; the file holds {listing}")
     if role != "values" and array.dtype.kind == "c" and not np.any(array.imag):
-        # A real axis stored in one array with complex values is complex as well.
+        # A real axis in the same array as complex values is stored as complex.
         array = array.real
     kinds = "iufc" if role == "values" else "iuf"
     if array.dtype.kind not in kinds:
         raise FileFormatError(
-            f"the variable {chosen[role]!r} for {role!r} has dtype {array.dtype}, expected "
+            f"the variable {name!r} for {role!r} has dtype {array.dtype}, expected "
             f"{'complex' if role == 'values' else 'real'} numbers"
-            + (f"; {chosen[role] + '[:,0]'!r} is its first column" if array.ndim == 2 else "")
+            + (f"; {name + '[:,0]'!r} is its first column" if array.ndim == 2 else "")
         )
     return array
 
 
 def _external_frf(
-    arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], options: ReadOptions
+    variables: dict[str, NDArray[Any]], names: Mapping[str, str], options: ReadOptions
 ) -> FRF | Coherence:
-    unknown = sorted(set(chosen) - set(_FRF_KEYS))
-    if unknown:
-        raise FileFormatError(f"variables names {unknown[0]!r}, expected some of {', '.join(_FRF_KEYS)} for an FRF")
-    lines = _one_column(arrays, chosen, "frequency_hz")
-    parts: dict[str, NDArray[Any]] = {}
-    for role in chosen:
-        if role != "frequency_hz":
-            parts[role] = _by_line(_variable(arrays, chosen, role), lines.size, chosen[role], options)
+    """Return the FRF or coherence of variables by their role; `names` are those in the file."""
+    lines = _one_column("frequency_hz", names["frequency_hz"], variables["frequency_hz"])
+    parts = {
+        role: _by_line(names[role], array, lines.size, options)
+        for role, array in variables.items()
+        if role != "frequency_hz"
+    }
     coherence = parts.pop("coherence", None)
     if not parts:
         return make(Coherence, frequency_hz=lines, values=coherence if coherence is not None else [])
     if set(parts) not in _PARTS:
         raise FileFormatError(
-            f"variables names {', '.join(chosen)}, expected 'values', 'real' and 'imaginary', or 'magnitude' and "
+            f"variables names {', '.join(variables)}, expected 'values', 'real' and 'imaginary', or 'magnitude' and "
             "'phase_deg' or 'phase_rad'"
         )
     if "values" in parts:
@@ -191,7 +185,6 @@ def _external_frf(
         phase = parts["phase_rad"] if "phase_rad" in parts else np.deg2rad(parts["phase_deg"])
         values = parts["magnitude"] * np.exp(1j * phase)
     resolved = resolve_frf(options, declared=None, form=None, directions=None)
-    notes = missing_phase_notes(values)
     kind = resolved.kind
     return make_frf(
         frequency_hz=lines,
@@ -200,15 +193,13 @@ def _external_frf(
         directions=([kind.response] * values.shape[1], [kind.excitation] * values.shape[2]),
         coherence=coherence,
         options=options,
-        notes=[*notes, *resolved.notes],
+        notes=[*missing_phase_notes(values), *resolved.notes],
     )
 
 
-def _one_column(arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], role: str) -> NDArray[np.float64]:
+def _one_column(role: str, name: str, array: NDArray[Any]) -> NDArray[np.float64]:
     """Return an axis or a channel: an array with one dimension longer than 1."""
-    array = _variable(arrays, chosen, role)
     if array.ndim and array.size != max(array.shape):
-        name = chosen[role]
         raise FileFormatError(
             f"the variable {name!r} for {role!r} has shape {array.shape}, expected one column; "
             + (
@@ -220,7 +211,7 @@ def _one_column(arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], r
     return array.astype(np.float64).ravel()
 
 
-def _by_line(array: NDArray[Any], n: int, name: str, options: ReadOptions) -> NDArray[Any]:
+def _by_line(name: str, array: NDArray[Any], n: int, options: ReadOptions) -> NDArray[Any]:
     """Return an array as `(n, n_responses, n_excitations)`."""
     squeezed = array.squeeze() if array.ndim > 1 else array
     if squeezed.ndim == 0:
@@ -247,25 +238,26 @@ def _by_line(array: NDArray[Any], n: int, name: str, options: ReadOptions) -> ND
 
 
 def _external_time_series(
-    arrays: Mapping[str, NDArray[Any]], chosen: Mapping[str, str], options: ReadOptions
+    variables: dict[str, NDArray[Any]], names: Mapping[str, str], options: ReadOptions
 ) -> TimeSeries:
-    names = [name for name in chosen if name != "time_s"]
-    if not names:
+    """Return the time series of variables by channel; `names` are those in the file."""
+    columns = {channel: _one_column(channel, names[channel], array) for channel, array in variables.items()}
+    seconds = columns.pop("time_s", None)
+    if not columns:
         raise FileFormatError("variables names no channel beside 'time_s'")
-    columns = {name: _one_column(arrays, chosen, name) for name in names}
     sizes = {name: column.size for name, column in columns.items()}
-    if len(set(sizes.values())) > 1:
+    count = next(iter(sizes.values()))
+    if any(size != count for size in sizes.values()):
         raise FileFormatError(f"the channels have different numbers of samples: {sizes}")
-    units = options.channel_units(names)
-    for name, unit in zip(names, units, strict=True):
+    units = options.channel_units(list(columns))
+    for name, unit in zip(columns, units, strict=True):
         if unit is None or unit == SI:
             raise FileFormatError(
                 f"the unit of channel {name!r} is unknown; give it, for example unit={{{name!r}: 'N'}}"
             )
-    if "time_s" in chosen:
-        seconds = _one_column(arrays, chosen, "time_s")
-        if seconds.size != next(iter(sizes.values())):
-            raise FileFormatError(f"there are {seconds.size} times for {next(iter(sizes.values()))} samples")
+    if seconds is not None:
+        if seconds.size != count:
+            raise FileFormatError(f"there are {seconds.size} times for {count} samples")
         if seconds.size == 0 or not np.all(np.isfinite(seconds)):
             raise FileFormatError("the times are not finite numbers")
         rate, start = sampling(seconds, options)
@@ -274,4 +266,4 @@ def _external_time_series(
     else:
         raise FileFormatError("the sample rate is unknown; give 'time_s' in variables=, or sample_rate_hz=")
     values = np.stack(list(columns.values()), axis=1)
-    return make(TimeSeries, values=values, channels=names, units=units, sample_rate_hz=rate, start_s=start)
+    return make(TimeSeries, values=values, channels=list(columns), units=units, sample_rate_hz=rate, start_s=start)

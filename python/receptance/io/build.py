@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
-from receptance.io.measurements import Measurement, low_coherence_note
+from receptance.io.measurements import Measurement, low_coherence_notes
 from receptance.io.options import ReadOptions
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.units import Form
 
 __all__ = [
@@ -66,10 +65,7 @@ def make_frf(
         notes.append("the coherence in the file was ignored on request")
     if coherence is not None:
         coherence = file_coherence(frequency_hz, coherence)
-        low = low_coherence_note(coherence)
-        if low:
-            notes.append(low)
-            warn_user(low)
+        notes += low_coherence_notes(coherence)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),
@@ -157,15 +153,15 @@ def sampling(seconds: NDArray[np.float64], options: ReadOptions, *, step: float 
     if step is None:
         if count < 2:
             if options.sample_rate_hz is None:
-                raise FileFormatError("there is one sample and no sample rate; give it: sample_rate_hz=51200")
+                raise FileFormatError("there is a single sample and no sample rate; give it: sample_rate_hz=51200")
             return options.sample_rate_hz, start
         step = float(seconds[-1] - seconds[0]) / (count - 1)
         rounding = 1e-6 * float(np.max(np.abs(seconds)))
         deviation = np.abs(seconds - (start + step * np.arange(count)))
         worst = int(np.argmax(deviation))
         # Rounded times deviate little from even ones; accumulated times drift, but their steps are equal.
-        steady = float(np.max(np.abs(np.diff(seconds) - step))) <= _MAX_STEP_VARIATION * step
-        if not (step > 0.0 and (steady or deviation[worst] <= _MAX_JITTER * step + rounding)):
+        equal_steps = float(np.max(np.abs(np.diff(seconds) - step))) <= _MAX_STEP_VARIATION * step
+        if not (step > 0.0 and (equal_steps or deviation[worst] <= _MAX_JITTER * step + rounding)):
             raise FileFormatError(
                 f"the samples are not evenly spaced in time: sample {worst + 1} is at {seconds[worst]:.9g} s, "
                 f"expected {start + step * worst:.9g} s; resample the record before reading it"

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._files import inert
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make, make_frf, sampling, to_si
 from receptance.io.description import about_text, arrays_of, measurement_of
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions, Resolved, resolve_frf
-from receptance.io.table import EXAMPLE, MARK, QUALITIES, Table, column_in_unit, column_unit, read_table
+from receptance.io.table import EXAMPLE, MARK, PARTS, QUALITY_NAMES, Table, column_in_unit, column_unit, read_table
 from receptance.io.text import check_ascending
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = ["csv_bytes", "read_csv"]
-
-_PARTS = ("real", "imaginary", "magnitude", "phase")
 
 
 def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
@@ -35,19 +31,17 @@ def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
         A header without quantities or units, or rows that are not numbers; the message names the line.
     """
     table = read_table(data, options)
-    frequency, time = table.of("frequency"), table.of("time")
-    with placed(line=table.header or None):
+    frequency, time = table.indices("frequency"), table.indices("time")
+    with error_location(line=table.header or None):
         return [_time_series(table, time[0], options) if time else _by_frequency(table, frequency[0], options)]
 
 
-def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
+def _time_series(table: Table, time: int, options: ReadOptions) -> Measurement:
     channels = [index for index in range(len(table.columns)) if index != time]
     if not channels:
         raise FileFormatError("there is a time column and no other")
     if table.about is not None and table.about["receptance"] == "time series":
-        made = measurement_of({"values": table.values[:, channels]}, table.about, options)
-        assert isinstance(made, TimeSeries)
-        return made
+        return measurement_of({"values": table.values[:, channels]}, table.about, options)
     names = [table.columns[index].name for index in channels]
     units, notes = [], list(table.notes)
     for index, given in zip(channels, options.channel_units(names), strict=True):
@@ -73,22 +67,22 @@ def _time_series(table: Table, time: int, options: ReadOptions) -> TimeSeries:
     )
 
 
-def _by_frequency(table: Table, frequency: int, options: ReadOptions) -> FRF | Coherence:
+def _by_frequency(table: Table, frequency: int, options: ReadOptions) -> Measurement:
     lines = column_in_unit(table, frequency, "Hz")
     check_ascending(lines.tolist(), table.lines)
-    entries = list(dict.fromkeys(column.entry for column in table.columns if column.role in _PARTS))
-    own = table.about["receptance"] if table.about is not None else ""
+    entries = list(dict.fromkeys(column.entry for column in table.columns if column.role in PARTS))
+    about = table.about or {"receptance": ""}
+    if entries and about["receptance"] == "frf":
+        return _described_frf(table, about, lines, entries, options)
     if entries:
-        return _described_frf(table, lines, entries, options) if own == "frf" else _frf(table, lines, entries, options)
-    coherence = table.of("coherence")
+        return _frf(table, lines, entries, options)
+    coherence = table.indices("coherence")
     if not coherence:
         raise FileFormatError(f"no column is an FRF or a coherence; expected a header such as {EXAMPLE}")
     values = np.stack([_coherence(table, index) for index in coherence], axis=1)
-    if table.about is not None and own == "coherence":
-        made = measurement_of({"frequency_hz": lines, "values": values}, table.about, options)
-        assert isinstance(made, Coherence)
-        return made
-    return make(Coherence, frequency_hz=lines, values=values[:, :, None], notes=_unread(table))
+    if about["receptance"] == "coherence":
+        return measurement_of({"frequency_hz": lines, "values": values}, about, options)
+    return make(Coherence, frequency_hz=lines, values=values[:, :, None], notes=_unread_notes(table))
 
 
 def _coherence(table: Table, index: int) -> NDArray[np.float64]:
@@ -96,7 +90,7 @@ def _coherence(table: Table, index: int) -> NDArray[np.float64]:
     return column_in_unit(table, index, "1") if table.columns[index].unit else table.values[:, index]
 
 
-def _unread(table: Table) -> list[str]:
+def _unread_notes(table: Table) -> list[str]:
     unread = [f"column {column.name!r} was not read" for column in table.columns if column.role == "channel"]
     return [*table.notes, *unread]
 
@@ -106,13 +100,13 @@ def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: 
     kinds = [resolved.kind for _, resolved in parts]
     if len({(kind.form, kind.excitation) for kind in kinds}) > 1:
         raise FileFormatError("the columns have different forms, or are per force and per moment; use several files")
-    of_coherence = {table.columns[index].entry: index for index in table.of("coherence")}
+    coherence_columns = {table.columns[index].entry: index for index in table.indices("coherence")}
     coherence = None
-    if of_coherence:
-        if set(of_coherence) != set(entries):
+    if coherence_columns:
+        if set(coherence_columns) != set(entries):
             raise FileFormatError("the coherence columns do not match the FRF columns, expected one for each")
-        coherence = np.stack([_coherence(table, of_coherence[entry]) for entry in entries], axis=1)[:, :, None]
-    notes = [*_unread(table), *dict.fromkeys(note for _, resolved in parts for note in resolved.notes)]
+        coherence = np.stack([_coherence(table, coherence_columns[entry]) for entry in entries], axis=1)[:, :, None]
+    notes = [*_unread_notes(table), *dict.fromkeys(note for _, resolved in parts for note in resolved.notes)]
     return make_frf(
         frequency_hz=lines,
         values=np.stack([values for values, _ in parts], axis=1)[:, :, None],
@@ -127,33 +121,28 @@ def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: 
 
 def _entry(table: Table, entry: str, options: ReadOptions) -> tuple[NDArray[np.complex128], Resolved]:
     """Return the values of one response and excitation, their kind and factor to SI."""
-    found: dict[str, int] = {}
+    indices: dict[str, int] = {}
     for index, column in enumerate(table.columns):
-        if column.role in _PARTS and column.entry == entry:
-            if column.role in found:
+        if column.role in PARTS and column.entry == entry:
+            if column.role in indices:
                 raise FileFormatError(
                     f"there are two columns {column.name!r}; add the response, such as "
                     f"'{column.name} tip' and '{column.name} nose'"
                 )
-            found[column.role] = index
-    if set(found) not in ({"real", "imaginary"}, {"magnitude", "phase"}):
-        names = ", ".join(repr(table.columns[index].name) for index in found.values())
+            indices[column.role] = index
+    if set(indices) not in ({"real", "imaginary"}, {"magnitude", "phase"}):
+        names = ", ".join(repr(table.columns[index].name) for index in indices.values())
         raise FileFormatError(f"found {names}, expected a real and an imaginary part, or a magnitude and a phase")
-    first = table.columns[found["real" if "real" in found else "magnitude"]]
+    first = table.columns[indices["real" if "real" in indices else "magnitude"]]
     declared = column_unit(first)
-    if "real" in found:
-        other = column_unit(table.columns[found["imaginary"]])
-        if (
-            declared is not None
-            and other is not None
-            and declared != other
-            and ((declared.dimension, declared.factor) != (other.dimension, other.factor))
-        ):
-            raise FileFormatError(f"the real part is in {declared.text!r}, the imaginary part in {other.text!r}")
-        values = complex_values(table.values[:, found["real"]], table.values[:, found["imaginary"]])
+    if "real" in indices:
+        imaginary = column_unit(table.columns[indices["imaginary"]])
+        if declared is not None and imaginary is not None and declared != imaginary:
+            raise FileFormatError(f"the real part is in {declared.text!r}, the imaginary part in {imaginary.text!r}")
+        values = complex_values(table.values[:, indices["real"]], table.values[:, indices["imaginary"]])
     else:
-        _check_magnitude(table, found["magnitude"])
-        values = table.values[:, found["magnitude"]] * np.exp(1j * column_in_unit(table, found["phase"], "rad"))
+        _check_magnitude(table, indices["magnitude"])
+        values = table.values[:, indices["magnitude"]] * np.exp(1j * column_in_unit(table, indices["phase"], "rad"))
     resolved = resolve_frf(
         options,
         declared=declared,
@@ -175,29 +164,25 @@ def _check_magnitude(table: Table, index: int) -> None:
         )
 
 
-def _described_frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: ReadOptions) -> FRF:
+def _described_frf(
+    table: Table, about: dict[str, Any], lines: NDArray[np.float64], entries: list[str], options: ReadOptions
+) -> Measurement:
     """Return an FRF written by this library, with the fields in the line before the header."""
-    assert table.about is not None
     values = []
     for entry in entries:
         column, resolved = _entry(table, entry, ReadOptions())
-        if resolved.factor != 1.0 or resolved.kind.form != table.about.get("form"):
+        if resolved.factor != 1.0 or resolved.kind.form != about.get("form"):
             raise FileFormatError(
-                f"the header states {resolved.kind.form}, not in SI or other than {table.about.get('form')!r} in the "
+                f"the header states {resolved.kind.form}, not in SI or other than {about.get('form')!r} in the "
                 "line '# receptance:' above; remove that line if the header is correct"
             )
         values.append(column)
     arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines, "values": np.stack(values, axis=1)}
-    for role in ("coherence", *QUALITIES.values()):
-        columns = table.of(role)
+    for role in ("coherence", *QUALITY_NAMES):
+        columns = table.indices(role)
         if columns:
             arrays[role] = table.values[:, columns]
-    made = measurement_of(arrays, table.about, options)
-    assert isinstance(made, FRF)
-    return made
-
-
-_NAMES = {field: name for name, field in QUALITIES.items()}
+    return measurement_of(arrays, about, options)
 
 
 def csv_bytes(measurement: Measurement) -> bytes:
@@ -225,15 +210,15 @@ def _frequency_columns(measurement: FRF | Coherence) -> list[tuple[str, NDArray[
     pairs = [(row, column) for row in range(values.shape[1]) for column in range(values.shape[2])]
     for row, column in pairs:
         entry = f" {row + 1}/{column + 1}" if len(pairs) > 1 else ""
-        one = values[:, row, column]
+        entry_values = values[:, row, column]
         if isinstance(measurement, FRF):
             unit = measurement.units[row][column]
-            columns.append((f"{measurement.form} real{entry} [{unit}]", one.real))
-            columns.append((f"{measurement.form} imaginary{entry} [{unit}]", one.imag))
+            columns.append((f"{measurement.form} real{entry} [{unit}]", entry_values.real))
+            columns.append((f"{measurement.form} imaginary{entry} [{unit}]", entry_values.imag))
         else:
-            columns.append((f"coherence{entry} [1]", one))
+            columns.append((f"coherence{entry} [1]", entry_values))
     for field, array in arrays.items():
-        name = _NAMES.get(field, field)
+        name = QUALITY_NAMES.get(field, field)
         if array.dtype.kind == "b":
             array = array.astype(np.int64)
         if array.ndim == 1:

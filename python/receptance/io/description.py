@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.frf.plausibility import DRIVE_POINT_NOTE
@@ -19,14 +20,12 @@ from receptance.io.build import file_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions
-from receptance.model.coordinates import Coordinate, Unplaced
+from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import parse_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "ABOUT",
+    "QUALITY",
     "about_text",
     "arrays_of",
     "coordinate_from_list",
@@ -37,16 +36,15 @@ __all__ = [
 ]
 
 ABOUT = "about"
+QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
+"""Fields of an FRF, beside its coherence, that are stored as arrays."""
 _VERSION = 1
-_QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
-_KINDS = {"frf": "an FRF", "time series": "a time series", "coherence": "a coherence"}
+_KINDS: dict[str, type] = {"frf": FRF, "time series": TimeSeries, "coherence": Coherence}
 
 
 def kind_of(measurement: Measurement) -> str:
     """Return "frf", "time series" or "coherence"."""
-    return (
-        "frf" if isinstance(measurement, FRF) else "time series" if isinstance(measurement, TimeSeries) else "coherence"
-    )
+    return next(kind for kind, measurement_class in _KINDS.items() if isinstance(measurement, measurement_class))
 
 
 def arrays_of(measurement: Measurement) -> dict[str, NDArray[Any]]:
@@ -57,7 +55,7 @@ def arrays_of(measurement: Measurement) -> dict[str, NDArray[Any]]:
     if isinstance(measurement, FRF):
         if measurement.coherence is not None:
             arrays["coherence"] = measurement.coherence
-        for name in _QUALITY:
+        for name in QUALITY:
             array = getattr(measurement, name)
             if array is not None and not (name == "correlated_lines" and np.all(array == 1.0)):
                 arrays[name] = array
@@ -70,8 +68,8 @@ def about_text(measurement: Measurement, **more: int) -> str:
     if isinstance(measurement, FRF):
         about["form"] = measurement.form
         about["unit"] = measurement.units
-        about["responses"] = [coordinate_to_list(place) for place in measurement.responses]
-        about["excitations"] = [coordinate_to_list(place) for place in measurement.excitations]
+        about["responses"] = [coordinate_to_list(coordinate) for coordinate in measurement.responses]
+        about["excitations"] = [coordinate_to_list(coordinate) for coordinate in measurement.excitations]
         about["decay_rate"] = measurement.decay_rate
         about["averages"] = measurement.averages
         about["labels"] = measurement.labels
@@ -90,7 +88,7 @@ def about_text(measurement: Measurement, **more: int) -> str:
 
 def coordinate_to_list(coordinate: Coordinate) -> list[Any]:
     """Return a coordinate for JSON: part, position (None if unknown) and direction."""
-    position = None if isinstance(coordinate, Unplaced) else coordinate.position
+    position = None if isinstance(coordinate, UnknownPosition) else coordinate.position
     return [coordinate.part, position, coordinate.direction]
 
 
@@ -135,29 +133,29 @@ def measurement_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any],
             return _time_series(arrays, about, options)
         return Coherence(
             frequency_hz=_real(arrays, "frequency_hz").ravel(),
-            values=_cube(_real(arrays, "values"), about),
+            values=_by_response_and_excitation(_real(arrays, "values"), about),
             labels=_labels(about),
             **_texts(about),
         )
     except FileFormatError:
         raise
     except (TypeError, ValueError, OverflowError) as error:
-        raise FileFormatError(f"this is not {_KINDS[kind]}: {error}") from None
+        raise FileFormatError(f"the fields are not those of a valid {kind}: {error}") from None
 
 
 def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> FRF:
     lines = _real(arrays, "frequency_hz").ravel()
     sides = {name: tuple(map(coordinate_from_list, _list(about, name))) for name in ("responses", "excitations")}
     shape = (lines.size, len(sides["responses"]), len(sides["excitations"]))
-    known: dict[str, Any] = {}
-    for name in ("coherence", *_QUALITY):
+    quality: dict[str, Any] = {}
+    for name in ("coherence", *QUALITY):
         if name in arrays:
             array = arrays[name] if name == "usable" else _real(arrays, name)
-            known[name] = array.ravel() if name in ("usable", "correlated_lines") else _shaped(name, array, shape)
-    if "usable" in known:
-        known["usable"] = known["usable"].astype(np.bool_)
-    if "coherence" in known:
-        known["coherence"] = None if options.ignore_coherence else file_coherence(lines, known["coherence"])
+            quality[name] = array.ravel() if name in ("usable", "correlated_lines") else _shaped(name, array, shape)
+    if "usable" in quality:
+        quality["usable"] = quality["usable"].astype(np.bool_)
+    if "coherence" in quality:
+        quality["coherence"] = None if options.ignore_coherence else file_coherence(lines, quality["coherence"])
     values = arrays.get("values")
     if values is None or values.dtype.kind not in "iufc":
         raise FileFormatError("there is no numeric array 'values'")
@@ -170,27 +168,23 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
         decay_rate=about.get("decay_rate", 0.0),
         averages=about.get("averages"),
         labels=_labels(about),
-        **known,
+        **quality,
         **_texts(about, without=DRIVE_POINT_NOTE),
     )
-    _check_given(frf, options)
-    placed = {"responses": options.responses, "excitations": options.excitations}
-    changes = {name: side for name, side in placed.items() if side is not None}
-    return frf.with_coordinates(**changes) if changes else frf
+    _check_options_agree(frf, options)
+    if options.responses is None and options.excitations is None:
+        return frf
+    return frf.with_coordinates(options.responses, options.excitations)
 
 
-def _check_given(frf: FRF, options: ReadOptions) -> None:
+def _check_options_agree(frf: FRF, options: ReadOptions) -> None:
     """Raise if the given unit or quantity contradicts the file."""
-    units = {unit for row in frf.units for unit in row}
-    given = options.unit if isinstance(options.unit, str) else None
+    given = parse_unit(options.unit) if isinstance(options.unit, str) and options.unit != SI else None
     if options.quantity not in (None, frf.form) or (
-        given not in (None, SI)
-        and any(
-            (parse_unit(given).dimension, 1.0) != (parse_unit(u).dimension, parse_unit(given).factor) for u in units
-        )
+        given is not None and any(parse_unit(unit) != given for unit in frf.distinct_units)
     ):
         raise FileFormatError(
-            f"the file holds a {frf.form} in {', '.join(sorted(units))}, but quantity={options.quantity!r} "
+            f"the file holds a {frf.form} in {', '.join(frf.distinct_units)}, but quantity={options.quantity!r} "
             f"and unit={options.unit!r} were given; leave them out"
         )
 
@@ -230,10 +224,10 @@ def _texts(about: Mapping[str, Any], *, without: str | None = None) -> dict[str,
 
 
 def _list(about: Mapping[str, Any], name: str) -> Sequence[Any]:
-    found = about.get(name)
-    if not isinstance(found, list):
-        raise FileFormatError(f"{name} in {ABOUT!r} is {found!r}, expected a list")
-    return found
+    value = about.get(name)
+    if not isinstance(value, list):
+        raise FileFormatError(f"{name} in {ABOUT!r} is {value!r}, expected a list")
+    return value
 
 
 def _labels(about: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
@@ -245,15 +239,15 @@ def _labels(about: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]
     return tuple(map(str, labels[0])), tuple(map(str, labels[1]))
 
 
-def coordinate_from_list(place: Any) -> Coordinate:
+def coordinate_from_list(fields: Any) -> Coordinate:
     """Return the coordinate of `coordinate_to_list`, or raise a FileFormatError."""
-    if not (isinstance(place, list) and len(place) == 3 and isinstance(place[0], str)):
-        raise FileFormatError(f"a coordinate in {ABOUT!r} is {place!r}, expected [part, position, direction]")
-    part, position, direction = place
+    if not (isinstance(fields, list) and len(fields) == 3 and isinstance(fields[0], str)):
+        raise FileFormatError(f"a coordinate in {ABOUT!r} is {fields!r}, expected [part, position, direction]")
+    part, position, direction = fields
     if position is None and direction in ("y", "theta"):
-        return Unplaced(direction)
-    good = position == "end" or (isinstance(position, (int, float)) and not isinstance(position, bool))
-    if not good or (position != "end" and not math.isfinite(position)):
+        return UnknownPosition(direction)
+    is_number = isinstance(position, (int, float)) and not isinstance(position, bool)
+    if position != "end" and not (is_number and math.isfinite(position)):
         raise FileFormatError(f"a coordinate's position in {ABOUT!r} is {position!r}, expected metres or 'end'")
     return Coordinate(part, position, direction)
 
@@ -274,8 +268,8 @@ def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[A
     return array if array.shape == shape else array.reshape(shape)
 
 
-def _cube(array: NDArray[Any], about: Mapping[str, Any]) -> NDArray[Any]:
-    sides = _list(about, "shape")
-    if len(sides) != 2 or any(not isinstance(side, int) or side < 1 for side in sides):
-        raise FileFormatError(f"shape in {ABOUT!r} is {sides!r}, expected the numbers of responses and excitations")
-    return _shaped("values", array, (array.size // math.prod(sides), *sides))
+def _by_response_and_excitation(array: NDArray[Any], about: Mapping[str, Any]) -> NDArray[Any]:
+    counts = _list(about, "shape")
+    if len(counts) != 2 or any(not isinstance(count, int) or count < 1 for count in counts):
+        raise FileFormatError(f"shape in {ABOUT!r} is {counts!r}, expected the numbers of responses and excitations")
+    return _shaped("values", array, (array.size // math.prod(counts), *counts))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["FileFormatError", "placed"]
+__all__ = ["FileFormatError", "error_location"]
 
 
 class FileFormatError(ValueError):
@@ -37,44 +37,33 @@ class FileFormatError(ValueError):
     """
 
     def __init__(
-        self,
-        problem: str,
-        *,
-        file: str = "",
-        line: int | None = None,
-        byte: int | None = None,
-        place: str = "",
+        self, problem: str, file: str = "", line: int | None = None, byte: int | None = None, place: str = ""
     ) -> None:
+        # With all arguments in `args` the error can be pickled.
         super().__init__(problem, file, line, byte, place)
         self.problem, self.file, self.line, self.byte, self.place = problem, file, line, byte, place
 
     def __str__(self) -> str:
-        where = [self.file] if self.file else []
+        location = [self.file] if self.file else []
         if self.line is not None:
-            where.append(f"line {self.line}")
+            location.append(f"line {self.line}")
         if self.byte is not None:
-            where.append(f"byte {self.byte}")
+            location.append(f"byte {self.byte}")
         if self.place:
-            where.append(self.place)
-        return f"{', '.join(where)}: {self.problem}" if where else self.problem
-
-    def __reduce__(self) -> tuple[object, ...]:
-        # The default pickling of exceptions loses keyword arguments.
-        return _rebuilt_error, (self.problem, self.file, self.line, self.byte, self.place)
-
-
-def _rebuilt_error(problem: str, file: str, line: int | None, byte: int | None, place: str) -> FileFormatError:
-    return FileFormatError(problem, file=file, line=line, byte=byte, place=place)
+            location.append(self.place)
+        return f"{', '.join(location)}: {self.problem}" if location else self.problem
 
 
 @contextmanager
-def placed(*, file: str = "", line: int | None = None, byte: int | None = None, place: str = "") -> Iterator[None]:
-    """Add the name of a file to the errors of the block, and a place to those without one.
+def error_location(
+    *, file: str = "", line: int | None = None, byte: int | None = None, place: str = ""
+) -> Iterator[None]:
+    """Add a file name to the errors raised in the block, and line, byte or place to errors without any of these.
 
     Examples
     --------
-    >>> from receptance.io.errors import FileFormatError, placed
-    >>> with placed(file="hit.uff", line=9):
+    >>> from receptance.io.errors import FileFormatError, error_location
+    >>> with error_location(file="hit.uff", line=9):
     ...     raise FileFormatError("the spacing is 3, expected 0 or 1")
     Traceback (most recent call last):
     receptance.io.errors.FileFormatError: hit.uff, line 9: the spacing is 3, expected 0 or 1

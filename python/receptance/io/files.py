@@ -6,7 +6,7 @@ import gzip
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, TypeVar, Unpack
 
 import numpy as np
 
@@ -15,11 +15,11 @@ from receptance._files import open_file, read_whole, write_whole
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.io.csv_files import csv_bytes, read_csv
-from receptance.io.errors import FileFormatError, placed
-from receptance.io.limits import check_lines, decompress, time_limit
-from receptance.io.mat_hdf5 import hdf5_bytes, mat_bytes, read_hdf5, read_mat
-from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_note
-from receptance.io.npz import npz_bytes, read_npz
+from receptance.io.errors import FileFormatError, error_location
+from receptance.io.limits import MAX_LINES, check_count, decompress, time_limit
+from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
+from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
+from receptance.io.npz import is_npz, npz_bytes, read_npz
 from receptance.io.options import ReadKeywords, ReadOptions
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
 from receptance.io.uff.datasets import is_uff
@@ -62,13 +62,28 @@ _TEXT_READERS: dict[str, Callable[[bytes, ReadOptions], list[Measurement]]] = {
     "cutpro": read_cutpro,
     "dataphysics": read_dataphysics,
 }
+_PATH_READERS: dict[str, Callable[[Path, ReadOptions], list[Measurement]]] = {"mat": read_mat, "hdf5": read_hdf5}
+"""Readers that are given the path, because another process opens the file."""
 _ARRAY_WRITERS = {"npz": npz_bytes, "mat": mat_bytes, "hdf5": hdf5_bytes}
-_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_RECOGNISERS: dict[str, Callable[[bytes], bool]] = {
+    "hdf5": is_hdf5,
+    "npz": is_npz,
+    "mat": is_mat,
+    "uff": is_uff,
+    "dataphysics": is_dataphysics,
+}
+"""Functions that recognise a format by the first bytes of a file."""
 _GZIP_SIGNATURE = b"\x1f\x8b"
+_START = 4096
+"""Bytes by which the format is recognised."""
+_MAX_LISTED = 6
+"""Most measurements listed in a message."""
+
+_Measurement = TypeVar("_Measurement", bound=Measurement)
 
 
 def read(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> Measurement:
-    """Return the one measurement in a file: an FRF, a time series or a coherence.
+    """Return the only measurement in a file: an FRF, a time series or a coherence.
 
     The format is detected from the contents. Quantity and unit are taken from the file or the options, never guessed.
 
@@ -84,7 +99,7 @@ def read(path: str | PathLike[str], *, format: str | None = None, **options: Unp
         Unit of the numbers in the file, such as "m/s^2/N" or "g/lbf"; for time series one unit, or a mapping from
         channel to unit; "SI" if the file states the quantity.
     responses, excitations : Coordinate or sequence, optional
-        Where motion was measured and loads acted, which few files state.
+        Where motion was measured and loads acted, if the file does not state it.
     coherence : path, optional
         Another file with the coherence of the FRF.
     ignore_coherence : bool, optional
@@ -121,19 +136,12 @@ def read(path: str | PathLike[str], *, format: str | None = None, **options: Unp
     >>> read("tip.csv")
     FRF(receptance in m/N, 1 x 1, 2 lines from 10 to 20 Hz)
     """
-    found = read_all(path, format=format, **options)
-    if len(found) > 1:
-        listed = "; ".join(f"{index}: {measurement!r}" for index, measurement in enumerate(found[:6]))
-        raise FileFormatError(
-            f"the file holds {len(found)} measurements ({listed}{', ...' if len(found) > 6 else ''}); read_all returns "
-            "all of them",
-            file=Path(path).name,
-        )
-    return found[0]
+    measurements = read_all(path, format=format, **options)
+    return _only(path, measurements, measurements, "measurements")
 
 
 def read_frf(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> FRF:
-    """Return the one FRF in a file and ignore other contents; see `read`.
+    """Return the only FRF in a file and ignore other contents; see `read`.
 
     Raises
     ------
@@ -148,16 +156,15 @@ def read_frf(path: str | PathLike[str], *, format: str | None = None, **options:
     >>> read_frf("tip.npz").form
     'mobility'
     """
-    found = read_all(path, format=format, **options)
-    frfs = [measurement for measurement in found if isinstance(measurement, FRF)]
-    _expect_one(path, frfs, found, "FRF")
-    return frfs[0]
+    measurements = read_all(path, format=format, **options)
+    frfs = [measurement for measurement in measurements if isinstance(measurement, FRF)]
+    return _only(path, frfs, measurements, "FRFs")
 
 
 def read_time_series(
     path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
 ) -> TimeSeries:
-    """Return the one time series in a file and ignore other contents; see `read`.
+    """Return the only time series in a file and ignore other contents; see `read`.
 
     Raises
     ------
@@ -172,19 +179,27 @@ def read_time_series(
     >>> read_time_series("hit.h5").quantities
     ('force', 'acceleration')
     """
-    found = read_all(path, format=format, **options)
-    series = [measurement for measurement in found if isinstance(measurement, TimeSeries)]
-    _expect_one(path, series, found, "time series")
-    return series[0]
+    measurements = read_all(path, format=format, **options)
+    series = [measurement for measurement in measurements if isinstance(measurement, TimeSeries)]
+    return _only(path, series, measurements, "time series")
 
 
-def _expect_one(path: str | PathLike[str], wanted: Sequence[Any], found: Sequence[Any], kind: str) -> None:
-    if len(wanted) != 1:
-        listed = "; ".join(repr(measurement) for measurement in found[:6])
+def _only(
+    path: str | PathLike[str], matching: Sequence[_Measurement], measurements: Sequence[Measurement], kind: str
+) -> _Measurement:
+    """Return the only measurement of a kind, or raise with a list of all measurements in the file."""
+    if len(matching) != 1:
         raise FileFormatError(
-            f"there is {'no' if not wanted else 'more than one'} {kind} in the file; it holds {listed}",
+            f"the file holds {len(matching) or 'no'} {kind}, expected one: {_listing(measurements)}; read_all returns "
+            "all of them",
             file=Path(path).name,
         )
+    return matching[0]
+
+
+def _listing(measurements: Sequence[Measurement]) -> str:
+    shown = [f"{index}: {measurement!r}" for index, measurement in enumerate(measurements[:_MAX_LISTED])]
+    return "; ".join(shown + ["..."] * (len(measurements) > _MAX_LISTED))
 
 
 def read_all(
@@ -196,8 +211,8 @@ def read_all(
     --------
     >>> from receptance import FRF
     >>> from receptance.io import read_all, write
-    >>> two = [FRF(frequency_hz=[10.0, 20.0], values=[1e-6, 2e-6], label=label) for label in ("before", "after")]
-    >>> write("both.uff", two)
+    >>> frfs = [FRF(frequency_hz=[10.0, 20.0], values=[1e-6, 2e-6], label=label) for label in ("before", "after")]
+    >>> write("both.uff", frfs)
     >>> [frf.label for frf in read_all("both.uff")]
     ['before', 'after']
     """
@@ -206,56 +221,55 @@ def read_all(
     checked = ReadOptions.checked(options)
     if format is not None and format not in FORMATS:
         raise ValueError(f"format is {format!r}, expected one of {', '.join(FORMATS)}")
-    with placed(file=path.name):
-        found = _read(path, format, checked)
+    with error_location(file=path.name):
+        measurements = _read(path, format, checked)
         if coherence_file is not None:
-            if not any(isinstance(measurement, FRF) for measurement in found):
-                raise FileFormatError(f"coherence was given, but there is no FRF in the file: it holds {found[0]!r}")
-            found = [_with_coherence(one, Path(coherence_file)) if isinstance(one, FRF) else one for one in found]
-    return found
+            if not any(isinstance(measurement, FRF) for measurement in measurements):
+                raise FileFormatError(
+                    f"coherence was given, but there is no FRF in the file: it holds {measurements[0]!r}"
+                )
+            measurements = [
+                _with_coherence(measurement, Path(coherence_file)) if isinstance(measurement, FRF) else measurement
+                for measurement in measurements
+            ]
+    return measurements
 
 
 def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurement]:
     with open_file(path) as file:
-        start = file.read(4096)
-    kind = format or _detect_format(path, start)
-    if kind in ("mat", "hdf5") and not start.startswith(_GZIP_SIGNATURE):
-        found = _read_mat_or_hdf5(path, kind, start, options)
+        start = file.read(_START)
+    if compressed := start.startswith(_GZIP_SIGNATURE):
+        data = decompress(read_whole(path))
+        kind = format or _detect_format(path.with_suffix(""), data[:_START])
     else:
-        data = read_whole(path)
-        if data.startswith(_GZIP_SIGNATURE):
-            data = decompress(data)
-            kind = format or _detect_format(path.with_suffix(""), data[:4096])
-        if kind in ("mat", "hdf5"):
-            with tempfile.TemporaryDirectory() as folder:
-                expanded = Path(folder) / "expanded"
-                expanded.write_bytes(data)
-                found = _read_mat_or_hdf5(expanded, kind, data[:4096], options)
-        else:
-            with time_limit(len(data)):
-                if kind == "npz":
-                    found = read_npz(data, options)
-                else:
-                    check_lines(data)
-                    found = _TEXT_READERS[kind](data, options)
-    _check_options_apply(found, kind, options)
-    return [_with_source(measurement, f"{path.name} ({FORMATS[kind]})") for measurement in found]
+        kind = format or _detect_format(path, start)
+        data = b"" if kind in _PATH_READERS else read_whole(path)
+    if kind not in _PATH_READERS:
+        measurements = _read_data(kind, data, options)
+    elif compressed:
+        with tempfile.TemporaryDirectory() as folder:
+            expanded = Path(folder) / "expanded"
+            expanded.write_bytes(data)
+            measurements = _PATH_READERS[kind](expanded, options)
+    else:
+        measurements = _PATH_READERS[kind](path, options)
+    _check_options_apply(measurements, kind, options)
+    return [_with_source(measurement, f"{path.name} ({FORMATS[kind]})") for measurement in measurements]
+
+
+def _read_data(kind: str, data: bytes, options: ReadOptions) -> list[Measurement]:
+    with time_limit(len(data)):
+        if kind == "npz":
+            return read_npz(data, options)
+        check_count(data.count(b"\n") or data.count(b"\r"), MAX_LINES, "lines")
+        return _TEXT_READERS[kind](data, options)
 
 
 def _detect_format(path: Path, start: bytes) -> str:
     """Return the format from the first bytes, or from the extension where these are ambiguous."""
-    if start.startswith(_GZIP_SIGNATURE):
-        return "gzip"
-    if start.startswith(_HDF5_SIGNATURE) or start[512:520] == _HDF5_SIGNATURE:
-        return "hdf5"
-    if start.startswith(b"PK\x03\x04"):
-        return "npz"
-    if start.startswith(b"MATLAB "):
-        return "mat"
-    if is_uff(start):
-        return "uff"
-    if is_dataphysics(start):
-        return "dataphysics"
+    for kind, recognises in _RECOGNISERS.items():
+        if recognises(start):
+            return kind
     if not start:
         raise FileFormatError("the file is empty")
     ending = path.suffix.lower()
@@ -268,34 +282,25 @@ def _detect_format(path: Path, start: bytes) -> str:
     return kind
 
 
-def _read_mat_or_hdf5(path: Path, kind: str, start: bytes, options: ReadOptions) -> list[Measurement]:
-    if kind == "mat":
-        if not start.startswith(b"MATLAB 5.0"):
-            raise FileFormatError("this is not a MAT file of version 5 to 7 (save it with -v7)", byte=0)
-        return read_mat(path, options)
-    if not (start.startswith(_HDF5_SIGNATURE) or start[512:520] == _HDF5_SIGNATURE):
-        raise FileFormatError("this is not an HDF5 file: the HDF5 signature is missing", byte=0)
-    return read_hdf5(path, options)
-
-
-def _check_options_apply(found: Sequence[Measurement], kind: str, options: ReadOptions) -> None:
+def _check_options_apply(measurements: Sequence[Measurement], kind: str, options: ReadOptions) -> None:
     """Raise if an option was given that does not apply to the contents of the file."""
-    series = [measurement for measurement in found if isinstance(measurement, TimeSeries)]
-    frfs = [measurement for measurement in found if isinstance(measurement, FRF)]
-    for names, applicable, contents in (
-        (("quantity", "responses", "excitations"), bool(frfs), "FRF"),
-        (("sample_rate_hz",), bool(series), "time series"),
+    series = [measurement for measurement in measurements if isinstance(measurement, TimeSeries)]
+    has_frf = any(isinstance(measurement, FRF) for measurement in measurements)
+    for name, applies, contents in (
+        ("quantity", has_frf, "FRF"),
+        ("responses", has_frf, "FRF"),
+        ("excitations", has_frf, "FRF"),
+        ("sample_rate_hz", bool(series), "time series"),
     ):
-        for name in names:
-            if getattr(options, name) is not None and not applicable:
-                raise FileFormatError(
-                    f"{name} was given, but there is no {contents} in the file: it holds {found[0]!r}"
-                )
+        if getattr(options, name) is not None and not applies:
+            raise FileFormatError(
+                f"{name} was given, but there is no {contents} in the file: it holds {measurements[0]!r}"
+            )
     if isinstance(options.unit, Mapping):
-        channels = {channel: None for one in series for channel in one.channels}
+        channels = dict.fromkeys(channel for record in series for channel in record.channels)
         unknown = [name for name in options.unit if name not in channels]
         if unknown:
-            listed = ", ".join(map(repr, channels)) or f"none: it holds {found[0]!r}"
+            listed = ", ".join(map(repr, channels)) or f"none: it holds {measurements[0]!r}"
             raise FileFormatError(f"unit names the channel {unknown[0]!r}; the channels of the file are {listed}")
     for name, kinds in (("variables", ("npz", "mat", "hdf5")), ("columns", ("csv",))):
         if getattr(options, name) is not None and kind not in kinds:
@@ -312,27 +317,24 @@ def _with_source(measurement: Measurement, source: str) -> Measurement:
 def _with_coherence(frf: FRF, path: Path) -> FRF:
     """Return an FRF with the coherence of another file."""
     if frf.coherence is not None:
-        raise FileFormatError(f"the file has its own coherence, but coherence={str(path)!r} was given")
-    with placed(file=path.name):
-        candidates = [one for one in _read(path, None, ReadOptions()) if isinstance(one, Coherence)]
+        raise FileFormatError(f"the file contains a coherence, but coherence={str(path)!r} was given")
+    with error_location(file=path.name):
+        measurements = _read(path, None, ReadOptions())
+    coherences = [measurement for measurement in measurements if isinstance(measurement, Coherence)]
     matching = [
-        one
-        for one in candidates
-        if one.values.shape == frf.values.shape
-        and np.allclose(one.frequency_hz, frf.frequency_hz, rtol=1e-6)
-        and (one.labels is None or frf.labels is None or one.labels == frf.labels)
+        coherence
+        for coherence in coherences
+        if coherence.values.shape == frf.values.shape
+        and np.allclose(coherence.frequency_hz, frf.frequency_hz, rtol=1e-6)
+        and (coherence.labels is None or frf.labels is None or coherence.labels == frf.labels)
     ]
     if len(matching) != 1:
-        listed = "; ".join(repr(one) for one in candidates[:6]) or "none"
         raise FileFormatError(
             f"{'none' if not matching else 'more than one'} of its coherences has the lines and points of {frf!r}; "
-            f"they are {listed}",
+            f"they are {_listing(coherences) or 'none'}",
             file=path.name,
         )
-    low = low_coherence_note(matching[0].values)
-    if low:
-        warn_user(low)
-    notes = (*frf.notes, f"coherence of {path.name}", *([low] if low else []))
+    notes = (*frf.notes, f"coherence of {path.name}", *low_coherence_notes(matching[0].values))
     return frf.with_(coherence=matching[0].values, notes=notes)
 
 
@@ -382,11 +384,11 @@ def write(
     5
     """
     path = Path(path)
-    many = [measurements] if isinstance(measurements, (FRF, TimeSeries, Coherence)) else list(measurements)
-    for measurement in many:
-        if not isinstance(measurement, (FRF, TimeSeries, Coherence)):
+    contents = [measurements] if isinstance(measurements, Measurement) else list(measurements)
+    for measurement in contents:
+        if not isinstance(measurement, Measurement):
             raise TypeError(f"cannot write {measurement!r}, expected an FRF, a TimeSeries or a Coherence")
-    if not many:
+    if not contents:
         raise ValueError("measurements is empty, expected at least one to write")
     compressed = path.suffix.lower() == ".gz"
     ending = (path.with_suffix("") if compressed else path).suffix.lower()
@@ -398,7 +400,7 @@ def write(
         )
     if binary is not None and kind != "uff":
         raise ValueError(f"binary applies to universal files, {path.name} is a {FORMATS[kind]}")
-    content, lost = _content(many, kind, binary if binary is not None else ending == ".ufb")
+    content, lost = _content(contents, kind, binary if binary is not None else ending == ".ufb")
     if lost:
         warn_user(f"{path.name}: a {FORMATS[kind]} does not hold {'; '.join(lost)} (.npz, .mat, .h5 and .csv do)")
     write_whole({path: gzip.compress(content, 6, mtime=0) if compressed else content})
@@ -411,7 +413,9 @@ def _content(measurements: Sequence[Measurement], kind: str, binary: bool) -> tu
     if kind in _ARRAY_WRITERS:
         return _ARRAY_WRITERS[kind](measurements), []
     if len(measurements) > 1:
-        raise ValueError(f"a {FORMATS[kind]} holds one measurement, there are {len(measurements)}; write several files")
+        raise ValueError(
+            f"a {FORMATS[kind]} holds a single measurement, there are {len(measurements)}; write several files"
+        )
     if kind == "csv":
         return csv_bytes(measurements[0]), []
     frf = measurements[0]

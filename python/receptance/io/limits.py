@@ -16,8 +16,7 @@ from receptance.io.errors import FileFormatError
 __all__ = [
     "LARGEST",
     "allowed_seconds",
-    "check_fields",
-    "check_lines",
+    "check_count",
     "check_size",
     "check_time",
     "decompress",
@@ -26,7 +25,7 @@ __all__ = [
 
 MAX_LINES = 1 << 24
 """Most lines of a text; each takes at least 100 bytes of memory."""
-MAX_FIELDS = 1 << 26
+MAX_NUMBERS = 1 << 26
 """Most numbers in a text; each takes 60 bytes of memory while the text is read."""
 _BASE_SECONDS = 0.3
 """Processor time allowed for an empty file."""
@@ -46,30 +45,20 @@ def allowed_seconds(size: int) -> float:
     return min(_BASE_SECONDS + size / BYTES_PER_SECOND, _MAX_SECONDS)
 
 
-def check_size(size: int, what: str = "the contents") -> None:
+def check_size(size: int, name: str = "the contents") -> None:
     """Raise if expanded data exceed the limit of bytes."""
     if size > LARGEST:
         raise FileFormatError(
-            f"{what} take more than {LARGEST >> 20} MiB when expanded, the limit for one file; split the file"
+            f"{name} take more than {LARGEST >> 20} MiB when expanded, the limit for one file; split the file"
         )
 
 
-def check_lines(data: bytes) -> None:
-    """Raise if a text exceeds the limit of lines."""
-    count = data.count(b"\n") or data.count(b"\r")
-    if count > MAX_LINES:
+def check_count(count: int, most: int, name: str) -> None:
+    """Raise if a text exceeds a limit of lines or numbers."""
+    if count > most:
         raise FileFormatError(
-            f"the text has {count} lines, the limit for one file is {MAX_LINES}; split the file, or store the numbers "
-            "in a NumPy file (.npz)"
-        )
-
-
-def check_fields(count: int) -> None:
-    """Raise if a table exceeds the limit of numbers."""
-    if count > MAX_FIELDS:
-        raise FileFormatError(
-            f"the table has more than {MAX_FIELDS} numbers, the limit for one text; split the file, or "
-            "store the numbers in a NumPy file (.npz)"
+            f"the text has {count} {name} or more, expected at most {most}; split the file, or store the numbers in a "
+            "NumPy file (.npz)"
         )
 
 

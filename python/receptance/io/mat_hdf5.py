@@ -20,7 +20,7 @@ import threading
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -31,17 +31,26 @@ from receptance.io.limits import BYTES_PER_SECOND, LARGEST, allowed_seconds, che
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
 
-__all__ = ["hdf5_bytes", "mat_bytes", "read_hdf5", "read_mat"]
+__all__ = ["hdf5_bytes", "is_hdf5", "is_mat", "mat_bytes", "read_hdf5", "read_mat"]
 
-Kind = Literal["mat", "hdf5"]
 _WAIT_SECONDS = 60.0
 """Wall-clock seconds added to the limit of processor time, for a busy machine."""
 _CRASH_SIGNALS = ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")
 _COMPRESSED_ELEMENT = 15
 """Type of a zlib-compressed element of a MAT file."""
 _PIECE = 1 << 18
-_NAMES = {"mat": "MAT", "hdf5": "HDF5"}
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LIBRARIES = {"mat": "scipy.io", "hdf5": "libhdf5"}
+
+
+def is_mat(start: bytes) -> bool:
+    """Return whether a file begins like a MAT file before version 7.3, which is HDF5."""
+    return start.startswith(b"MATLAB ")
+
+
+def is_hdf5(start: bytes) -> bool:
+    """Return whether a file begins like an HDF5 file, in MATLAB's version 7.3 after 512 bytes of text."""
+    return start.startswith(_HDF5_SIGNATURE) or start[512:520] == _HDF5_SIGNATURE
 
 
 def mat_bytes(measurements: Sequence[Measurement]) -> bytes:
@@ -72,12 +81,18 @@ def hdf5_bytes(measurements: Sequence[Measurement]) -> bytes:
 
 def read_mat(path: Path, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in a MAT file: those written by this library, else the variables of the options."""
+    with open_file(path) as file:
+        if file.read(10) != b"MATLAB 5.0":
+            raise FileFormatError("this is not a MAT file of version 5 to 7 (save it with -v7)", byte=0)
     items, listed = _load(path, "mat", requested_names(options))
     return measurements_of(items, options, separator=".", listed=listed)
 
 
 def read_hdf5(path: Path, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in an HDF5 file: those written by this library, else the data sets of the options."""
+    with open_file(path) as file:
+        if not is_hdf5(file.read(520)):
+            raise FileFormatError("this is not an HDF5 file: the HDF5 signature is missing", byte=0)
     items, listed = _load(path, "hdf5", requested_names(options))
     return measurements_of(items, options, separator="/", listed=listed)
 
@@ -87,7 +102,7 @@ _reader: subprocess.Popen[bytes] | None = None
 """The process that reads files."""
 
 
-def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> tuple[dict[str, Any], dict[str, str]]:
+def _load(path: Path, kind: str, names: Sequence[str] | None) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the named contents of a MAT or HDF5 file, and shape and type of all its variables.
 
     Without names, the measurements written by this library are loaded.
@@ -110,7 +125,7 @@ def _load(path: Path, kind: Kind, names: Sequence[str] | None) -> tuple[dict[str
     }
     answer = _ask(request, _WAIT_SECONDS + allowed_seconds(LARGEST))
     if isinstance(answer, str):
-        raise FileFormatError(f"this {_NAMES[kind]} file cannot be read: {answer}")
+        raise FileFormatError(f"this {kind.upper()} file cannot be read: {answer}")
     arrays, texts, listed = answer
     return arrays | texts, listed
 

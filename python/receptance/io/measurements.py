@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.frf.validation import check_coherence, check_labels, check_lines
+from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
 from receptance.units import channel_kind, parse_unit
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_note"]
+__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_notes"]
 
 _LOW_COHERENCE = 0.5
 """Below, more of the response is unexplained than explained."""
@@ -83,7 +82,7 @@ class Coherence:
         undefined = np.flatnonzero(np.isnan(array).any(axis=(1, 2)))
         if undefined.size:
             raise ValueError(f"{owner}: the coherence at {lines[undefined[0]]:g} Hz is nan, expected 0 to 1")
-        array, remark = check_coherence(owner, array, lines)
+        array, note = check_coherence(owner, array, lines)
         _checks.set_fields(
             self,
             {
@@ -92,7 +91,7 @@ class Coherence:
                 "labels": check_labels(owner, labels, (array.shape[1], array.shape[2])),
                 "label": str(label),
                 "source": str(source),
-                "notes": (*map(str, notes), *([remark] if remark else [])),
+                "notes": (*check_texts(owner, "notes", notes), *([note] if note else [])),
             },
         )
 
@@ -183,8 +182,8 @@ class TimeSeries:
         notes: Sequence[str] = (),
     ) -> None:
         owner = f"TimeSeries {label!r}" if label else "TimeSeries"
-        names = _texts(owner, "channels", channels)
-        given = _texts(owner, "units", units)
+        names = check_texts(owner, "channels", channels)
+        given_units = check_texts(owner, "units", units)
         array = _checks.numbers(owner, "values", values, "iuf", "real numbers").astype(np.float64)
         if array.ndim == 1:
             array = array[:, None]
@@ -200,9 +199,9 @@ class TimeSeries:
             )
         if len(set(names)) != len(names):
             raise ValueError(f"{owner}: channels are {names}, expected different names")
-        if len(given) != len(names):
-            raise ValueError(f"{owner}: there are {len(given)} units for {len(names)} channels")
-        quantities, si_units, factors = zip(*map(_si_unit, given), strict=True)
+        if len(given_units) != len(names):
+            raise ValueError(f"{owner}: there are {len(given_units)} units for {len(names)} channels")
+        quantities, si_units, factors = zip(*map(_si_unit, given_units), strict=True)
         array = array * np.array(factors)
         if not np.all(np.isfinite(array)):
             raise ValueError(f"{owner}: values overflow in SI units")
@@ -217,7 +216,7 @@ class TimeSeries:
                 "start_s": _checks.number(owner, "start_s", start_s, unit="s"),
                 "label": str(label),
                 "source": str(source),
-                "notes": _texts(owner, "notes", notes),
+                "notes": check_texts(owner, "notes", notes),
             },
         )
 
@@ -234,11 +233,11 @@ class TimeSeries:
     def __len__(self) -> int:
         return int(self.values.shape[0])
 
-    def channel(self, which: str | int) -> NDArray[np.float64]:
-        """Return the `(n_samples,)` values of one channel, by name or by number from 0."""
-        return self.values[:, self.index(which)]
+    def channel(self, channel: str | int) -> NDArray[np.float64]:
+        """Return the `(n_samples,)` values of a channel, by name or by number from 0."""
+        return self.values[:, self.index(channel)]
 
-    def index(self, which: str | int) -> int:
+    def index(self, channel: str | int) -> int:
         """Return the number of a channel, given by its name or number.
 
         Raises
@@ -246,12 +245,12 @@ class TimeSeries:
         ValueError
             An unknown channel.
         """
-        if which in self.channels:
-            return self.channels.index(str(which))
-        if isinstance(which, str) or not 0 <= which < len(self.channels):
+        if channel in self.channels:
+            return self.channels.index(str(channel))
+        if isinstance(channel, str) or not 0 <= channel < len(self.channels):
             listed = ", ".join(map(repr, self.channels))
-            raise ValueError(f"there is no channel {which!r}; the channels are {listed}")
-        return which
+            raise ValueError(f"there is no channel {channel!r}; the channels are {listed}")
+        return channel
 
     def __repr__(self) -> str:
         listed = [f"{name} [{unit}]" for name, unit in zip(self.channels, self.units, strict=True)]
@@ -264,37 +263,29 @@ Measurement: TypeAlias = FRF | TimeSeries | Coherence
 """Contents of a file."""
 
 
-def low_coherence_note(coherence: NDArray[np.float64]) -> str | None:
-    """Return a note on a coherence with a median below one half, or None.
+def low_coherence_notes(coherence: NDArray[np.float64]) -> list[str]:
+    """Warn of a coherence with a median below one half, and return the note; an empty list for others.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance.io.measurements import low_coherence_note, Measurement
-    >>> low_coherence_note(np.full(100, 0.31))[:34]
-    'the median coherence is 0.31 over '
+    >>> from receptance.io.measurements import low_coherence_notes
+    >>> low_coherence_notes(np.full(100, 0.91))
+    []
     """
     median = float(np.nanmedian(coherence))
     if median >= _LOW_COHERENCE:
-        return None
+        return []
     below = float(np.mean(coherence < _LOW_COHERENCE))
-    return (
+    note = (
         f"the median coherence is {median:.2f} over {coherence.shape[0]} lines, and below {_LOW_COHERENCE} on "
         f"{below:.0%} of them: on half of the lines the force explains less than {median:.0%} of the response; the "
         "rest is noise, a second source, leakage or a structure that changes between hits. Such an FRF does not "
         "determine a joint: measure again (another hammer tip, more averages, sensor range, cables), or use only lines "
         "of high coherence"
     )
-
-
-def _texts(owner: str, quantity: str, given: Sequence[str]) -> tuple[str, ...]:
-    if isinstance(given, str):
-        raise TypeError(f"{owner}: {quantity} is {given!r}, expected a list of texts")
-    texts = tuple(given)
-    for text in texts:
-        if not isinstance(text, str):
-            raise TypeError(f"{owner}: {quantity} holds {text!r}, expected texts")
-    return texts
+    warn_user(note)
+    return [note]
 
 
 def _si_unit(text: str) -> tuple[str, str, float]:

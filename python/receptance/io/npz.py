@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import io
+import math
 import zipfile
 import zlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.io.arrays import measurements_of, named_items
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.limits import check_size, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-__all__ = ["arrays_in", "npz_bytes", "read_npz"]
+__all__ = ["arrays_in", "is_npz", "npz_bytes", "read_npz"]
 
 _KINDS = "biufcU"
 _BROKEN = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, RuntimeError, ValueError, IndexError)
+
+
+def is_npz(start: bytes) -> bool:
+    """Return whether a file begins like a zip file."""
+    return start.startswith(b"PK\x03\x04")
 
 
 def npz_bytes(measurements: Sequence[Measurement]) -> bytes:
@@ -63,7 +67,7 @@ def arrays_in(data: bytes) -> dict[str, Any]:
             for member in members:
                 check_time()
                 name = member.filename.removesuffix(".npy")
-                with placed(place=f"array {name!r}"):
+                with error_location(place=f"array {name!r}"):
                     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                         raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's")
                     arrays[name] = _parse_npy(archive.read(member))
@@ -86,10 +90,8 @@ def _parse_npy(content: bytes) -> NDArray[Any] | str:
         raise FileFormatError(f"the header is damaged: {error}") from None
     if dtype.kind not in _KINDS or dtype.hasobject:
         raise FileFormatError(f"the dtype is {dtype}, expected numbers or text: Python objects (pickles) are not read")
-    start, count = stream.tell(), 1
+    start, count = stream.tell(), math.prod(shape)
     size = len(content) - start
-    for length in shape:
-        count *= length
     if any(length < 0 for length in shape) or len(shape) > 8 or count * dtype.itemsize != size:
         raise FileFormatError(f"shape {shape} of {dtype} takes {count * dtype.itemsize} bytes, there are {size}")
     if not size:

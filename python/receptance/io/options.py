@@ -50,10 +50,10 @@ class ReadOptions:
     @staticmethod
     def checked(given: Mapping[str, Any]) -> ReadOptions:
         """Return the options, or raise a TypeError or ValueError that names the invalid one."""
-        known = {field.name for field in fields(ReadOptions)}
-        unknown = sorted(set(given) - known)
+        names = {field.name for field in fields(ReadOptions)}
+        unknown = sorted(set(given) - names)
         if unknown:
-            raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(known))}")
+            raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
         options = dict(given)
         if options.get("quantity") is not None:
             options["quantity"] = form_name(options["quantity"])
@@ -93,7 +93,8 @@ class ReadOptions:
         if isinstance(self.unit, str) and self.unit != SI and len(names) > 1:
             example = ", ".join(f"{name!r}: {self.unit!r}" for name in names[:2])
             raise FileFormatError(
-                f"one unit, {self.unit!r}, was given for {len(names)} channels; give one each: unit={{{example}}}"
+                f"a single unit, {self.unit!r}, was given for {len(names)} channels; give a unit for each: "
+                f"unit={{{example}}}"
             )
         units = [self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit for name in names]
         for name, unit in zip(names, units, strict=True):
@@ -139,7 +140,7 @@ def resolve_frf(
     FileFormatError
         No unit, or a contradiction between file, unit and quantity.
     """
-    given = _given_unit(options, form, directions, declared)
+    given = _unit_of_options(options, form, directions, declared)
     unit = given or declared
     if unit is None:
         raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
@@ -173,25 +174,25 @@ def resolve_frf(
             f"{contradiction}; to override the file give quantity= as well"
         )
     notes = [f"overridden by the options: {contradiction}"] if contradiction else []
-    if given and declared and (declared.dimension, declared.factor) != (unit.dimension, unit.factor):
+    if given and declared and declared != unit:
         notes.append(f"the unit in the file, {declared.text!r}, was overridden by {unit.text!r}")
     return Resolved(kind, unit.factor, tuple(notes))
 
 
-def _given_unit(
+def _unit_of_options(
     options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
 ) -> Unit | None:
-    """Return the given unit; "SI" is that of the form."""
+    """Return the unit of the options; for "SI" that of the form."""
     if options.unit is None:
         return None
     if not isinstance(options.unit, str):
         raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
     if options.unit != SI:
         return parse_unit(options.unit)
-    stated = frf_kind(declared) if declared is not None else None
-    form = options.quantity or form or (stated.form if stated is not None else None)
-    if directions is None and stated is not None:
-        directions = (stated.response, stated.excitation)
+    declared_kind = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (declared_kind.form if declared_kind is not None else None)
+    if directions is None and declared_kind is not None:
+        directions = (declared_kind.response, declared_kind.excitation)
     if form is None:
         raise FileFormatError(
             "unit is 'SI', but neither the file nor quantity= states the form, receptance, mobility or accelerance"
@@ -208,8 +209,8 @@ def _contradiction(kind: FRFKind, form: Form | None, directions: tuple[str, str]
         return f"it is declared as {_with_article(form)}"
     if directions not in (None, (kind.response, kind.excitation)):
         return _describe_directions(directions)
-    if declared is not None and (stated := frf_kind(declared)) is not None and stated != kind:
-        return f"the unit is {declared.text!r}, that of {_with_article(stated.form)}"
+    if declared is not None and (declared_kind := frf_kind(declared)) is not None and declared_kind != kind:
+        return f"the unit is {declared.text!r}, that of {_with_article(declared_kind.form)}"
     return ""
 
 

@@ -6,24 +6,23 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receptance.io.description import parse_about
-from receptance.io.errors import FileFormatError, placed
-from receptance.io.limits import check_fields, check_time
+from receptance.io.description import QUALITY, parse_about
+from receptance.io.errors import FileFormatError, error_location
+from receptance.io.limits import MAX_NUMBERS, check_count, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
 from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = [
     "EXAMPLE",
     "MARK",
-    "QUALITIES",
+    "PARTS",
+    "QUALITY_NAMES",
     "Column",
     "Table",
     "column_in_unit",
@@ -32,27 +31,25 @@ __all__ = [
     "read_table",
 ]
 
-QUALITIES = {
-    "log variance": "log_variance",
-    "degrees of freedom": "degrees_of_freedom",
-    "correlated lines": "correlated_lines",
-    "usable": "usable",
-}
-"""Names of the columns for further fields of an FRF."""
-
-_PARTS = {
+QUALITY_NAMES = {field: field.replace("_", " ") for field in QUALITY}
+"""Names of the columns of further fields of an FRF."""
+PARTS = {
     "real": ("real", "re"),
     "imaginary": ("imaginary", "imag", "im"),
     "magnitude": ("magnitude", "mag", "amplitude", "abs"),
     "phase": ("phase", "angle", "arg"),
 }
+"""Roles of the columns of an FRF, with the words for them in names of columns."""
+_AXES = ("frequency", "time")
 _FORMS = "|".join(FORM_NAMES)
-_PART = "|".join(word for words in _PARTS.values() for word in words)
+_PART = "|".join(word for words in PARTS.values() for word in words)
 _FRF = re.compile(
     rf"(?:(?P<form>{_FORMS}|frf|h)\s+)?(?P<part>{_PART})(?:\s+part)?(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",
     re.IGNORECASE,
 )
-_OTHER = re.compile(rf"(?P<what>coherence|coh|{'|'.join(QUALITIES)})(?:\s+(?P<entry>.+))?", re.IGNORECASE)
+_QUALITY = re.compile(
+    rf"(?P<name>coherence|coh|{'|'.join(QUALITY_NAMES.values())})(?:\s+(?P<entry>.+))?", re.IGNORECASE
+)
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
 _PARENTHESES = re.compile(r"(?P<name>[^()]*?)\s*\((?P<unit>.*)\)", re.DOTALL)
 
@@ -65,7 +62,7 @@ class Column:
     """Name without the unit."""
     unit: str | None
     role: str
-    """frequency, time, real, imaginary, magnitude, phase, coherence, a field of QUALITIES, or channel."""
+    """frequency, time, real, imaginary, magnitude, phase, coherence, a field of QUALITY, or channel."""
     form: Form | None = None
     entry: str = ""
     """Response and excitation, if there are several."""
@@ -87,13 +84,11 @@ def parse_column(text: str) -> Column:
         return Column(name, unit, "frequency")
     if name.lower() in ("time", "t"):
         return Column(name, unit, "time")
-    other = _OTHER.fullmatch(name)
-    if other:
-        what = other["what"].lower()
-        return Column(name, unit, QUALITIES.get(what, "coherence"), entry=other["entry"] or "")
-    frf = _FRF.fullmatch(name)
-    if frf:
-        role = next(role for role, words in _PARTS.items() if frf["part"].lower() in words)
+    if quality := _QUALITY.fullmatch(name):
+        field = quality["name"].lower().replace(" ", "_")
+        return Column(name, unit, field if field in QUALITY else "coherence", entry=quality["entry"] or "")
+    if frf := _FRF.fullmatch(name):
+        role = next(role for role, words in PARTS.items() if frf["part"].lower() in words)
         word = (frf["form"] or frf["after"] or "").lower()
         return Column(name, unit, role, form_name(word) if word not in ("", "frf", "h") else None, frf["entry"] or "")
     return Column(name, unit, "channel")
@@ -102,6 +97,7 @@ def parse_column(text: str) -> Column:
 MARK = "# receptance: "
 """Beginning of the line with the fields of a measurement that columns do not hold."""
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
+_DELIMITERS = "\t;,"
 _MAX_NAME_LENGTH = 1000
 _MAX_PREAMBLE = 1000
 """Lines within which a header is searched for."""
@@ -121,26 +117,26 @@ class Table:
     about: dict[str, Any] | None
     notes: tuple[str, ...] = ()
 
-    def of(self, role: str) -> list[int]:
-        """Return the numbers of the columns with a role."""
+    def indices(self, role: str) -> list[int]:
+        """Return the indices of the columns with a role."""
         return [index for index, column in enumerate(self.columns) if column.role == role]
 
 
 def read_table(data: bytes, options: ReadOptions) -> Table:
     """Return the table in a file, with its header or that of the options."""
-    whole = decode(data)
-    lines = numbered_lines(whole)
+    content = decode(data)
+    lines = numbered_lines(content)
     about = None
     for line, text in lines:
         if text.startswith(MARK):
-            with placed(line=line):
+            with error_location(line=line):
                 about = parse_about(text.removeprefix(MARK).strip())
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
     skipped = _preamble_length(lines, options.columns)
     lines = lines[skipped:]
-    notes = (f"{skipped} lines before line {lines[0][0]} were not read",) if skipped else ()
+    notes = [f"{skipped} lines before line {lines[0][0]} were not read"] if skipped else []
     delimiter = _delimiter(*lines[0])
     rows = _split(lines, delimiter)
     header, names = rows[0]
@@ -170,23 +166,34 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     while columns and not columns[-1].name and all(len(row) < len(columns) or not row[-1].strip() for _, row in rows):
         # Every row ends with a delimiter.
         columns.pop()
-    abscissae = [index for index, column in enumerate(columns) if column.role in ("frequency", "time")]
-    for index in abscissae[1:]:
+    axes = [index for index, column in enumerate(columns) if column.role in _AXES]
+    for index in axes[1:]:
         # Only the first is an axis; a later f or t is a channel, for example force or temperature.
         columns[index] = replace(columns[index], role="channel")
-    if not abscissae:
+    if not axes:
         # The header is not quoted, because the file is not known to be a measurement.
         raise FileFormatError(
             f"of the {len(columns)} columns none is named frequency or time, expected a header such as {EXAMPLE} or "
             "time [s],hammer [N],tip [m/s^2]. If the file has no header give it with columns=[...]",
             line=header or None,
         )
-    table = _numbers(columns, rows, header, delimiter, about, given_header=options.columns is not None)
+    if not rows:
+        raise FileFormatError("there are no rows of numbers below the header", line=header or None)
+    # The first row below a given header is not quoted, because the file may be anything.
+    values = parse_rows(
+        rows,
+        [f"column {column.name!r}" for column in columns],
+        decimal_comma=delimiter != ",",
+        quote_first_row=options.columns is None,
+    )
+    table = Table(tuple(columns), values, header, tuple(line for line, _ in rows), about)
+    _check_finite(table)
     declared = None if about is None else about.get("rows")
     if isinstance(declared, int):
-        check_row_count(whole, len(rows), declared, lines[-1][0])
-        return replace(table, notes=notes)
-    return replace(table, notes=(*notes, *truncation_notes(whole, lines[-len(rows) :])))
+        check_row_count(content, len(rows), declared, lines[-1][0])
+    else:
+        notes += truncation_notes(content, lines[-len(rows) :])
+    return replace(table, notes=tuple(notes))
 
 
 def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str) -> bool:
@@ -194,7 +201,7 @@ def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str)
     if len(fields) != len(columns):
         return False
     texts = [field.strip("[]() \t") for field in fields]
-    first = next((index for index, column in enumerate(columns) if column.role in ("frequency", "time")), None)
+    first = next((index for index, column in enumerate(columns) if column.role in _AXES), None)
     decisive = [texts[first]] if first is not None and texts[first] else [text for text in texts if text]
     if not decisive or any(_is_number(text, delimiter) for text in decisive):
         return False
@@ -206,26 +213,25 @@ def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str)
 
 def _with_units(columns: Sequence[Column], line: int, fields: Sequence[str], options: ReadOptions) -> list[Column]:
     """Return columns with the units of the row below their names, which must not contradict units in the names."""
-    found = []
+    with_units = []
     for column, field in zip(columns, fields, strict=True):
         unit = field.strip("[]() \t")
-        overridden = options.unit is not None and column.role not in ("frequency", "time")
+        overridden = options.unit is not None and column.role not in _AXES
         if column.unit and unit and not overridden and not _same_unit(column.unit, unit):
             raise FileFormatError(
                 f"column {column.name!r} is in {column.unit!r} by its name and in {unit!r} by this row of units; "
                 "remove the wrong one, or give the unit with unit=",
                 line=line,
             )
-        found.append(replace(column, unit=column.unit or unit))
-    return found
+        with_units.append(replace(column, unit=column.unit or unit))
+    return with_units
 
 
-def _same_unit(one: str, other: str) -> bool:
+def _same_unit(first: str, second: str) -> bool:
     try:
-        first, second = parse_unit(one), parse_unit(other)
+        return parse_unit(first) == parse_unit(second)
     except UnitError:
-        return one == other
-    return (first.factor, first.dimension) == (second.factor, second.dimension)
+        return first == second
 
 
 def _preamble_length(lines: Sequence[tuple[int, str]], given: Sequence[str] | None) -> int:
@@ -235,16 +241,16 @@ def _preamble_length(lines: Sequence[tuple[int, str]], given: Sequence[str] | No
     given header matches the first line with as many columns.
     """
     for index, (line, text) in enumerate(lines[:_MAX_PREAMBLE]):
-        for sign in "\t;,":
-            names = _fields(line, text, sign)
+        for delimiter in _DELIMITERS:
+            names = _fields(line, text, delimiter)
             if given is not None:
                 if len(names) == len(given):
                     return index
-            elif any(parse_column(name).role in ("frequency", "time") for name in names) and (
+            elif any(parse_column(name).role in _AXES for name in names) and (
                 index == 0
                 or any(
-                    len(row) == len(names) and all(_is_number(field, sign) for field in row)
-                    for row in (_fields(*below, sign) for below in lines[index + 1 : index + 3])
+                    len(row) == len(names) and all(_is_number(field, delimiter) for field in row)
+                    for row in (_fields(*below, delimiter) for below in lines[index + 1 : index + 3])
                 )
             ):
                 return index
@@ -264,24 +270,24 @@ def _fields(line: int, text: str, delimiter: str) -> list[str]:
 
 def _delimiter(line: int, text: str) -> str:
     """Return the delimiter: the one that yields a frequency or time column, else the first one found."""
-    candidates = [sign for sign in "\t;," if sign in text]
+    candidates = [delimiter for delimiter in _DELIMITERS if delimiter in text]
     if not candidates:
         raise FileFormatError("this line has no columns separated by commas, semicolons or tabs", line=line)
-    for sign in candidates:
-        ((_, names),) = _split([(line, text)], sign)
-        if any(len(name) <= _MAX_NAME_LENGTH and parse_column(name).role in ("frequency", "time") for name in names):
-            return sign
+    for delimiter in candidates:
+        ((_, names),) = _split([(line, text)], delimiter)
+        if any(len(name) <= _MAX_NAME_LENGTH and parse_column(name).role in _AXES for name in names):
+            return delimiter
     return candidates[0]
 
 
 def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, list[str]]]:
     rows: list[tuple[int, list[str]]] = []
-    fields_so_far = 0
+    count = 0
     for index, (line, text) in enumerate(lines):
         if index % 1024 == 0:
             check_time()
-        fields_so_far += text.count(delimiter) + 1
-        check_fields(fields_so_far)
+        count += text.count(delimiter) + 1
+        check_count(count, MAX_NUMBERS, "numbers")
         if '"' not in text:
             rows.append((line, text.split(delimiter)))
             continue
@@ -301,31 +307,11 @@ def _is_number(field: str, delimiter: str) -> bool:
     return True
 
 
-def _numbers(
-    columns: Sequence[Column],
-    rows: Sequence[tuple[int, list[str]]],
-    header: int,
-    delimiter: str,
-    about: dict[str, Any] | None,
-    *,
-    given_header: bool,
-) -> Table:
-    if not rows:
-        raise FileFormatError("there are no rows of numbers below the header", line=header or None)
-    names = [f"column {column.name!r}" for column in columns]
-    # The first row below a given header is not quoted, because the file may be anything.
-    values = parse_rows(rows, names, decimal_comma=delimiter != ",", quote_first_row=not given_header)
-    lines = tuple(line for line, _ in rows)
-    table = Table(tuple(columns), values, header, lines, about)
-    _check_finite(table)
-    return table
-
-
 def _check_finite(table: Table) -> None:
     wrong = ~np.isfinite(table.values)
     for role in _MAY_BE_INFINITE:
-        wrong[:, table.of(role)] = np.isnan(table.values[:, table.of(role)])
-    frequency = table.of("frequency")
+        wrong[:, table.indices(role)] = np.isnan(table.values[:, table.indices(role)])
+    frequency = table.indices("frequency")
     if frequency and table.values[0, frequency[0]] == 0.0:
         # A receptance may be infinite at 0 Hz; the FRF drops that line with a note.
         wrong[0] = False
@@ -349,11 +335,11 @@ def column_unit(column: Column) -> Unit | None:
 
 def column_in_unit(table: Table, index: int, unit: str) -> NDArray[np.float64]:
     """Return the values of a column in a unit; the column must have a unit of its dimension."""
-    column, wanted = table.columns[index], parse_unit(unit)
-    found = column_unit(column)
-    if found is None:
+    column, target = table.columns[index], parse_unit(unit)
+    source = column_unit(column)
+    if source is None:
         raise FileFormatError(f"column {column.name!r} has no unit, expected {column.name} [{unit}]")
-    if found.dimension != wanted.dimension:
-        raise FileFormatError(f"column {column.name!r} is in {found.text!r}, expected {unit}")
+    if source.dimension != target.dimension:
+        raise FileFormatError(f"column {column.name!r} is in {source.text!r}, expected {unit}")
     values: NDArray[np.float64] = table.values[:, index]
-    return values if found.factor == wanted.factor else values * (found.factor / wanted.factor)
+    return values if source.factor == target.factor else values * (source.factor / target.factor)

@@ -5,16 +5,13 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.io.errors import FileFormatError
 from receptance.io.limits import check_time
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "check_ascending",
@@ -31,10 +28,8 @@ __all__ = [
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
 )
-
-
 _MIN_ROWS_FOR_LENGTHS = 100
-"""Most lines of different lengths among which the last one may be the shortest by chance."""
+"""Number of rows of different lengths above which a last row shorter than all others is not taken for chance."""
 
 
 def decode(data: bytes) -> str:
@@ -65,8 +60,8 @@ def decode(data: bytes) -> str:
 
 def ends_with_line(text: str) -> bool:
     """Return whether the last line has a line ending (which a Ctrl-Z of DOS programs may follow)."""
-    behind = text[len(text.rstrip(" \t\r\n\f\x1a")) :]
-    return "\n" in behind or "\r" in behind
+    trailing = text[len(text.rstrip(" \t\r\n\f\x1a")) :]
+    return "\n" in trailing or "\r" in trailing
 
 
 def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
@@ -81,9 +76,9 @@ def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
     lengths_are_informative = len(rows) > _MIN_ROWS_FOR_LENGTHS or (len(rows) > 2 and len(lengths) == 1)
     note = ""
     if not ends_with_line(text):
-        note = f"line {line}, the last one, has no line ending: if the file is truncated, its last number is wrong"
+        note = f"the last line, {line}, has no line ending: if the file is truncated, its last number is wrong"
     elif lengths_are_informative and len(last.rstrip()) < min(lengths):
-        note = f"line {line}, the last one, is shorter than all others: if it is truncated, its last number is wrong"
+        note = f"the last line, {line}, is shorter than all others: if it is truncated, its last number is wrong"
     if note:
         warn_user(note)
     return [note] if note else []
@@ -125,7 +120,7 @@ def excerpt(text: str) -> str:
     return repr(text[:60] + ("..." if len(text) > 60 else ""))
 
 
-def number(field: str, line: int, what: str, *, decimal_comma: bool = False, quote: bool = True) -> float:
+def number(field: str, line: int, name: str, *, decimal_comma: bool = False, quote: bool = True) -> float:
     """Return the number in a field, with E or D before its exponent; it may be infinite or NaN.
 
     With quote=False the error does not quote the field: the file is not known to be a measurement yet.
@@ -135,7 +130,7 @@ def number(field: str, line: int, what: str, *, decimal_comma: bool = False, quo
         plain = plain.replace(",", ".", 1)
     match = _NUMBER.fullmatch(plain)
     if not match:
-        raise FileFormatError(f"{what} is {excerpt(field.strip()) if quote else 'text'}, expected a number", line=line)
+        raise FileFormatError(f"{name} is {excerpt(field.strip()) if quote else 'text'}, expected a number", line=line)
     mantissa, exponent = match.groups()
     return float(plain) if mantissa is None else float(f"{mantissa}E{exponent or 0}")
 

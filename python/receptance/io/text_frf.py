@@ -7,20 +7,17 @@ text behind the first row; an export has nine header lines with channels and uni
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import complex_values, make_frf, to_si
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
 from receptance.units import UnitError, parse_unit
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["cutpro_bytes", "dataphysics_bytes", "is_dataphysics", "read_cutpro", "read_dataphysics"]
 
@@ -37,7 +34,7 @@ _EXPORT_UNITS = re.compile(r"\((?P<response>[^()]+)\)\((?P<reference>[^()]+)\)")
 
 def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of a `.frf` file, and the fields that it does not store."""
-    _check_one_entry(frf)
+    _check_single_entry(frf)
     if frf.unit.split("/")[0] != "m" or not frf.unit.endswith("/N"):
         raise ValueError(f"a .frf file holds displacement per force, this FRF is in {frf.unit}")
     lost = [name for name in ("coherence", "log_variance", "usable", "labels") if getattr(frf, name) is not None]
@@ -81,7 +78,7 @@ def is_dataphysics(data: bytes) -> bool:
 
 def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of an export, and the fields that it does not store."""
-    _check_one_entry(frf)
+    _check_single_entry(frf)
     lost = [name for name in ("coherence", "log_variance", "usable", "averages") if getattr(frf, name) is not None]
     if frf.decay_rate:
         lost.append("decay_rate (the values belong to complex lines)")
@@ -146,14 +143,14 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     if not rows:
         raise FileFormatError("there are no rows of numbers behind the header", line=_EXPORT_HEADER)
     table, notes = _read_rows(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]))
-    with placed(line=9):
+    with error_location(line=9):
         resolved = resolve_frf(options, declared=unit, form=None, directions=None)
     label = lines[2].removeprefix("Channel Name").strip().rstrip(":").strip()
     channels = ((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None
     return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]
 
 
-def _check_one_entry(frf: FRF) -> None:
+def _check_single_entry(frf: FRF) -> None:
     if frf.shape[1:] != (1, 1):
         raise ValueError(
             f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
@@ -173,9 +170,9 @@ def _read_rows(
 ) -> tuple[NDArray[np.float64], list[str]]:
     """Return the columns, and notes on a text that may be truncated; a declared number of rows is checked."""
     table = parse_rows([(line, row.split()) for line, row in rows], _COLUMNS)
-    infinite = np.flatnonzero(~np.isfinite(table).all(axis=1))
-    if infinite.size:
-        raise FileFormatError("the numbers are not all finite", line=rows[infinite[0]][0])
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if bad.size:
+        raise FileFormatError("the numbers are not all finite", line=rows[bad[0]][0])
     check_ascending(table[:, 0].tolist(), [line for line, _ in rows])
     if declared:
         check_row_count(text, len(rows), int(declared["rows"]), rows[-1][0])

@@ -6,22 +6,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.measurement.windows import Windows
 
-__all__ = ["TruncationError", "force_noise_power", "force_outside_window", "truncation_error"]
+__all__ = ["Truncation", "estimate_truncation", "force_noise_power", "force_outside_window"]
 
-_LONGEST = 1024
+_MAX_SAMPLES = 1024
 """Most samples of a transformed stretch of silence; enough to resolve hum."""
-_SHORTEST = 16
+_MIN_SAMPLES = 16
 """Least samples of a stretch of silence."""
 _MIN_STRETCHES = 8
 """Least number of stretches for an estimate of the noise."""
 _PADDING = 4
-"""Lines of the noise spectrum per independent one, for linear interpolation between them."""
+"""Lines of the noise spectrum per independent line, for linear interpolation between them."""
 
 
 def force_noise_power(
@@ -52,29 +51,28 @@ def force_noise_power(
     from scipy.fft import next_fast_len, rfft, rfftfreq
     from scipy.signal.windows import hann
 
-    stretches = [row[part] for row, parts in zip(force, windows.silent, strict=True) for part in parts]
+    stretches = [row[part] for row, parts in zip(force, windows.silence, strict=True) for part in parts]
     longest = max((stretch.size for stretch in stretches), default=0)
-    length = min(windows.shape.size or _LONGEST, _LONGEST, max(longest, 1))
+    length = min(windows.force_window.size or _MAX_SAMPLES, _MAX_SAMPLES, max(longest, 1))
     pieces = [
         stretch[begin : begin + length]
         for stretch in stretches
         for begin in range(0, stretch.size - length + 1, max(1, length // 2))
     ]
-    if length < _SHORTEST or len(pieces) < _MIN_STRETCHES or not np.any(pieces):
+    if length < _MIN_SAMPLES or len(pieces) < _MIN_STRETCHES or not np.any(pieces):
         return None
-    shape = windows.shape if windows.shape.size == length else hann(length, sym=False)
+    shape = windows.force_window if windows.force_window.size == length else hann(length, sym=False)
     n_fft = next_fast_len(_PADDING * length, real=True)
     powers = np.abs(rfft(np.array(pieces) * shape, n_fft, axis=1)) ** 2 / np.sum(shape**2)
     # |M|^2 of Gaussian noise is exponentially distributed, with the median ln 2.
     power = np.median(powers, axis=0) / np.log(2.0)
-    found: NDArray[np.float64] = np.interp(frequency_hz, rfftfreq(n_fft, 1.0 / sample_rate_hz), power)
-    return found
+    return np.asarray(np.interp(frequency_hz, rfftfreq(n_fft, 1.0 / sample_rate_hz), power))
 
 
 _PARTS = 8
 """Number of parts of a block in which amplitudes are estimated."""
 _CHANCE = 1e-4
-"""Accepted probability that noise is taken for a repeated signal."""
+"""Accepted probability that noise passes for a repeated signal."""
 _SMOOTHED_LINES = 17
 """Lines averaged for the force outside the window."""
 _NOISE_MARGIN = 1.5
@@ -84,7 +82,7 @@ _WEAK_DB = 40.0
 
 
 @dataclass(frozen=True)
-class TruncationError:
+class Truncation:
     """Truncation of a response at the end of its block, `(n_lines,)` over all lines of the transform.
 
     `share` is the amplitude at the end relative to that at the beginning, `error` the resulting error of the FRF in its
@@ -95,9 +93,9 @@ class TruncationError:
     error: NDArray[np.float64]
 
 
-def truncation_error(
+def estimate_truncation(
     response: NDArray[np.float64], spectra: NDArray[np.complex128], first: int, onset: int
-) -> TruncationError:
+) -> Truncation:
     """Return the amplitude of a response at the end of its block, and the error of the FRF from its truncation.
 
     A block of length T truncates the response. For a mode at w_m the truncated part is A(T) / (i (w - w_m) + a), with A
@@ -121,9 +119,9 @@ def truncation_error(
 
     hits, n_samples = response.shape
     length = (n_samples - first) // _PARTS
-    nothing = np.zeros(spectra.shape[1])
+    zero = np.zeros(spectra.shape[1])
     if hits < 2 or length < 2 * _PARTS:
-        return TruncationError(nothing, nothing)
+        return Truncation(zero, zero)
     window = hann(length, sym=False)
     middle = (first + n_samples) // 2
     gains = []
@@ -136,15 +134,15 @@ def truncation_error(
     halfway = np.where(exceeds, np.abs(gains[1].value) / np.maximum(np.abs(gains[0].value), 1e-300), 0.0)
     halfway = np.minimum(halfway, 1.0)
     # The truncated part has the shape of the second half of the middle part, with the amplitude of the end.
-    rest = irfft(gains[1].value * halfway, n_samples)
+    end_response = irfft(gains[1].value * halfway, n_samples)
     step = np.zeros(n_samples)
     centre = middle - length // 4 + length // 2 - onset
     step[centre : centre + length // 2] = 1.0
-    return TruncationError(halfway**2, np.abs(rfft(rest * step)))
+    return Truncation(halfway**2, np.abs(rfft(end_response * step)))
 
 
 def force_outside_window(
-    whole: NDArray[np.complex128], spectra: NDArray[np.complex128], noise: NDArray[np.float64], correlated: float
+    unwindowed: NDArray[np.complex128], spectra: NDArray[np.complex128], noise: NDArray[np.float64], correlated: float
 ) -> NDArray[np.float64]:
     """Return the force removed by the force window relative to the rest, `(n_lines,)`; 0 where it is noise.
 
@@ -152,7 +150,7 @@ def force_outside_window(
 
     Parameters
     ----------
-    whole, spectra : ndarray
+    unwindowed, spectra : ndarray
         `(n_hits, n_lines)` of the force without and with its window.
     noise : ndarray
         `(n_lines,)` power of the noise in the removed part.
@@ -164,13 +162,13 @@ def force_outside_window(
     hits, n_lines = spectra.shape
     width = min(_SMOOTHED_LINES, n_lines)
     count = np.convolve(np.ones(n_lines), np.ones(width), "same")
-    power, taken, expected = (
+    power, removed, expected = (
         np.convolve(values, np.ones(width), "same") / count
-        for values in (np.mean(np.abs(spectra) ** 2, axis=0), np.mean(np.abs(whole - spectra) ** 2, axis=0), noise)
+        for values in (np.mean(np.abs(spectra) ** 2, axis=0), np.mean(np.abs(unwindowed - spectra) ** 2, axis=0), noise)
     )
     freedom = 2.0 * hits * max(1.0, width / correlated)
-    clear = taken > _NOISE_MARGIN * chdtri(freedom, _CHANCE) / freedom * expected
-    return np.where(clear, np.sqrt(np.maximum(taken - expected, 0.0) / power), 0.0)
+    clear = removed > _NOISE_MARGIN * chdtri(freedom, _CHANCE) / freedom * expected
+    return np.where(clear, np.sqrt(np.maximum(removed - expected, 0.0) / power), 0.0)
 
 
 @dataclass(frozen=True)

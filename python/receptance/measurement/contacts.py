@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 __all__ = ["CLEAR", "Contact", "clipped_samples", "find_contacts", "noise_level", "second_contact"]
 
@@ -44,7 +41,7 @@ _FLAT_STEP = 3.0
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact of the hammer: first sample, first sample after it, and peak force."""
+    """A contact of the hammer: first sample, first sample after it, and peak force."""
 
     onset: int
     release: int
@@ -63,41 +60,40 @@ def find_contacts(force: NDArray[np.float64], trigger: float, noise: float) -> l
     An anti-alias filter rings before and after a short pulse. Lobes of the ringing alternate in sign and have no
     impulse; they belong to the neighbouring contact.
     """
-    found = _stretches_above(force, trigger, noise)
-    if len(found) < 2:
-        return found
+    pulses = _stretches_above(force, trigger, noise)
+    if len(pulses) < 2:
+        return pulses
     smoothed = _smoothed(force)
     share = float(smoothed.max() / force.max())
-    own = _stretches_above(smoothed, _SMOOTHED_TRIGGER * share * trigger, noise)
-    groups: list[list[Contact]] = [[] for _ in own]
-    alone = []
-    for contact in found:
-        gaps = [max(one.onset - contact.release, contact.onset - one.release) for one in own]
+    smooth_pulses = _stretches_above(smoothed, _SMOOTHED_TRIGGER * share * trigger, noise)
+    groups: list[list[Contact]] = [[] for _ in smooth_pulses]
+    contacts = []
+    for pulse in pulses:
+        gaps = [max(smooth.onset - pulse.release, pulse.onset - smooth.release) for smooth in smooth_pulses]
         nearest = int(np.argmin(gaps)) if gaps else -1
         if nearest >= 0 and gaps[nearest] < _RINGING:
-            groups[nearest].append(contact)
+            groups[nearest].append(pulse)
         else:
-            alone.append(contact)
+            contacts.append(pulse)
     for group in filter(None, groups):
-        main = max(group, key=lambda contact: contact.peak)
-        rings = [contact is main or _is_ringing(force, main, contact) for contact in group]
-        lobes = [contact for contact, ringing in zip(group, rings, strict=True) if ringing]
-        alone += [Contact(lobes[0].onset, lobes[-1].release, main.peak)]
-        alone += [contact for contact, ringing in zip(group, rings, strict=True) if not ringing]
-    return sorted(alone, key=lambda contact: contact.onset)
+        main = max(group, key=lambda pulse: pulse.peak)
+        lobes = [pulse for pulse in group if pulse is main or _is_ringing(force, main, pulse)]
+        contacts.append(Contact(lobes[0].onset, lobes[-1].release, main.peak))
+        contacts += [pulse for pulse in group if pulse not in lobes]
+    return sorted(contacts, key=lambda contact: contact.onset)
 
 
 def _is_ringing(force: NDArray[np.float64], main: Contact, other: Contact) -> bool:
-    """Return whether a contact may be a lobe of another one's ringing: the force is negative between them."""
+    """Return whether a contact may be a lobe of the ringing of another contact: the force is negative between them."""
     first, second = sorted((main, other), key=lambda contact: contact.onset)
     between = force[first.release : second.onset]
     return bool(between.size) and float(-between.min()) >= _SWING * other.peak
 
 
 def _smoothed(force: NDArray[np.float64]) -> NDArray[np.float64]:
-    reach = np.arange(-int(4.0 * _SMOOTH), int(4.0 * _SMOOTH) + 1)
-    kernel = np.exp(-0.5 * (reach / _SMOOTH) ** 2)
-    return np.asarray(np.convolve(force, kernel / kernel.sum(), mode="full")[-reach[0] : -reach[-1]])
+    offsets = np.arange(-int(4.0 * _SMOOTH), int(4.0 * _SMOOTH) + 1)
+    kernel = np.exp(-0.5 * (offsets / _SMOOTH) ** 2)
+    return np.asarray(np.convolve(force, kernel / kernel.sum(), mode="full")[-offsets[0] : -offsets[-1]])
 
 
 def _stretches_above(force: NDArray[np.float64], trigger: float, noise: float) -> list[Contact]:
@@ -105,15 +101,14 @@ def _stretches_above(force: NDArray[np.float64], trigger: float, noise: float) -
     above = np.flatnonzero(force > trigger)
     edge = min(max(_EDGE_NOISE * noise, _EDGE_SHARE * trigger), _EDGE_MOST * trigger)
     low = np.flatnonzero(force <= edge)
-    found: list[Contact] = []
+    stretches: list[Contact] = []
     while above.size:
-        first = int(above[0])
-        place = int(np.searchsorted(low, first))
-        onset = int(low[place - 1]) + 1 if place else 0
-        release = int(low[place]) if place < low.size else force.size
-        found.append(Contact(onset, release, float(force[onset:release].max())))
+        index = int(np.searchsorted(low, above[0]))
+        onset = int(low[index - 1]) + 1 if index else 0
+        release = int(low[index]) if index < low.size else force.size
+        stretches.append(Contact(onset, release, float(force[onset:release].max())))
         above = above[np.searchsorted(above, release) :]
-    return found
+    return stretches
 
 
 def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, share: float) -> tuple[int, float] | None:
@@ -124,26 +119,26 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     force : ndarray
         `(n,)` without offset, pulses positive.
     contact : Contact
-        The first one.
+        The first contact.
     stop : int
         End of the search.
     share : float
-        Smallest peak, relative to the first one.
+        Smallest peak, relative to the first contact.
 
     Returns
     -------
     tuple or None
-        First sample of the pulse, and its peak relative to the first one.
+        First sample of the pulse, and its peak relative to the first contact.
     """
     ends = int(4.0 * _SMOOTH)
     shape = np.pad(force[contact.onset : contact.release] / contact.peak, ends)
     smooth = _smoothed(shape)
-    rest = force[contact.release : stop]
-    if rest.size < 2 * shape.size:
+    following = force[contact.release : stop]
+    if following.size < 2 * shape.size:
         return None
     from scipy.signal import correlate  # slow to import
 
-    heights = correlate(rest - np.median(rest), smooth, mode="valid") / np.sum(shape * smooth) / contact.peak
+    heights = correlate(following - np.median(following), smooth, mode="valid") / np.sum(shape * smooth) / contact.peak
     # The median absolute deviation includes hum and ringing of the channel.
     smallest = max(share, _SECOND_NOISE * noise_level(heights)[1])
     best = int(heights.argmax())

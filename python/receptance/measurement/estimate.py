@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
@@ -16,8 +17,6 @@ from receptance.measurement.windows import ExponentialOn, Windows, make_windows
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["estimate_frf"]
@@ -83,8 +82,8 @@ def estimate_frf(
     -------
     FRF
         `(n, n_channels, 1)`, in the form of the records' quantity, with `coherence`, `averages`, `log_variance`,
-        `degrees_of_freedom`, `usable` (in all channels; use `records.channel(k)` for one of them), `decay_rate`, and
-        `notes` on the processing and the excluded lines.
+        `degrees_of_freedom`, `usable` (in all channels; use `records.channel(k)` for a single channel), `decay_rate`,
+        and `notes` on the processing and the excluded lines.
 
     Raises
     ------
@@ -94,7 +93,7 @@ def estimate_frf(
     Warns
     -----
     ReceptanceWarning
-        One hit only, a window on the response alone, a truncated response, bias of H1 by noise on the force, or no
+        A single hit, a window on the response alone, a truncated response, bias of H1 by noise on the force, or no
         usable line.
 
     Notes
@@ -120,7 +119,7 @@ def estimate_frf(
     >>> force = np.array([p * np.where(time < 2e-3, np.sin(500 * np.pi * time), 0.0) for p in (60.0, 90.0, 75.0)])
     >>> force = np.roll(force, 100, axis=1)
     >>> ring = np.exp(-30.0 * time) * np.sin(2 * np.pi * 150.0 * time)
-    >>> response = np.array([np.convolve(one, ring)[:8192] for one in force])
+    >>> response = np.array([np.convolve(pulse, ring)[:8192] for pulse in force])
     >>> response += 0.01 * noise.standard_normal(response.shape)
     >>> records = HammerRecords(force=force, response=response, sample_rate_hz=8192.0, quantity="velocity")
     >>> frf = estimate_frf(records)
@@ -137,37 +136,37 @@ def estimate_frf(
         _checks.positive("estimate_frf", "largest_deviation", largest_deviation),
         _half_width(pooled_lines),
     )
-    found = hits if isinstance(hits, Hits) else find_hits(hits)
-    if not found.kept:
-        raise ValueError(f"estimate_frf: all hits were dropped\n{found.summary()}")
-    windows = make_windows(found, decay_rate, force_window_s, exponential_on)
-    spectra = Spectra(found, windows, low_hz, high_hz)
-    channels = [spectra.channel(index, estimator, limits) for index in range(found.records[0].n_channels)]
+    hits = hits if isinstance(hits, Hits) else find_hits(hits)
+    if not hits.kept:
+        raise ValueError(f"estimate_frf: all hits were dropped\n{hits.summary()}")
+    windows = make_windows(hits, decay_rate, force_window_s, exponential_on)
+    spectra = Spectra(hits, windows, low_hz, high_hz)
+    channels = [spectra.channel(index, estimator, limits) for index in range(hits.records[0].n_channels)]
     excluded = _any_channel(channels)
     if exponential_on == "response" and decay_rate > 0.0:
         excluded = {_RESPONSE_WINDOW: np.ones(spectra.frequency_hz.size, dtype=bool)}
     usable = ~np.any(list(excluded.values()), axis=0)
     messages = _warnings(spectra, channels, excluded, usable, estimator, limits, decay_rate)
     if messages:
-        label = f"{found.records[0].label}: " if found.records[0].label else ""
+        label = f"{hits.records[0].label}: " if hits.records[0].label else ""
         warn_user(label + "; ".join(messages))
-    done = _processing_notes(found, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
+    processing = _processing_notes(hits, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
     return _frf(
-        found,
+        hits,
         spectra,
         channels,
-        decay_rate=0.0 if _RESPONSE_WINDOW in excluded else decay_rate + found.records[0].response_decay_rate,
+        decay_rate=0.0 if _RESPONSE_WINDOW in excluded else decay_rate + hits.records[0].response_decay_rate,
         usable=usable,
         estimator=estimator,
-        notes=(*found.notes, *done, *usable_band_notes(spectra.frequency_hz, excluded), *messages),
+        notes=(*hits.notes, *processing, *usable_band_notes(spectra.frequency_hz, excluded), *messages),
     )
 
 
 def _half_width(pooled_lines: int | None) -> int | None:
     if pooled_lines is None:
         return None
-    whole = isinstance(pooled_lines, (int, np.integer)) and not isinstance(pooled_lines, bool)
-    if not whole or pooled_lines < 1 or pooled_lines % 2 == 0:
+    is_whole = isinstance(pooled_lines, (int, np.integer)) and not isinstance(pooled_lines, bool)
+    if not is_whole or pooled_lines < 1 or pooled_lines % 2 == 0:
         raise ValueError(f"estimate_frf: pooled_lines is {pooled_lines!r}, expected an odd number")
     return int(pooled_lines) // 2
 
@@ -195,7 +194,7 @@ def _frf(
     def stacked(parts: list[Any]) -> Any:
         return None if parts[0] is None else np.stack(parts, axis=1)[:, :, None]
 
-    of_all = f" of {len(hits.hits)}" if len(hits.hits) > len(hits.kept) else ""
+    total = f" of {len(hits.hits)}" if len(hits.hits) > len(hits.kept) else ""
     return FRF(
         frequency_hz=spectra.frequency_hz,
         values=stacked([channel.values for channel in channels]),
@@ -210,7 +209,7 @@ def _frf(
         correlated_lines=np.max([channel.correlated_lines for channel in channels], axis=0),
         usable=usable,
         label=records.label,
-        source=f"{estimator} of {len(hits.kept)}{of_all} hits" + (f", {records.source}" if records.source else ""),
+        source=f"{estimator} of {len(hits.kept)}{total} hits" + (f", {records.source}" if records.source else ""),
         notes=notes,
     )
 
@@ -224,26 +223,26 @@ def _processing_notes(
     exponential_on: ExponentialOn,
     force_window_s: float | Literal["auto"] | None,
 ) -> list[str]:
-    done = [f"{estimator} of {len(hits.kept)} hits, blocks of {hits.duration_s:g} s"]
+    notes = [f"{estimator} of {len(hits.kept)} hits, blocks of {hits.duration_s:g} s"]
     if force_window_s is not None:
-        open_s = windows.shape.size / hits.sample_rate_hz
-        done.append(f"force window: {1e3 * open_s:.3g} ms around the contact, including its slopes")
+        open_s = windows.force_window.size / hits.sample_rate_hz
+        notes.append(f"force window: {1e3 * open_s:.3g} ms around the contact, including its slopes")
     recorded = hits.records[0].response_decay_rate
     if recorded > 0.0:
-        done.append(
+        notes.append(
             f"the recorder's exponential window of {recorded:g} 1/s on the response was applied to the force as well"
         )
     if decay_rate > 0.0:
-        where = "both channels" if exponential_on == "both" else "the response alone"
-        done.append(f"exponential window of {decay_rate:g} 1/s on {where}")
+        windowed = "both channels" if exponential_on == "both" else "the response alone"
+        notes.append(f"exponential window of {decay_rate:g} 1/s on {windowed}")
     freedoms = [channel.degrees_of_freedom for channel in channels if channel.degrees_of_freedom is not None]
     if freedoms:
         least = min(float(np.median(freedom)) for freedom in freedoms)
-        done.append(f"variance from the scatter between hits, with {least:.0f} degrees of freedom on the median line")
+        notes.append(f"variance from the scatter between hits, with {least:.0f} degrees of freedom on the median line")
     correlated = max(float(np.median(channel.correlated_lines)) for channel in channels)
     if correlated > _MIN_CORRELATED:
-        done.append(f"the windows correlate neighbouring lines: about {correlated:.1f} lines per independent value")
-    return done
+        notes.append(f"the windows correlate neighbouring lines: about {correlated:.1f} lines per independent value")
+    return notes
 
 
 def _warnings(
@@ -264,21 +263,21 @@ def _warnings(
         ]
     messages = []
     if len(spectra.force) == 1:
-        messages.append("there is one hit only: no coherence, no variance, and no check of repeatability")
+        messages.append("there is a single hit: no coherence, no variance, and no check of repeatability")
     inside = ~np.any(list(spectra.out_of_range(limits).values()), axis=0)
     for reason, lines in excluded.items():
         share = np.mean(lines[inside]) if inside.any() else 0.0
         if share <= _WARNING_SHARE:
             continue
-        where = f"on {share:.0%} of the lines in the band of the force"
+        extent = f"on {share:.0%} of the lines in the band of the force"
         if reason.kind == "noise":
             remedy = "Hv accounts for noise on the force" if estimator == "H1" else "use Hv"
-            messages.append(f"{where} noise biases {estimator}; {remedy}")
+            messages.append(f"{extent} noise biases {estimator}; {remedy}")
         elif reason.kind == "truncation":
-            messages.append(f"{where} {_truncation_warning(spectra, channels, inside, decay_rate)}")
+            messages.append(f"{extent} {_truncation_warning(spectra, channels, inside, decay_rate)}")
         elif reason.kind == "window":
             messages.append(
-                f"{where} there is force outside the force window (a bounce, or ringing of the sensor); give a longer "
+                f"{extent} there is force outside the force window (a bounce, or ringing of the sensor); give a longer "
                 "force_window_s"
             )
     if spectra.noise_share is None:
@@ -293,8 +292,8 @@ def _truncation_warning(
 ) -> str:
     after = spectra.hits.duration_s - spectra.release / spectra.hits.sample_rate_hz
     remainder = max(float(channel.remainder[inside].max()) for channel in channels)
-    wanted = min(float(np.median(np.sqrt(c.log_variance[inside]))) for c in channels if c.log_variance is not None)
-    rate = decay_rate + _rounded_up(np.log(max(remainder / (_DECAYED * wanted), 1.0)) / after)
+    deviation = min(float(np.median(np.sqrt(c.log_variance[inside]))) for c in channels if c.log_variance is not None)
+    rate = decay_rate + _rounded_up(np.log(max(remainder / (_DECAYED * deviation), 1.0)) / after)
     return (
         f"the response has not decayed at the end of the block (to {100.0 * remainder:.2g} %); use longer blocks, or "
         f"an exponential window (decay_rate={rate:g})"
@@ -305,16 +304,16 @@ def _unknown_noise_warnings(
     channels: Sequence[Channel], hits: int, estimator: Estimator, inside: NDArray[np.bool_]
 ) -> list[str]:
     variances = [channel.log_variance[inside] for channel in channels if channel.log_variance is not None]
-    # Upper limit: all scatter of one hit on the channel that biases the estimator.
-    most = max((float(np.median(2 * hits * variance)) for variance in variances if variance.size), default=0.0)
+    # Upper limit: all scatter of a hit is on the channel that biases the estimator.
+    bias = max((float(np.median(2 * hits * variance)) for variance in variances if variance.size), default=0.0)
     if estimator == "Hv":
-        most = 0.5 * most
-    if most <= NEGLIGIBLE:
+        bias = 0.5 * bias
+    if bias <= NEGLIGIBLE:
         return []
-    which = {"H1": "too small", "H2": "too large", "Hv": "too small or too large"}[estimator]
+    direction = {"H1": "too small", "H2": "too large", "Hv": "too small or too large"}[estimator]
     return [
         "noise on the force could not be estimated (too little silence around the hits, or a force window of the "
-        f"recorder); {estimator} may be {which} by up to {100.0 * most:.2g} %, the median of all scatter"
+        f"recorder); {estimator} may be {direction} by up to {100.0 * bias:.2g} %, the median of all scatter"
     ]
 
 
@@ -338,6 +337,6 @@ def usable_band_notes(frequency_hz: NDArray[np.float64], excluded: Exclusions) -
         counted |= lines_excluded
         if new.any():
             low, high = frequency_hz[new][[0, -1]]
-            which = f"{new.sum()} lines between {low:g} and {high:g} Hz" if new.sum() > 1 else f"1 line at {low:g} Hz"
-            lines.append(f"not usable: {which}, {reason.text}")
+            extent = f"{new.sum()} lines between {low:g} and {high:g} Hz" if new.sum() > 1 else f"1 line at {low:g} Hz"
+            lines.append(f"not usable: {extent}, {reason.text}")
     return tuple(lines)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
@@ -14,19 +15,16 @@ from receptance.measurement.contacts import CLEAR, Contact, clipped_samples, fin
 from receptance.measurement.records import HammerRecords
 from receptance.report import Column, Renderable, Table
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = ["Hit", "Hits", "find_hits", "single_records"]
 
 
 @dataclass(frozen=True)
 class Hit:
-    """One hit with its position in the record, its peak force, and whether it is used.
+    """A hit with its position in the record, its peak force, and whether it is used.
 
-    `onset`, `release` and `start` are samples of the record: the first one of the contact, the first one after the
-    (last) contact, and the first one of the block that is transformed. `reason` is why a hit is dropped, empty for
-    those that are kept; `remark` is a note on one that is kept.
+    `onset`, `release` and `start` are samples of the record: the first of the contact, the first after the (last)
+    contact, and the first of the block that is transformed. `reason` is why a hit is dropped, empty for
+    hits that are kept; `note` is a note on a hit that is kept.
     """
 
     number: int
@@ -38,7 +36,7 @@ class Hit:
     release: int
     start: int
     reason: str = ""
-    remark: str = ""
+    note: str = ""
 
     @property
     def kept(self) -> bool:
@@ -131,7 +129,7 @@ class Hits(Renderable):
         )
         rows = []
         for hit in self.hits:
-            use = f"dropped: {hit.reason}" if hit.reason else "kept" + (f" ({hit.remark})" if hit.remark else "")
+            use = f"dropped: {hit.reason}" if hit.reason else "kept" + (f" ({hit.note})" if hit.note else "")
             rows.append((hit.number, hit.record + 1, hit.time_s, hit.peak, 1e3 * hit.contact_s, use))
         return [Table("", columns, rows)]
 
@@ -148,8 +146,8 @@ class Hits(Renderable):
 
 def single_records(records: Sequence[HammerRecords]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Yield force `(n,)` and response `(n, n_channels)` of each record."""
-    for one in records:
-        yield from zip(one.force, one.response, strict=True)
+    for record in records:
+        yield from zip(record.force, record.response, strict=True)
 
 
 DoubleHits = Literal["drop", "keep"]
@@ -194,21 +192,21 @@ def find_hits(
     Parameters
     ----------
     records : HammerRecords or sequence of HammerRecords
-        One record with several hits, or several with one each; a sequence may have records of different lengths.
+        One record with several hits, or several records with a hit each, which may have different lengths.
     trigger : float, optional
         Force in N at which a hit begins; by default a tenth of the largest in the record, at least six times the noise.
     duration_s : float, optional
-        Length of a block; by default the whole record if each holds one hit, else the time between hits.
+        Length of a block; by default the whole record if each holds a single hit, else the time between hits.
     pre_trigger_s : float, optional
         Time from the beginning of a block to the trigger, in records with several hits.
     one_per_record : bool, optional
-        Whether each record is the block of one hit; by default if there are several records.
+        Whether each record is the block of a single hit; by default if there are several records.
     double_hits : {"drop", "keep"}, optional
-        Whether to keep double hits. A kept one is valid, because the force window then spans all contacts.
+        Whether to keep double hits; they are valid, because the force window then spans all contacts.
     double_share : float, optional
         Smallest peak of a second contact, relative to the first.
     separation_s : float, optional
-        In a record with several hits, contacts closer than this are one double hit.
+        In a record with several hits, contacts closer than this are a double hit.
 
     Returns
     -------
@@ -236,23 +234,23 @@ def find_hits(
     Hits(2 of 2 kept, blocks of 1.09998 s)
     """
     settings = _Settings(trigger, duration_s, pre_trigger_s, one_per_record, double_hits, double_share, separation_s)
-    together = _checked_records(records)
-    search = _Search(together, settings)
-    hits = tuple(search.judge(number, *found) for number, found in enumerate(search.candidates(), start=1))
-    notes = dict.fromkeys(note for one in together for note in one.notes)
+    checked = _checked_records(records)
+    search = _Search(checked, settings)
+    hits = tuple(search.classify(number, *candidate) for number, candidate in enumerate(search.candidates(), start=1))
+    notes = dict.fromkeys(note for record in checked for note in record.notes)
     messages = [f"hit {hit.number} dropped: {hit.reason}" for hit in hits if not hit.kept]
-    messages += [f"hit {hit.number}: {hit.remark}" for hit in hits if hit.kept and hit.remark]
+    messages += [f"hit {hit.number}: {hit.note}" for hit in hits if hit.kept and hit.note]
     if search.polarity < 0.0:
         messages.append(
             "the hammer's pulses are negative: the force is used as recorded, so the FRF has the opposite sign if the "
             "polarity of the channel is reversed (then give -force)"
         )
     if messages:
-        label = f"{together[0].label}: " if together[0].label else ""
+        label = f"{checked[0].label}: " if checked[0].label else ""
         more = len(messages) - _MAX_IN_WARNING
         shown = [*messages[:_MAX_IN_WARNING], f"and {more} more, see the notes"] if more > 0 else messages
         warn_user(label + "; ".join(shown))
-    return Hits(together, hits, search.n_samples, search.noise, (*notes, *messages))
+    return Hits(checked, hits, search.n_samples, search.noise, (*notes, *messages))
 
 
 @dataclass(frozen=True)
@@ -287,7 +285,7 @@ class _Search:
     def __init__(self, records: tuple[HammerRecords, ...], settings: _Settings) -> None:
         self.settings = settings
         self.rate = records[0].sample_rate_hz
-        self.owners = [one for one in records for _ in range(one.n_records)]
+        self.records = [record for record in records for _ in range(record.n_records)]
         self.responses = [row[1] for row in single_records(records)]
         levels = [noise_level(row[0]) for row in single_records(records)]
         forces = [row[0] - level[0] for row, level in zip(single_records(records), levels, strict=True)]
@@ -297,7 +295,7 @@ class _Search:
         self.single = len(forces) > 1 if settings.one_per_record is None else settings.one_per_record
         self.groups = [self._contact_groups(force, level[1]) for force, level in zip(self.forces, levels, strict=True)]
         self.n_samples = self._block_length()
-        self._quietest = self._pre_trigger_levels()
+        self._lowest_levels = self._pre_trigger_levels()
 
     def _contact_groups(self, force: NDArray[np.float64], noise: float) -> list[list[Contact]]:
         """Return the contacts of one record, grouped by hit."""
@@ -330,15 +328,15 @@ class _Search:
             return n_samples
         if self.single:
             return shortest
-        gaps, rooms = [], []
+        gaps, available = [], []
         for force, groups in zip(self.forces, self.groups, strict=True):
             onsets = [group[0].onset for group in groups]
             gaps += np.diff(onsets).tolist()
-            rooms += [force.size - self._start(onset) for onset in onsets[-1:]]
-        # One early hit must not shorten all blocks: only the hit before it is dropped.
+            available += [force.size - self._start(onset) for onset in onsets[-1:]]
+        # An early hit must not shorten all blocks: only the hit before it is dropped.
         usual = [gap for gap in gaps if gap >= _EARLY * float(np.median(gaps))]
-        whole = [room for room in rooms if not usual or room >= _MIN_LAST_BLOCK * min(usual)]
-        return int(min([*usual, *whole], default=shortest))
+        last = [samples for samples in available if not usual or samples >= _MIN_LAST_BLOCK * min(usual)]
+        return int(min([*usual, *last], default=shortest))
 
     def _pre_trigger_levels(self) -> NDArray[np.float64]:
         levels = [
@@ -355,17 +353,17 @@ class _Search:
     def candidates(self) -> Iterator[tuple[int, int]]:
         """Yield record and number within the record of every hit; -1 for a record without hits."""
         for row, groups in enumerate(self.groups):
-            yield from ((row, place) for place in range(len(groups)))
+            yield from ((row, index) for index in range(len(groups)))
             if not groups:
                 yield row, -1
 
-    def judge(self, number: int, row: int, place: int) -> Hit:
+    def classify(self, number: int, row: int, index: int) -> Hit:
         """Return a hit with the reason to drop it, if any."""
-        if place < 0:
+        if index < 0:
             force = self.forces[row]
             reason = f"no hit: the largest force, {force.max():.3g}, is below trigger or noise"
             return Hit(number, row, 0.0, float(force.max()), 0.0, 0, 0, 0, reason)
-        contacts = self.groups[row][place]
+        contacts = self.groups[row][index]
         first = contacts[0]
         hit = Hit(
             number=number,
@@ -379,14 +377,14 @@ class _Search:
         )
         stop = hit.start + self.n_samples
         reason = (
-            self._truncated(row, hit, stop) or self._overload(row, hit.start, stop) or self._next_hit(row, place, stop)
+            self._truncated(row, hit, stop) or self._overload(row, hit.start, stop) or self._next_hit(row, index, stop)
         )
-        double, release = self._double_hit(row, place, stop)
+        double, release = self._double_hit(row, index, stop)
         if double and self.settings.double_hits == "keep":
-            hit = replace(hit, release=release, remark=double)
+            hit = replace(hit, release=release, note=double)
             double = ""
         ringing = self._ringing(row, first, stop)
-        return replace(hit, reason=reason or double, remark="; ".join(text for text in (hit.remark, ringing) if text))
+        return replace(hit, reason=reason or double, note="; ".join(text for text in (hit.note, ringing) if text))
 
     def _truncated(self, row: int, hit: Hit, stop: int) -> str:
         if hit.onset == 0:
@@ -397,8 +395,8 @@ class _Search:
         return f"truncated: the record ends {missing / self.rate:.3g} s before the block" if missing > 0 else ""
 
     def _overload(self, row: int, start: int, stop: int) -> str:
-        channels = [("the force", self.forces[row][start:stop], self.owners[row].full_scale_force)]
-        limits = self.owners[row].full_scale_response
+        channels = [("the force", self.forces[row][start:stop], self.records[row].full_scale_force)]
+        limits = self.records[row].full_scale_response
         for index, response in enumerate(self.responses[row][start:stop].T):
             name = "the response" if self.responses[row].shape[1] == 1 else f"response channel {index}"
             channels.append((name, response, None if limits is None else float(limits[index])))
@@ -410,32 +408,32 @@ class _Search:
                 return f"overload: {name} has a flat top of {count} samples at {largest:.4g}"
         return ""
 
-    def _next_hit(self, row: int, place: int, stop: int) -> str:
-        later = self.groups[row][place + 1 :]
+    def _next_hit(self, row: int, index: int, stop: int) -> str:
+        later = self.groups[row][index + 1 :]
         if not later or later[0][0].onset >= stop:
             return ""
-        after = (later[0][0].onset - self.groups[row][place][0].onset) / self.rate
-        return f"the next hit follows after {after:.3g} s, within the block"
+        delay = (later[0][0].onset - self.groups[row][index][0].onset) / self.rate
+        return f"the next hit follows after {delay:.3g} s, within the block"
 
-    def _double_hit(self, row: int, place: int, stop: int) -> tuple[str, int]:
+    def _double_hit(self, row: int, index: int, stop: int) -> tuple[str, int]:
         """Return the description of a double hit or an empty text, and the end of the last contact."""
-        contacts = self.groups[row][place]
+        contacts = self.groups[row][index]
         first = contacts[0]
-        later = self.groups[row][place + 1 :]
+        later = self.groups[row][index + 1 :]
         end = min([stop, *(group[0].onset for group in later)])
         others = [contact for contact in contacts[1:] if contact.onset < end]
         others = [contact for contact in others if contact.peak >= self.settings.double_share * first.peak]
-        found = [(contact.onset, contact.peak / first.peak) for contact in others]
+        pulses = [(contact.onset, contact.peak / first.peak) for contact in others]
         release = max([first.release, *(contact.release for contact in others)])
         matched = second_contact(self.forces[row], first, end, self.settings.double_share)
-        if matched is not None and not found:
-            found.append(matched)
+        if matched is not None and not pulses:
+            pulses.append(matched)
             release = max(release, matched[0] + first.release - first.onset)
-        if not found:
+        if not pulses:
             return "", release
-        onset, share = max(found, key=lambda pair: pair[1])
-        after = 1e3 * (onset - first.onset) / self.rate
-        return f"double hit: a contact with {100.0 * share:.2g} % of the force {after:.3g} ms later", release
+        onset, share = max(pulses, key=lambda pulse: pulse[1])
+        delay_ms = 1e3 * (onset - first.onset) / self.rate
+        return f"double hit: a contact with {100.0 * share:.2g} % of the force {delay_ms:.3g} ms later", release
 
     def _ringing(self, row: int, contact: Contact, stop: int) -> str:
         before = self._pre_trigger(row, contact)
@@ -443,27 +441,23 @@ class _Search:
             return ""
         largest = np.abs(self.responses[row][contact.onset : stop]).max(axis=0, initial=0.0)
         level = np.std(before, axis=0)
-        worst = int(np.argmax(level / np.maximum(self._quietest, 1e-60)))
-        if level[worst] <= _RINGING * self._quietest[worst] or level[worst] <= _RINGING_SHARE * largest[worst]:
+        worst = int(np.argmax(level / np.maximum(self._lowest_levels, 1e-60)))
+        if level[worst] <= _RINGING * self._lowest_levels[worst] or level[worst] <= _RINGING_SHARE * largest[worst]:
             return ""
         if largest[worst] == 0.0:
             return "the response is zero after the hit"
         share = 100.0 * level[worst] / largest[worst]
-        return f"the response before it is {share:.2g} % of the largest: it still rings from an earlier hit"
+        return f"the response before it is {share:.2g} % of the largest: it is from an earlier hit"
 
 
 def _checked_records(records: HammerRecords | Sequence[HammerRecords]) -> tuple[HammerRecords, ...]:
-    found = (records,) if isinstance(records, HammerRecords) else tuple(records)
-    if not found:
-        raise ValueError("find_hits: there are no records, expected at least one")
-    for index, one in enumerate(found):
-        if not isinstance(one, HammerRecords):
-            raise TypeError(f"find_hits: records[{index}] is {one!r}, expected HammerRecords")
+    checked = _checks.items("find_hits: records", records, HammerRecords)
     for name in ("n_channels", "sample_rate_hz", "quantity", "excitation", "responses", "response_decay_rate"):
-        for index, one in enumerate(found):
-            if getattr(one, name) != getattr(found[0], name):
+        first = getattr(checked[0], name)
+        for index, record in enumerate(checked):
+            if (value := getattr(record, name)) != first:
                 raise ValueError(
-                    f"find_hits: {name} is {getattr(found[0], name)!r} in records[0] and {getattr(one, name)!r} in "
-                    f"records[{index}]; averaged hits must be of one measurement"
+                    f"find_hits: {name} is {first!r} in records[0] and {value!r} in records[{index}]; averaged hits "
+                    "must belong to the same measurement"
                 )
-    return found
+    return checked

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.model.coordinates import Coordinate, measured_coordinates
 from receptance.units import ROTATIONS, channel_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.io.measurements import TimeSeries
     from receptance.model.coordinates import Side
 
@@ -125,9 +124,9 @@ class HammerRecords:
         if quantity not in get_args(Quantity):
             raise ValueError(f"{owner}: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
         hammer, motion = _matched_shapes(owner, _samples(owner, "force", force), _samples(owner, "response", response))
-        hit = measured_coordinates(owner, "excitations", excitation, 1)
-        where = measured_coordinates(owner, "responses", responses, motion.shape[2])
-        f_factor, x_factors = _factors(owner, quantity, force_unit, response_unit, hit[0], where)
+        (hit,) = measured_coordinates(owner, "excitations", excitation, 1)
+        sensors = measured_coordinates(owner, "responses", responses, motion.shape[2])
+        f_factor, x_factors = _factors(owner, quantity, force_unit, response_unit, hit, sensors)
         limit = None
         if full_scale_force is not None:
             limit = abs(f_factor) * _checks.positive(owner, "full_scale_force", full_scale_force)
@@ -143,8 +142,8 @@ class HammerRecords:
                 "quantity": quantity,
                 "full_scale_force": limit,
                 "full_scale_response": limits,
-                "excitation": hit[0],
-                "responses": where,
+                "excitation": hit,
+                "responses": sensors,
                 "response_decay_rate": _checks.not_negative(
                     owner, "response_decay_rate", response_decay_rate, unit="1/s"
                 ),
@@ -190,41 +189,41 @@ class HammerRecords:
         >>> import numpy as np
         >>> from receptance.io import TimeSeries
         >>> from receptance.measurement import HammerRecords
-        >>> read = TimeSeries(
+        >>> series = TimeSeries(
         ...     values=np.ones((64, 2)), channels=["hammer", "tip"], units=["N", "g"], sample_rate_hz=51200.0
         ... )
-        >>> HammerRecords.from_series(read, force="hammer", responses="tip").quantity
+        >>> HammerRecords.from_series(series, force="hammer", responses="tip").quantity
         'acceleration'
         """
         owner = f"HammerRecords from {series.source or series.label or 'a time series'}"
-        wanted = [responses] if isinstance(responses, (str, int)) else list(responses)
-        rows = [series.index(name) for name in [force, *wanted]]
-        if series.quantities[rows[0]] not in ("force", "moment"):
+        names = [responses] if isinstance(responses, (str, int)) else list(responses)
+        hammer, *motions = (series.index(name) for name in [force, *names])
+        if series.quantities[hammer] not in ("force", "moment"):
             raise ValueError(
-                f"{owner}: channel {series.channels[rows[0]]!r} holds "
-                f"{series.quantities[rows[0]] or 'an unknown quantity'}, expected the force of the hammer"
+                f"{owner}: channel {series.channels[hammer]!r} holds "
+                f"{series.quantities[hammer] or 'an unknown quantity'}, expected the force of the hammer"
             )
-        plain = {kind: name for name in get_args(Quantity) for kind in (name, ROTATIONS[name])}
-        kinds = {plain.get(series.quantities[row], "unknown") for row in rows[1:]}
+        translations = {kind: name for name in get_args(Quantity) for kind in (name, ROTATIONS[name])}
+        kinds = {translations.get(series.quantities[channel], "unknown") for channel in motions}
         if len(kinds) != 1 or "unknown" in kinds:
-            found = ", ".join(f"{series.channels[row]!r}: {series.quantities[row] or 'unknown'}" for row in rows[1:])
+            listed = ", ".join(f"{series.channels[k]!r}: {series.quantities[k] or 'unknown'}" for k in motions)
             raise ValueError(
-                f"{owner}: the responses are {found}; expected displacement, velocity or acceleration, the same for "
+                f"{owner}: the responses are {listed}; expected displacement, velocity or acceleration, the same for "
                 "all (missing units are given to receptance.io.read)"
             )
-        turning = [series.quantities[row] in ROTATIONS.values() for row in rows[1:]]
-        where = measured_coordinates(
-            owner, "at", ["theta" if turn else "y" for turn in turning] if at is None else at, len(turning)
-        )
-        for row, turn, place in zip(rows[1:], turning, where, strict=True):
-            if turn != (place.direction == "theta"):
-                raise ValueError(f"{owner}: channel {series.channels[row]!r} is {series.quantities[row]}, at {place!r}")
+        directions = ["theta" if series.quantities[k] in ROTATIONS.values() else "y" for k in motions]
+        sensors = measured_coordinates(owner, "at", directions if at is None else at, len(directions))
+        for channel, direction, sensor in zip(motions, directions, sensors, strict=True):
+            if direction != sensor.direction:
+                raise ValueError(
+                    f"{owner}: channel {series.channels[channel]!r} is {series.quantities[channel]}, at {sensor!r}"
+                )
         return cls(
-            force=series.values[:, rows[0]],
-            response=series.values[:, rows[1:]],
+            force=series.values[:, hammer],
+            response=series.values[:, motions],
             sample_rate_hz=series.sample_rate_hz,
             excitation=excitation,
-            responses=where,
+            responses=sensors,
             **{
                 "quantity": kinds.pop(),
                 "label": series.label,
@@ -274,11 +273,11 @@ def _samples(owner: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
     array = array.astype(np.float64)
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
-        where = ", ".join(str(index) for index in bad[0])
-        raise ValueError(f"{owner}: {name}[{where}] is {array[tuple(bad[0])]}, expected a finite number")
+        position = ", ".join(str(index) for index in bad[0])
+        raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
     largest = float(np.abs(array).max(initial=0.0))
     if largest != 0.0 and not _SMALLEST < largest < 1.0 / _SMALLEST:
-        raise ValueError(f"{owner}: the largest value of {name} is {largest:g}, which no sensor gives in any unit")
+        raise ValueError(f"{owner}: the largest value of {name} is {largest:g}, outside the range of sensors")
     return array
 
 
@@ -312,7 +311,7 @@ def _factors(
 ) -> tuple[float, NDArray[np.float64]]:
     load = "force" if excitation.direction == "y" else "moment"
     force = 1.0 if force_unit is None else channel_factor(owner, "force_unit", load, force_unit)
-    kinds = [quantity if place.direction == "y" else ROTATIONS[quantity] for place in responses]
+    kinds = [quantity if coordinate.direction == "y" else ROTATIONS[quantity] for coordinate in responses]
     if response_unit is None:
         return force, np.ones(len(kinds))
     factors = [channel_factor(owner, "response_unit", kind, response_unit) for kind in kinds]
@@ -320,8 +319,8 @@ def _factors(
 
 
 def _full_scales(owner: str, value: ArrayLike, count: int) -> NDArray[np.float64]:
-    given = _checks.unmasked(owner, "full_scale_response", value)
-    if given.shape not in ((), (count,)):
-        raise ValueError(f"{owner}: full_scale_response has shape {given.shape}, expected one number or {(count,)}")
     name = "full_scale_response"
-    return np.array([_checks.positive(owner, name, one) for one in np.broadcast_to(given, (count,)).tolist()])
+    scales = _checks.unmasked(owner, name, value)
+    if scales.shape not in ((), (count,)):
+        raise ValueError(f"{owner}: {name} has shape {scales.shape}, expected one number or {(count,)}")
+    return np.array([_checks.positive(owner, name, scale) for scale in np.broadcast_to(scales, (count,)).tolist()])

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, get_args
+from typing import Protocol, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.measurement.records import HammerRecords, Quantity
 from receptance.model.coordinates import Coordinate, as_coordinates
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["simulate_hits"]
 
@@ -27,7 +25,7 @@ _STOP_DB = 80.0
 _FILTER_ORDER = 10
 _HEADROOM = 1.25
 """Full scale of the channels relative to the largest regular hit."""
-_TOO_HARD = 1.8
+_OVERLOAD = 1.8
 """Force of an overload relative to the largest regular hit."""
 
 
@@ -93,7 +91,7 @@ def simulate_hits(
     double_hits, overloads : collection of int, optional
         Numbers, from 1, of hits with a bounce, and of hits that exceed the full scale.
     one_record : bool, optional
-        One long record with all hits instead of one record each.
+        A single record with all hits, instead of a record for each hit.
     seed : int, optional
         Seed of the random numbers.
     label : str, optional
@@ -131,12 +129,12 @@ def simulate_hits(
         if not 1 <= number <= hits:
             raise ValueError(f"simulate_hits: there is no hit {number}, expected 1 to {hits}")
     rate = _checks.positive("simulate_hits", "sample_rate_hz", sample_rate_hz, unit="Hz")
-    long_s = _checks.positive("simulate_hits", "duration_s", duration_s, unit="s")
-    before_s = _checks.not_negative("simulate_hits", "pre_trigger_s", pre_trigger_s, unit="s")
+    interval_s = _checks.positive("simulate_hits", "duration_s", duration_s, unit="s")
+    delay_s = _checks.not_negative("simulate_hits", "pre_trigger_s", pre_trigger_s, unit="s")
     contact = _checks.positive("simulate_hits", "contact_s", contact_s, unit="s")
-    if before_s + 100.0 * contact > long_s or contact * rate < 2.0:
+    if delay_s + 100.0 * contact > interval_s or contact * rate < 2.0:
         raise ValueError(
-            f"simulate_hits: duration_s is {long_s:g} s for a contact of {contact:g} s after {before_s:g} s at "
+            f"simulate_hits: duration_s is {interval_s:g} s for a contact of {contact:g} s after {delay_s:g} s at "
             f"{rate:g} Hz, expected a contact of two samples or more, and a hundred contacts after pre_trigger_s"
         )
     levels = [
@@ -147,21 +145,21 @@ def simulate_hits(
     largest = _checks.positive("simulate_hits", "peak", peak, unit="N")
     pulses = [
         _Pulse(
-            start_s=before_s * generator.uniform(0.9, 1.0),
+            start_s=delay_s * generator.uniform(0.9, 1.0),
             contact_s=contact * generator.uniform(0.9, 1.1),
-            peak=largest * (_TOO_HARD if number in overloads else generator.uniform(0.4, 1.0)),
+            peak=largest * (_OVERLOAD if number in overloads else generator.uniform(0.4, 1.0)),
             bounce=generator.uniform(0.1, 0.4) if number in double_hits else 0.0,
-            bounce_s=long_s * generator.uniform(0.02, 0.1) + 3.0 * contact,
+            bounce_s=interval_s * generator.uniform(0.02, 0.1) + 3.0 * contact,
         )
         for number in range(1, hits + 1)
     ]
-    places = (as_coordinates(response), as_coordinates(excitation))
-    clean = _responses(assembly, places, quantity, pulses, rate, long_s)
+    sensors, hammer = as_coordinates(response), as_coordinates(excitation)
+    clean = _responses(assembly, sensors, hammer, quantity, pulses, rate, interval_s)
     regular = [number - 1 for number in range(1, hits + 1) if number not in overloads] or list(range(hits))
     recorded, scales = [], []
-    for one, level in zip(clean, levels, strict=True):
-        channel = _as_records(one, round(long_s * rate), one_record)
-        top = np.abs(one[regular]).max(axis=(0, 1))
+    for blocks, level in zip(clean, levels, strict=True):
+        channel = _as_records(blocks, round(interval_s * rate), one_record)
+        top = np.abs(blocks[regular]).max(axis=(0, 1))
         noisy = channel + level * top * generator.standard_normal(channel.shape)
         recorded.append(np.clip(noisy, -_HEADROOM * top, _HEADROOM * top))
         scales.append(_HEADROOM * top)
@@ -172,8 +170,8 @@ def simulate_hits(
         quantity=quantity,
         full_scale_force=float(scales[0][0]),
         full_scale_response=scales[1],
-        excitation=places[1][0],
-        responses=places[0],
+        excitation=hammer[0],
+        responses=sensors,
         label=label,
         source=f"simulated by receptance, seed {seed}",
         notes=("simulated, not measured",),
@@ -193,37 +191,35 @@ class _Pulse:
     def spectrum(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the Laplace transform: w (1 + e^(-s T)) / (s^2 + w^2) with w = pi / T."""
         w = np.pi / self.contact_s
-        one = self.peak * w * (1.0 + np.exp(-s * self.contact_s)) / (s**2 + w**2)
-        shifted: NDArray[np.complex128] = (
-            one * np.exp(-s * self.start_s) * (1.0 + self.bounce * np.exp(-s * self.bounce_s))
-        )
-        return shifted
+        pulse = self.peak * w * (1.0 + np.exp(-s * self.contact_s)) / (s**2 + w**2)
+        return np.asarray(pulse * np.exp(-s * self.start_s) * (1.0 + self.bounce * np.exp(-s * self.bounce_s)))
 
 
 def _as_records(blocks: NDArray[np.float64], n_samples: int, one_record: bool) -> NDArray[np.float64]:
     """Return records `(n_records, n, n_channels)` from blocks longer than the time between hits."""
     if not one_record:
         return blocks[:, :n_samples]
-    whole = np.zeros((1, n_samples * len(blocks), blocks.shape[2]))
+    record = np.zeros((1, n_samples * len(blocks), blocks.shape[2]))
     for number, block in enumerate(blocks):
-        rest = whole[0, number * n_samples :]
-        rest[: len(block)] += block[: len(rest)]
-    return whole
+        remainder = record[0, number * n_samples :]
+        remainder[: len(block)] += block[: len(remainder)]
+    return record
 
 
 def _responses(
     assembly: Structure,
-    places: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]],
+    sensors: tuple[Coordinate, ...],
+    hammer: tuple[Coordinate, ...],
     quantity: Quantity,
     pulses: Sequence[_Pulse],
     rate: float,
-    long_s: float,
+    interval_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return force `(n_hits, n, 1)` and response `(n_hits, n, n_channels)`, 1.5 times as long as recorded."""
     from scipy.fft import irfft
     from scipy.signal import cheby2, freqs
 
-    n_samples = _LENGTH_FACTOR * _OVERSAMPLING * round(long_s * rate)
+    n_samples = _LENGTH_FACTOR * _OVERSAMPLING * round(interval_s * rate)
     step = 1.0 / (_OVERSAMPLING * rate)
     sigma = -np.log(_WRAP_AROUND) / (n_samples * step)
     lines = np.arange(n_samples // 2 + 1) / (n_samples * step)
@@ -233,11 +229,11 @@ def _responses(
     passed = lines <= rate / 2.0
     # A free body has no receptance at 0 Hz; the shifted line beside it is used.
     lines_hz = np.where(lines == 0.0, 1e-6 * lines[1], lines)[passed] - 1j * sigma / (2.0 * np.pi)
-    motion = np.zeros((lines.size, len(places[0])), dtype=np.complex128)
-    motion[passed] = assembly.receptance(lines_hz, response=places[0], excitation=places[1])[:, :, 0]
+    motion = np.zeros((lines.size, len(sensors)), dtype=np.complex128)
+    motion[passed] = assembly.receptance(lines_hz, response=sensors, excitation=hammer)[:, :, 0]
     motion *= s[:, None] ** get_args(Quantity).index(quantity)
     force = np.array([pulse.spectrum(s) * low_pass * passed for pulse in pulses])[:, :, None]
-    keep = slice(0, 3 * n_samples // 4, _OVERSAMPLING)
-    grow = np.exp(sigma * step * np.arange(n_samples))[keep, None]
-    channels = [irfft(one, n_samples, axis=1)[:, keep] * grow / step for one in (force, force * motion)]
+    samples = slice(0, 3 * n_samples // 4, _OVERSAMPLING)
+    growth = np.exp(sigma * step * np.arange(n_samples))[samples, None]
+    channels = [irfft(spectra, n_samples, axis=1)[:, samples] * growth / step for spectra in (force, force * motion)]
     return channels[0], channels[1]

@@ -7,16 +7,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.frf.variance import pool_variance
-from receptance.measurement.bias import force_noise_power, force_outside_window, truncation_error
+from receptance.measurement.bias import estimate_truncation, force_noise_power, force_outside_window
 from receptance.measurement.contacts import CLEAR
 from receptance.measurement.windows import correlated_lines, noncircularity
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.measurement.hits import Hits
     from receptance.measurement.windows import Windows
 
@@ -60,7 +59,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Channel:
-    """FRF of one response channel with its variance, `(n_lines,)` each, and the lines excluded for each reason."""
+    """FRF of a response channel with its variance, `(n_lines,)` each, and the lines excluded for each reason."""
 
     values: NDArray[np.complex128]
     coherence: NDArray[np.float64] | None
@@ -120,12 +119,12 @@ class Spectra:
         """Force removed by the force window; see `bias.force_outside_window`."""
         from scipy.fft import rfft
 
-        if not self.windows.shape.size or self.noise is None:
+        if not self.windows.force_window.size or self.noise is None:
             return np.zeros(self.frequency_hz.size)
-        whole = rfft(self._time_force * self.windows.around, axis=1)[:, self.lines]
-        outside = self.windows.around - self.windows.force
+        unwindowed = rfft(self._time_force * self.windows.force_without_window, axis=1)[:, self.lines]
+        outside = self.windows.force_without_window - self.windows.force
         energy = float(np.mean(np.sum(outside**2, axis=1)))
-        return force_outside_window(whole, self.force, self.noise * energy, correlated_lines(outside))
+        return force_outside_window(unwindowed, self.force, self.noise * energy, correlated_lines(outside))
 
     def out_of_range(self, limits: Limits) -> Exclusions:
         """Return the lines not excited by the force, and those not protected by the recorder's filter."""
@@ -144,19 +143,19 @@ class Spectra:
         cross = np.sum(np.conj(self.force) * x, axis=0)
         motion = np.sum(np.abs(x) ** 2, axis=0)
         self._check_not_zero(motion, f"response channel {index}")
-        first = cross / self.power
-        self._check_not_zero(np.abs(first) ** 2, f"the FRF of response channel {index}")
+        h1 = cross / self.power
+        self._check_not_zero(np.abs(h1) ** 2, f"the FRF of response channel {index}")
         excluded = self.out_of_range(limits)
         if hits == 1:
             correlated = self.windows.correlated_lines(np.zeros(x.shape[1]))
-            return Channel(first, None, None, None, correlated, np.zeros(x.shape[1]), excluded)
+            return Channel(h1, None, None, None, correlated, np.zeros(x.shape[1]), excluded)
         coherence = np.clip(np.abs(cross) ** 2 / (self.power * motion), 0.0, 1.0)
         # From the residuals, because 1 - g^2 is dominated by rounding if there is little noise.
-        scatter = np.sum(np.abs(x - first * self.force) ** 2, axis=0) / (hits - 1)
-        relative = hits * scatter / (self.power * np.abs(first) ** 2) + _ROUNDING
+        scatter = np.sum(np.abs(x - h1 * self.force) ** 2, axis=0) / (hits - 1)
+        relative = hits * scatter / (self.power * np.abs(h1) ** 2) + _ROUNDING
         share = self._force_share(relative)
         variance, freedom = pool_variance(
-            first,
+            h1,
             relative / (2.0 * hits),
             2.0 * (hits - 1) / (1.0 + (self.force_noncircularity * share) ** 2),
             correlated_lines=self.windows.correlated_lines(share),
@@ -166,8 +165,8 @@ class Spectra:
         share = self._force_share(relative)
         variance = variance * (1.0 + self.force_noncircularity * share + self.response_noncircularity * (1.0 - share))
         factor, bias = self._correction(estimator, coherence, relative)
-        truncation = truncation_error(self._time_response[:, :, index], self._all_force, self.release, self.onset)
-        truncated = np.maximum(truncation.share[self.lines], truncation.error[self.lines] / np.abs(first))
+        truncation = estimate_truncation(self._time_response[:, :, index], self._all_force, self.release, self.onset)
+        truncated = np.maximum(truncation.share[self.lines], truncation.error[self.lines] / np.abs(h1))
         deviation = np.sqrt(variance)
         errors = {
             Reason("noise", f"where noise biases {estimator}"): bias,
@@ -183,7 +182,7 @@ class Spectra:
         # Remaining errors are small, but must be covered by the interval.
         variance = variance + sum(np.minimum(error, limit) ** 2 for error in errors.values())
         return Channel(
-            values=first * factor,
+            values=h1 * factor,
             coherence=coherence,
             log_variance=variance,
             degrees_of_freedom=freedom,
@@ -214,7 +213,7 @@ class Spectra:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the factor from H1 to the estimator, and the known bias of its logarithm.
 
-        `relative` is the scatter of one hit over |H|^2 |F|^2, from noise on force and response.
+        `relative` is the scatter of a hit over |H|^2 |F|^2, from noise on force and response.
         """
         on_force = np.zeros_like(relative) if self.noise_share is None else self.noise_share
         if estimator == "H1":
@@ -242,14 +241,15 @@ def _lines(hits: Hits, low_hz: float | None, high_hz: float | None) -> slice:
     high = np.inf if high_hz is None else _checks.positive("estimate_frf", "high_hz", high_hz, unit="Hz")
     numbers = np.arange(1, (hits.n_samples - 1) // 2 + 1)
     # A limit on a line must include this line in spite of rounding.
-    slack = 1e-6
-    chosen = numbers[(numbers >= low * hits.duration_s - slack) & (numbers <= high * hits.duration_s + slack)]
-    if not chosen.size:
+    rounding = 1e-6
+    inside = (numbers >= low * hits.duration_s - rounding) & (numbers <= high * hits.duration_s + rounding)
+    if not inside.any():
         raise ValueError(
             f"estimate_frf: there is no line between {low:g} and {high:g} Hz; lines are {1.0 / hits.duration_s:g} Hz "
             f"apart, up to {hits.sample_rate_hz / 2.0:g} Hz"
         )
-    return slice(int(chosen[0]), int(chosen[-1]) + 1)
+    low_line, high_line = numbers[inside][[0, -1]].tolist()
+    return slice(low_line, high_line + 1)
 
 
 def _without_offset(hits: Hits) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -258,9 +258,9 @@ def _without_offset(hits: Hits) -> tuple[NDArray[np.float64], NDArray[np.float64
     recorded = hits.records[0].response_decay_rate > 0.0
     for row, hit in enumerate(hits.kept):
         before = max(0, hit.onset - hit.start - CLEAR)
-        enough = before >= _OFFSET_SAMPLES
-        force[row] -= np.mean(force[row, :before]) if enough else np.median(force[row])
-        if enough and not recorded:
+        has_mean = before >= _OFFSET_SAMPLES
+        force[row] -= np.mean(force[row, :before]) if has_mean else np.median(force[row])
+        if has_mean and not recorded:
             response[row] -= np.mean(response[row, :before], axis=0)
     return force, response
 

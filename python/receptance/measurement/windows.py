@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.measurement.hits import Hits
 
 __all__ = ["ExponentialOn", "Windows", "correlated_lines", "make_windows", "noncircularity"]
@@ -33,11 +32,11 @@ class Windows:
 
     force: NDArray[np.float64]
     response: NDArray[np.float64]
-    shape: NDArray[np.float64]
+    force_window: NDArray[np.float64]
     """The force window without the zeros around it; empty if there is none."""
-    around: NDArray[np.float64]
+    force_without_window: NDArray[np.float64]
     """Weights of the force without the force window."""
-    silent: tuple[tuple[slice, ...], ...]
+    silence: tuple[tuple[slice, ...], ...]
     """Samples of each block outside contacts."""
 
     def correlated_lines(self, force_share: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -54,8 +53,8 @@ class Windows:
         x, f = (np.mean(weights**2, axis=0) for weights in (self.response, self.force))
         x, f = x / np.sum(x), f / np.sum(f)
         n, s = x.size, force_share
-        found: NDArray[np.float64] = n * ((1 - s) ** 2 * (x @ x) + 2 * s * (1 - s) * (x @ f) + s**2 * (f @ f))
-        return np.maximum(found, 1.0)
+        count: NDArray[np.float64] = n * ((1 - s) ** 2 * (x @ x) + 2 * s * (1 - s) * (x @ f) + s**2 * (f @ f))
+        return np.maximum(count, 1.0)
 
     @property
     def force_energy(self) -> float:
@@ -65,9 +64,9 @@ class Windows:
     def force_noncircularity(self, spectra: NDArray[np.complex128], lines: slice) -> NDArray[np.float64]:
         """Return the noncircularity of the noise on the force relative to the pulse, `(n_lines,)`, from 0 to 1.
 
-        Below about 1 / T, with T the length of the window, windowed noise is real but for the phase of the window's
-        position, which is that of the pulse as well. It then changes magnitudes and not phases, with twice the variance
-        of circular noise. With M the windowed noise, E[M^2] = sum w^2 e^(-2iwt).
+        Below about 1 / T, with T the length of the window, windowed noise is real except for the phase of the position
+        of the window, which is also that of the pulse. It then changes magnitudes and not phases, with twice the
+        variance of circular noise. With M the windowed noise, E[M^2] = sum w^2 e^(-2iwt).
         """
         from scipy.fft import fft
 
@@ -75,8 +74,8 @@ class Windows:
         squares = fft(self.force**2, axis=1)
         twice = squares[:, (2 * np.arange(n_samples // 2 + 1)[lines]) % n_samples]
         power = np.sum(np.abs(spectra) ** 2, axis=0)
-        found: NDArray[np.float64] = np.abs(np.sum(np.conj(spectra) ** 2 * twice, axis=0)) / power / self.force_energy
-        return np.minimum(found, 1.0)
+        ratio: NDArray[np.float64] = np.abs(np.sum(np.conj(spectra) ** 2 * twice, axis=0)) / power / self.force_energy
+        return np.minimum(ratio, 1.0)
 
 
 def correlated_lines(weights: NDArray[np.float64]) -> float:
@@ -91,8 +90,7 @@ def noncircularity(weights: NDArray[np.float64], lines: slice) -> NDArray[np.flo
 
     energy = np.mean(weights**2, axis=0)
     twice = 2 * np.arange(energy.size // 2 + 1)[lines] % energy.size
-    found: NDArray[np.float64] = np.abs(fft(energy)[twice]) / np.sum(energy)
-    return found
+    return np.asarray(np.abs(fft(energy)[twice]) / np.sum(energy))
 
 
 def make_windows(
@@ -102,7 +100,7 @@ def make_windows(
     rate, n_samples = hits.sample_rate_hz, hits.n_samples
     kept = hits.kept
     time = np.arange(n_samples) / rate
-    # With one origin for both channels, the ratio of their spectra is the FRF at w - i sigma for any time of the hit.
+    # With the same origin in both channels, the ratio of their spectra is the FRF at w - i sigma for any time of a hit.
     exponential = np.exp(-decay_rate * time)
     response = np.tile(exponential, (len(kept), 1))
     force = response.copy() if exponential_on == "both" else np.ones_like(response)
@@ -110,17 +108,17 @@ def make_windows(
     if recorded > 0.0:
         starts = np.array([hit.start for hit in kept]) / rate
         force = force * np.exp(-recorded * (time + starts[:, None]))
-    around = force.copy()
+    force_without_window = force.copy()
     contact = max(hit.release - hit.onset for hit in kept)
-    shape, before = _force_window(contact, rate, force_window_s)
-    silent = []
+    force_window, before = _force_window(contact, rate, force_window_s)
+    silence = []
     for row, hit in enumerate(kept):
         first = hit.onset - hit.start - before
-        stop = first + (shape.size or contact + 2 * before)
-        if shape.size:
-            force[row] *= _window_at(shape, first, n_samples)
-        silent.append((slice(0, max(0, first)), slice(min(stop, n_samples), n_samples)))
-    return Windows(force, response, shape, around, tuple(silent))
+        stop = first + (force_window.size or contact + 2 * before)
+        if force_window.size:
+            force[row] *= _window_at(force_window, first, n_samples)
+        silence.append((slice(0, max(0, first)), slice(min(stop, n_samples), n_samples)))
+    return Windows(force, response, force_window, force_without_window, tuple(silence))
 
 
 def _force_window(

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 _STEPS = 200
 _TOLERANCE = 1e-13
@@ -35,12 +32,12 @@ class PoleFit:
         `(n, m)` complex, in the form of the data.
     inverse : ndarray
         `(2M, 2M)` inverse of the information matrix of the real, then the imaginary parts of the poles.
-    of_poles : ndarray
+    pole_covariance : ndarray
         `(2M, 2M)` their covariance, if the weights are the inverse standard deviations of real and imaginary part;
         equal to `inverse` for independent lines.
-    of_coefficients : ndarray
+    coefficient_covariance : ndarray
         `(m, k, k)` covariance of the coefficients, including the uncertainty of the poles.
-    with_poles : ndarray
+    cross_covariance : ndarray
         `(m, k, 2M)` covariance between coefficients and poles.
     scores : ndarray
         `(m, 2M)` contribution of each entry to the gradient of half the sum of squares, which is zero in total.
@@ -109,18 +106,20 @@ class PoleModel:
 
     def pole_columns(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """`(n, 2M)` columns of the real parts of the residues, then of their imaginary parts."""
-        own, other = 1.0 / (self.s[:, None] - poles), 1.0 / (self.s[:, None] - poles.conj())
-        raised = self.s[:, None] ** self.power
-        return np.concatenate([raised * (own + other), 1j * raised * (own - other)], axis=1)
+        return self._columns(poles, 1)
 
     def slopes(self, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """`(n, 2M)` derivatives of the two columns of each pole by its real part.
 
         With T and G these derivatives, those by the imaginary part are G and -T.
         """
-        own, other = 1.0 / (self.s[:, None] - poles) ** 2, 1.0 / (self.s[:, None] - poles.conj()) ** 2
-        raised = self.s[:, None] ** self.power
-        return np.concatenate([raised * (own + other), 1j * raised * (own - other)], axis=1)
+        return self._columns(poles, 2)
+
+    def _columns(self, poles: NDArray[np.complex128], exponent: int) -> NDArray[np.complex128]:
+        factor = self.s[:, None] ** self.power
+        terms = factor / (self.s[:, None] - poles) ** exponent
+        conjugate_terms = factor / (self.s[:, None] - poles.conj()) ** exponent
+        return np.concatenate([terms + conjugate_terms, 1j * (terms - conjugate_terms)], axis=1)
 
     @property
     def decay_rate(self) -> float:
@@ -157,7 +156,7 @@ class PoleProblem:
         `(n, m)` in the form of the data.
     weights : ndarray
         `(n, m)` inverse standard deviations of real and imaginary part, up to one factor.
-    shared : float
+    correlated_lines : float
         Number of neighbouring lines per independent value, which affects the covariance only.
     additive : ndarray, optional
         `(n, m)` share of additive noise in each variance, which is independent between entries. The rest is
@@ -201,63 +200,65 @@ class PoleProblem:
         groups = self._groups()
         if count == 0:
             return self._conclude(start, groups, True)
-        least = -np.full(count, complex(np.inf, np.inf)) if low is None else low
-        most = np.full(count, complex(np.inf, np.inf)) if high is None else high
-        ends = _parts(least), _parts(most)
-        x = np.clip(_parts(start), *ends)
-        size, slope, bending = self._evaluate(_whole(x), groups)
+        lowest = -np.full(count, complex(np.inf, np.inf)) if low is None else low
+        highest = np.full(count, complex(np.inf, np.inf)) if high is None else high
+        bounds = _stacked(lowest), _stacked(highest)
+        x = np.clip(_stacked(start), *bounds)
+        sum_of_squares, gradient, curvature = self._evaluate(_unstacked(x), groups)
         damping, converged = 1e-3, False
         for _ in range(steps):
             # Variables at a bound are fixed if the gradient points outwards.
-            free = ~(((x <= ends[0]) & (slope > 0.0)) | ((x >= ends[1]) & (slope < 0.0)))
-            scale = np.sqrt(np.diag(bending))
+            free = ~(((x <= bounds[0]) & (gradient > 0.0)) | ((x >= bounds[1]) & (gradient < 0.0)))
+            scale = np.sqrt(np.diag(curvature))
             scale = np.where(scale > 0.0, scale, 1.0)[free]
             if not free.any():
                 converged = True
                 break
-            scaled = bending[np.ix_(free, free)] / np.outer(scale, scale)
+            scaled = curvature[np.ix_(free, free)] / np.outer(scale, scale)
             step = np.zeros(2 * count)
-            step[free] = -np.linalg.lstsq(scaled + damping * np.eye(scale.size), slope[free] / scale, rcond=None)[0]
+            step[free] = -np.linalg.lstsq(scaled + damping * np.eye(scale.size), gradient[free] / scale, rcond=None)[0]
             step[free] /= scale
             # Poles move at most by their distance to the lines, the range of the linearisation.
-            away = np.maximum(np.abs(self.model.decay_rate - x[:count]), self.model.spacing)
-            step /= max(1.0, float(np.max(np.abs(step) / np.tile(away, 2))))
-            new = np.clip(x + step, *ends)
+            distance = np.maximum(np.abs(self.model.decay_rate - x[:count]), self.model.spacing)
+            step /= max(1.0, float(np.max(np.abs(step) / np.tile(distance, 2))))
+            new = np.clip(x + step, *bounds)
             step = new - x
-            expected = -(2.0 * slope @ step + step @ bending @ step)
-            tried = self._evaluate(_whole(new), groups)
-            better = size - tried[0]
-            if better >= 0.0:
-                x, (size, slope, bending) = new, tried
-                damping = max(damping * (0.1 if better > 0.5 * expected else 1.0), 1e-12)
+            expected = -(2.0 * gradient @ step + step @ curvature @ step)
+            trial = self._evaluate(_unstacked(new), groups)
+            decrease = sum_of_squares - trial[0]
+            if decrease >= 0.0:
+                x, (sum_of_squares, gradient, curvature) = new, trial
+                damping = max(damping * (0.1 if decrease > 0.5 * expected else 1.0), 1e-12)
             else:
                 damping = max(damping, 1e-6) * 10.0
-            small = float(np.max(np.abs(step) / np.tile(away, 2))) <= _ROUNDING
-            if (better >= 0.0 and expected <= tolerance * size) or small or damping > 1e10:
+            is_small = float(np.max(np.abs(step) / np.tile(distance, 2))) <= _ROUNDING
+            if (decrease >= 0.0 and expected <= tolerance * sum_of_squares) or is_small or damping > 1e10:
                 converged = True
                 break
-        return self._conclude(_whole(x), groups, converged)
+        return self._conclude(_unstacked(x), groups, converged)
 
     def gains(self, poles: NDArray[np.complex128], candidates: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Decrease of the sum of squared residuals by adding each candidate to these poles."""
+        """Return the decrease of the sum of squared residuals by adding each candidate to these poles."""
         gains = np.zeros(candidates.size)
         basis = self.model.basis(poles)
         for group in self._groups():
-            solved = _LinearSolution.of(self, group, basis)
+            solution = _LinearSolution.solve(self, group, basis)
             for first in range(0, candidates.size, _BLOCK):
-                own = candidates[first : first + _BLOCK]
-                columns = _stacked(group.weight[:, None] * self.model.pole_columns(own))
+                block = candidates[first : first + _BLOCK]
+                columns = _stacked(group.weight[:, None] * self.model.pole_columns(block))
                 columns /= np.maximum(np.linalg.norm(columns, axis=0), np.finfo(np.float64).tiny)
-                columns -= solved.q @ (solved.q.T @ columns)
-                a, b = columns[:, : own.size], columns[:, own.size :]
+                columns -= solution.q @ (solution.q.T @ columns)
+                a, b = columns[:, : block.size], columns[:, block.size :]
                 # Projection on a and b together, from their 2 x 2 Gram matrix.
                 aa, bb, ab = (np.einsum("ij,ij->j", x, y) for x, y in ((a, a), (b, b), (a, b)))
-                left = columns.T @ solved.residual
-                ya, yb = left[: own.size], left[own.size :]
-                top = bb * np.sum(ya**2, axis=1) + aa * np.sum(yb**2, axis=1) - 2.0 * ab * np.sum(ya * yb, axis=1)
-                known = aa * bb - ab**2
-                good = known > 1e-12 * np.maximum(aa, bb) ** 2
-                gains[first : first + _BLOCK] += np.where(good, top / np.where(good, known, 1.0), 0.0)
+                projections = columns.T @ solution.residual
+                ya, yb = projections[: block.size], projections[block.size :]
+                numerator = bb * np.sum(ya**2, axis=1) + aa * np.sum(yb**2, axis=1) - 2.0 * ab * np.sum(ya * yb, axis=1)
+                determinant = aa * bb - ab**2
+                is_regular = determinant > 1e-12 * np.maximum(aa, bb) ** 2
+                gains[first : first + _BLOCK] += np.where(
+                    is_regular, numerator / np.where(is_regular, determinant, 1.0), 0.0
+                )
         return gains
 
     @property
@@ -267,14 +268,16 @@ class PoleProblem:
 
     def _groups(self) -> list[_Group]:
         groups: list[_Group] = []
-        left = np.arange(self.values.shape[1])
-        while left.size:
-            sizes = self.weights[:, left].max(axis=0)
-            sizes = np.where(sizes > 0.0, sizes, 1.0)
-            first = self.weights[:, left[0]] / sizes[0]
-            same = np.all(np.abs(self.weights[:, left] / sizes - first[:, None]) <= 1e-12 * first[:, None], axis=0)
-            groups.append(_Group(left[same], first, sizes[same]))
-            left = left[~same]
+        remaining = np.arange(self.values.shape[1])
+        while remaining.size:
+            scales = self.weights[:, remaining].max(axis=0)
+            scales = np.where(scales > 0.0, scales, 1.0)
+            first = self.weights[:, remaining[0]] / scales[0]
+            same = np.all(
+                np.abs(self.weights[:, remaining] / scales - first[:, None]) <= 1e-12 * first[:, None], axis=0
+            )
+            groups.append(_Group(remaining[same], first, scales[same]))
+            remaining = remaining[~same]
         return groups
 
     def _evaluate(
@@ -287,70 +290,76 @@ class PoleProblem:
         """
         basis, slopes = self.model.basis(poles), self.model.slopes(poles)
         count = poles.size
-        size, slope, bending = 0.0, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
+        sum_of_squares, gradient, curvature = 0.0, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
         for group in groups:
-            solved = _LinearSolution.of(self, group, basis)
-            size += float(np.sum(solved.residual**2))
-            outside = solved.outside(slopes)
-            pull, gram = outside.T @ solved.residual, outside.T @ outside
-            for half, (a, b) in enumerate(solved.factors(count)):
-                slope[half * count : (half + 1) * count] -= np.sum(a * pull[:count] + b * pull[count:], axis=1)
-                for other, (c, d) in enumerate(solved.factors(count)):
+            solution = _LinearSolution.solve(self, group, basis)
+            sum_of_squares += float(np.sum(solution.residual**2))
+            outside = solution.outside(slopes)
+            projection, gram = outside.T @ solution.residual, outside.T @ outside
+            for half, (a, b) in enumerate(solution.factors(count)):
+                gradient[half * count : (half + 1) * count] -= np.sum(
+                    a * projection[:count] + b * projection[count:], axis=1
+                )
+                for other, (c, d) in enumerate(solution.factors(count)):
                     block = gram[:count, :count] * (a @ c.T) + gram[:count, count:] * (a @ d.T)
                     block += gram[count:, :count] * (b @ c.T) + gram[count:, count:] * (b @ d.T)
-                    bending[half * count : (half + 1) * count, other * count : (other + 1) * count] += block
-        return size, slope, bending
+                    curvature[half * count : (half + 1) * count, other * count : (other + 1) * count] += block
+        return sum_of_squares, gradient, curvature
 
     def _conclude(self, poles: NDArray[np.complex128], groups: list[_Group], converged: bool) -> PoleFit:
         basis, slopes = self.model.basis(poles), self.model.slopes(poles)
         entries, size, modes = self.values.shape[1], basis.shape[1], poles.size
         count = 2 * modes
         coefficients, scores = np.zeros((entries, size)), np.zeros((entries, count))
-        # Covariance of the coefficients for fixed poles, their derivatives by the poles, and the cross terms.
-        own, by_poles, link = (np.zeros((entries, size, each)) for each in (size, count, count))
-        information_matrices, squares = (np.zeros((entries, count, count)) for _ in range(2))
+        # Of the coefficients: covariance for fixed poles, derivatives by the poles, covariance with the scores.
+        fixed_pole_covariance, pole_slopes, score_covariance = (
+            np.zeros((entries, size, columns)) for columns in (size, count, count)
+        )
+        information_matrices, score_variances = (np.zeros((entries, count, count)) for _ in range(2))
         freedom = 2.0 * np.count_nonzero(self.weights)
         for group in groups:
-            solved = _LinearSolution.of(self, group, basis)
-            back = np.linalg.pinv(solved.r) / solved.norms[:, None]
-            inside, outside = solved.q.T @ solved.weighted(slopes), solved.outside(slopes)
-            gram, pull = outside.T @ outside, outside.T @ solved.residual
-            for place, entry in enumerate(group.entries):
-                if place == 0 or (self.additive is not None and self.correlated_lines > 1.0):
-                    proportional = self._proportional_noise(entry, basis @ solved.coefficients[:, place])
-                    spread = self._times_noise_covariance(solved.q, proportional)
-                    projected, crossed = solved.q.T @ spread, spread.T @ outside
+            solution = _LinearSolution.solve(self, group, basis)
+            r_inverse = np.linalg.pinv(solution.r) / solution.norms[:, None]
+            inside, outside = solution.q.T @ solution.weighted(slopes), solution.outside(slopes)
+            gram, projection = outside.T @ outside, outside.T @ solution.residual
+            for index, entry in enumerate(group.entries):
+                if index == 0 or (self.additive is not None and self.correlated_lines > 1.0):
+                    proportional = self._proportional_noise(entry, basis @ solution.coefficients[:, index])
+                    noise_columns = self._times_noise_covariance(solution.q, proportional)
+                    projected, cross_products = solution.q.T @ noise_columns, noise_columns.T @ outside
                     noise = outside.T @ self._times_noise_covariance(outside, proportional)
-                    coefficient_covariance = back @ projected @ back.T
-                rotation = solved.rotation(modes, place)
-                coefficients[entry] = solved.coefficients[:, place]
+                    entry_covariance = r_inverse @ projected @ r_inverse.T
+                rotation = solution.rotation(modes, index)
+                coefficients[entry] = solution.coefficients[:, index]
                 information_matrices[entry] = rotation.T @ gram @ rotation
-                squares[entry] = rotation.T @ noise @ rotation
-                scores[entry] = -rotation.T @ pull[:, place]
-                own[entry] = coefficient_covariance / group.factor[place] ** 2
-                by_poles[entry] = -back @ (inside @ rotation) / group.factor[place]
-                link[entry] = back @ (crossed @ rotation) / group.factor[place]
+                score_variances[entry] = rotation.T @ noise @ rotation
+                scores[entry] = -rotation.T @ projection[:, index]
+                fixed_pole_covariance[entry] = entry_covariance / group.factor[index] ** 2
+                pole_slopes[entry] = -r_inverse @ (inside @ rotation) / group.factor[index]
+                score_covariance[entry] = r_inverse @ (cross_products @ rotation) / group.factor[index]
                 freedom -= float(np.trace(projected))
         inverse = _inverse(information_matrices.sum(axis=0))
         fitted = basis @ coefficients.T
         residual = (self.values - fitted) * self.weights
-        square = squares.sum(axis=0)
+        score_variance = score_variances.sum(axis=0)
         if self.additive is not None:
-            square += self._between_entries(groups, basis, slopes, fitted, residual, link)
+            score_variance += self._between_entries(groups, basis, slopes, fitted, residual, score_covariance)
         if not np.all(np.isfinite(inverse)):
             # If the poles are not determined, neither are the coefficients.
             pole_covariance, coefficient_covariance, cross_covariance = (
                 inverse,
-                np.full(own.shape, np.inf),
-                np.full(by_poles.shape, np.inf),
+                np.full(fixed_pole_covariance.shape, np.inf),
+                np.full(pole_slopes.shape, np.inf),
             )
         else:
-            pole_covariance = inverse @ square @ inverse
-            freedom -= float(np.trace(inverse @ square))
-            linked = link @ inverse
-            cross_covariance = by_poles @ pole_covariance + linked
-            coefficient_covariance = own + by_poles @ pole_covariance @ by_poles.transpose(0, 2, 1)
-            coefficient_covariance += linked @ by_poles.transpose(0, 2, 1) + by_poles @ linked.transpose(0, 2, 1)
+            pole_covariance = inverse @ score_variance @ inverse
+            freedom -= float(np.trace(inverse @ score_variance))
+            linked = score_covariance @ inverse
+            cross_covariance = pole_slopes @ pole_covariance + linked
+            coefficient_covariance = fixed_pole_covariance + pole_slopes @ pole_covariance @ pole_slopes.transpose(
+                0, 2, 1
+            )
+            coefficient_covariance += linked @ pole_slopes.transpose(0, 2, 1) + pole_slopes @ linked.transpose(0, 2, 1)
         return PoleFit(
             poles,
             coefficients,
@@ -373,45 +382,50 @@ class PoleProblem:
         slopes: NDArray[np.complex128],
         fitted: NDArray[np.complex128],
         residual: NDArray[np.complex128],
-        link: NDArray[np.float64],
+        score_covariance: NDArray[np.float64],
     ) -> NDArray[np.float64]:
         """Return the covariance of the scores of the poles from noise common to several responses.
 
         Relative to the FRF this noise is equal in all responses to one excitation. With g the derivative of an entry
         times its noise, rotated by the phase of the FRF, the products of different entries are G* T G minus the sum of
         g* T g, with G the sum of g and T the correlation of the lines. The covariance between the coefficients of an
-        entry and the scores of the others is added to `link`.
+        entry and the scores of the others is added to `score_covariance`.
         """
         count, (n, entries) = slopes.shape[1], self.values.shape
         total = np.zeros((count, count))
         proportional = np.stack([self._proportional_noise(entry, fitted[:, entry]) for entry in range(entries)], axis=1)
         common = np.array(
             [
-                self._common(proportional[:, x :: self.excitations], residual[:, x :: self.excitations])
-                for x in range(self.excitations)
+                self._common(
+                    proportional[:, excitation :: self.excitations], residual[:, excitation :: self.excitations]
+                )
+                for excitation in range(self.excitations)
             ]
         )
         if not common.any():
             return total
         sums = np.zeros((self.excitations, n, count), dtype=np.complex128)
-        for repeated in (False, True):
+        # The sums over all entries are complete after the first pass.
+        for has_sums in (False, True):
             for group in groups:
-                solved = _LinearSolution.of(self, group, basis)
-                outside = solved.outside(slopes)
-                back = np.linalg.pinv(solved.r) / solved.norms[:, None]
-                for place, entry in enumerate(group.entries):
-                    x = entry % self.excitations
-                    if common[x] == 0.0:
+                solution = _LinearSolution.solve(self, group, basis)
+                outside = solution.outside(slopes)
+                r_inverse = np.linalg.pinv(solution.r) / solution.norms[:, None]
+                for index, entry in enumerate(group.entries):
+                    excitation = entry % self.excitations
+                    if common[excitation] == 0.0:
                         continue
                     conjugate = proportional[:, entry, None].conj()
-                    own = conjugate * _unstacked(outside @ solved.rotation(count // 2, place))
-                    if not repeated:
-                        sums[x] += own
+                    entry_noise = conjugate * _unstacked(outside @ solution.rotation(count // 2, index))
+                    if not has_sums:
+                        sums[excitation] += entry_noise
                         continue
-                    others = self._times_line_correlation(_stacked(sums[x] - own))
-                    total += common[x] * (_stacked(own).T @ others)
-                    projected = _stacked(conjugate * _unstacked(solved.q))
-                    link[entry] += common[x] * (back @ (projected.T @ others)) / group.factor[place]
+                    others = self._times_line_correlation(_stacked(sums[excitation] - entry_noise))
+                    total += common[excitation] * (_stacked(entry_noise).T @ others)
+                    projected = _stacked(conjugate * _unstacked(solution.q))
+                    score_covariance[entry] += (
+                        common[excitation] * (r_inverse @ (projected.T @ others)) / group.factor[index]
+                    )
         return total
 
     @staticmethod
@@ -422,13 +436,13 @@ class PoleProblem:
         both by the same factor.
         """
         share = np.abs(proportional) ** 2
-        own = proportional.conj() * residual
+        rotated = proportional.conj() * residual
         weight = share * (share.sum(axis=1, keepdims=True) - share)
-        size = float(np.sum(weight * np.abs(residual) ** 2))
-        if size == 0.0:
+        scale = float(np.sum(weight * np.abs(residual) ** 2))
+        if scale == 0.0:
             return 0.0
-        product = float(np.sum(np.abs(own.sum(axis=1)) ** 2) - np.sum(np.abs(own) ** 2))
-        return float(np.clip(product / size, 0.0, 1.0))
+        product = float(np.sum(np.abs(rotated.sum(axis=1)) ** 2) - np.sum(np.abs(rotated) ** 2))
+        return float(np.clip(product / scale, 0.0, 1.0))
 
     def _proportional_noise(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the root of the share of noise proportional to the FRF, with the phase of the FRF."""
@@ -449,8 +463,8 @@ class PoleProblem:
             return self._times_line_correlation(columns)
         values, phase = _unstacked(columns), proportional[:, None]
         additive = np.sqrt(np.maximum(1.0 - np.abs(phase) ** 2, 0.0))
-        own = _stacked(np.concatenate([additive * values, phase.conj() * values], axis=1))
-        first, second = np.split(_unstacked(self._times_line_correlation(own)), 2, axis=1)
+        products = _stacked(np.concatenate([additive * values, phase.conj() * values], axis=1))
+        first, second = np.split(_unstacked(self._times_line_correlation(products)), 2, axis=1)
         return _stacked(additive * first + phase * second)
 
     def _times_line_correlation(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -482,15 +496,15 @@ class _LinearSolution:
     factor: NDArray[np.float64]
 
     @classmethod
-    def of(cls, problem: PoleProblem, group: _Group, basis: NDArray[np.complex128]) -> _LinearSolution:
+    def solve(cls, problem: PoleProblem, group: _Group, basis: NDArray[np.complex128]) -> _LinearSolution:
         columns = _stacked(group.weight[:, None] * basis)
         norms = np.linalg.norm(columns, axis=0)
         norms = np.where(norms > 0.0, norms, 1.0)
         q, r = np.linalg.qr(columns / norms)
         y = _stacked(group.weight[:, None] * problem.values[:, group.entries] * group.factor)
-        inside = q.T @ y
-        solution = np.linalg.lstsq(r, inside, rcond=None)[0] / norms[:, None] / group.factor
-        return cls(q, r, norms, solution, y - q @ inside, group.weight, group.factor)
+        projection = q.T @ y
+        solution = np.linalg.lstsq(r, projection, rcond=None)[0] / norms[:, None] / group.factor
+        return cls(q, r, norms, solution, y - q @ projection, group.weight, group.factor)
 
     def weighted(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
         """`(2n, 2M)` weighted columns of the slopes."""
@@ -506,29 +520,19 @@ class _LinearSolution:
         a, b = self.coefficients[:count] * self.factor, self.coefficients[count : 2 * count] * self.factor
         return (a, b), (-b, a)
 
-    def rotation(self, count: int, place: int) -> NDArray[np.float64]:
+    def rotation(self, count: int, index: int) -> NDArray[np.float64]:
         """Matrix `(2M, 2M)` from the slopes' columns to the derivatives of an entry by real and imaginary parts."""
-        (a, b), (c, d) = ([np.diag(part[:, place]) for part in pair] for pair in self.factors(count))
+        (a, b), (c, d) = ([np.diag(part[:, index]) for part in pair] for pair in self.factors(count))
         return np.block([[a, c], [b, d]])
 
 
-def _parts(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Real parts, then imaginary parts."""
-    return np.concatenate([values.real, values.imag])
-
-
-def _whole(parts: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the complex numbers of `_parts`."""
-    return np.asarray(parts[: parts.size // 2] + 1j * parts[parts.size // 2 :])
-
-
 def _stacked(values: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Real parts above imaginary parts."""
+    """Return the real parts of complex numbers or rows, then their imaginary parts, along the first axis."""
     return np.concatenate([values.real, values.imag], axis=0)
 
 
 def _unstacked(values: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the complex columns of `_stacked`."""
+    """Return the complex numbers of `_stacked`."""
     n = values.shape[0] // 2
     return np.asarray(values[:n] + 1j * values[n:])
 

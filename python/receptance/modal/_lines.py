@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.frf.variance import additive_share
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 
@@ -38,7 +37,7 @@ class Lines:
         `(n, m)` standard deviation of real and imaginary part of the logarithm; may be infinite.
     freedom : float
         Degrees of freedom of these standard deviations; infinite if exact or not stated.
-    shared : float
+    correlated_lines : float
         Number of neighbouring lines per independent value.
     notes : tuple of str
         Notes for the user.
@@ -77,9 +76,9 @@ class Lines:
         """Median distance between neighbouring lines."""
         return float(np.median(np.diff(self.frequency_hz)))
 
-    def spacing_at(self, place: int) -> float:
+    def spacing_at(self, index: int) -> float:
         """Mean distance of a line to its two neighbours."""
-        return float(self.frequency_hz[place + 1] - self.frequency_hz[place - 1]) / 2.0
+        return float(self.frequency_hz[index + 1] - self.frequency_hz[index - 1]) / 2.0
 
     def thinned(self, most: int) -> Lines:
         """Return at most `most` lines: half of them evenly distributed, half with the largest magnitudes."""
@@ -128,19 +127,34 @@ def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | No
     relative, notes = _relative(owner, part)
     correlated_lines = float(np.median(part.correlated_lines))
     s = (2j * np.pi * lines + part.decay_rate).astype(np.complex128)
-    # Also those of the resulting errors: averaging over lines adds none, because their variances are pooled.
+    # Averaging over lines adds no degrees of freedom, because the variances of the lines are pooled.
     freedom = float("inf") if part.degrees_of_freedom is None else float(np.median(part.degrees_of_freedom))
     return Lines(part, lines, s, values, FORMS.index(part.form), relative, freedom, correlated_lines, notes)
 
 
-def check_one_entry(owner: str, lines: Lines) -> None:
-    """Raise if the FRF has several responses or excitations."""
+def select_lines_of_single_entry(
+    owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int
+) -> tuple[Lines, NDArray[np.complex128]]:
+    """Return the lines of `select_lines` and the mobility `(n,)` on real lines, with an exponential window as damping.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `select_lines`, and an FRF with several responses or excitations.
+    """
+    lines = select_lines(owner, frf, low_hz, high_hz, least)
     entries = lines.values.shape[1]
     if entries != 1:
         raise ValueError(
             f"{owner}: the FRF has {entries} entries, expected one response and one excitation; "
             "select one with frf.select(responses=..., excitations=...), or use fit_modes for all entries"
         )
+    return lines, mobility(lines)
+
+
+def mobility(lines: Lines) -> NDArray[np.complex128]:
+    """Return the mobility `(n,)` of the only entry on real lines, with an exponential window as part of the damping."""
+    return lines.receptance[:, 0] * (2j * np.pi * lines.frequency_hz)
 
 
 def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.modal._lines import Lines
+from receptance.modal._lines import Lines, mobility
 
 BACKGROUND = (-1,)
 """Background of one mode: a constant mobility, which represents the other modes."""
 _MIN_SHARE = 0.3
 """Least mobility of the lines of a mode relative to its peak: three half-power half-widths to each side."""
 _LEAST = 7
-
-
-def mobility(lines: Lines) -> NDArray[np.complex128]:
-    """Return the mobility `(n,)` of the only entry on real lines, with an exponential window as part of the damping."""
-    return lines.receptance[:, 0] * (2j * np.pi * lines.frequency_hz)
 
 
 def highest_line(owner: str, lines: Lines, size: NDArray[np.float64]) -> int:
@@ -33,7 +24,7 @@ def highest_line(owner: str, lines: Lines, size: NDArray[np.float64]) -> int:
         f = lines.frequency_hz
         raise ValueError(
             f"{owner}: the highest mobility between {f[0]:g} and {f[-1]:g} Hz is at {f[peak]:g} Hz, the "
-            f"{'first' if peak == 0 else 'last'} line of the band; expected a peak within: change low_hz or high_hz"
+            f"{'first' if peak == 0 else 'last'} line of the band; expected a peak inside it: change low_hz or high_hz"
         )
     return peak
 
@@ -112,10 +103,11 @@ def relative_scatter(lines: Lines, peak: int, width_hz: float) -> tuple[NDArray[
     return deviation / np.maximum(size, floor), single.degrees_of_freedom, ()
 
 
-def polar_errors(value: complex, of_size: float, of_phase: float) -> complex:
-    """Return the standard errors of real and imaginary part from those of ln|value| and of the phase."""
-    if not (np.isfinite(of_size) and np.isfinite(of_phase)):
+def polar_errors(value: complex, log_error: float, phase_error: float) -> complex:
+    """Return the standard errors of real and imaginary part from those of ln|value| and of the phase in rad."""
+    if not (np.isfinite(log_error) and np.isfinite(phase_error)):
         return complex(np.inf, np.inf)
     return complex(
-        np.hypot(value.real * of_size, value.imag * of_phase), np.hypot(value.imag * of_size, value.real * of_phase)
+        np.hypot(value.real * log_error, value.imag * phase_error),
+        np.hypot(value.imag * log_error, value.real * phase_error),
     )

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 _CIRCLE_SHARE = 0.9
 """Share of the unit circle onto which the band is mapped; the rest separates its ends."""
@@ -62,35 +58,35 @@ def stabilisation(
     normal = np.zeros((steps, references, steps, references), dtype=np.complex128)
     for response in range(values.shape[1]):
         square = weights[:, response, None] ** 2
-        own = values[:, response]
-        weighted = square * own
-        products = own.conj()[:, :, None] * weighted[:, None, :]
-        sums = turns.T @ np.concatenate([square, weighted, products.reshape(len(own), -1)], axis=1)
+        entries = values[:, response]
+        weighted = square * entries
+        products = entries.conj()[:, :, None] * weighted[:, None, :]
+        sums = turns.T @ np.concatenate([square, weighted, products.reshape(len(entries), -1)], axis=1)
         numerator = sums[difference, 0]
-        mixed = sums[difference, 1 : 1 + references].reshape(steps, -1)
-        known = np.linalg.lstsq(numerator, mixed, rcond=1e-14)[0]
-        both = sums[difference, 1 + references :].reshape(steps, steps, references, references)
-        explained = (mixed.conj().T @ known).reshape(steps, references, steps, references)
-        normal += both.transpose(0, 2, 1, 3) - explained
+        response_products = sums[difference, 1 : 1 + references].reshape(steps, -1)
+        solution = np.linalg.lstsq(numerator, response_products, rcond=1e-14)[0]
+        entry_products = sums[difference, 1 + references :].reshape(steps, steps, references, references)
+        explained = (response_products.conj().T @ solution).reshape(steps, references, steps, references)
+        normal += entry_products.transpose(0, 2, 1, 3) - explained
     flat = normal.reshape(steps * references, -1)
-    found = []
+    orders = []
     for size in range(1, steps):
         last = size * references
-        below = np.linalg.lstsq(flat[:last, :last], -flat[:last, last : last + references], rcond=None)[0]
+        coefficients = np.linalg.lstsq(flat[:last, :last], -flat[:last, last : last + references], rcond=None)[0]
         # The companion matrix of A_0 + A_1 z + ... + z^size.
         companion = np.zeros((last, last), dtype=np.complex128)
         companion[:-references, references:] = np.eye(last - references)
         for power in range(size):
             part = slice(power * references, (power + 1) * references)
-            companion[-references:, part] = -below[part]
+            companion[-references:, part] = -coefficients[part]
         roots = np.linalg.eigvals(companion)
         roots = roots[np.abs(roots) > 1e-12]
         # 1/z = exp(-i angle) at the pole, with the angle between 0 and a full turn.
         angle = 1j * np.log(roots)
         angle = np.mod(angle.real, 2.0 * np.pi) + 1j * angle.imag
         poles = low + angle / rate
-        found.append(poles[(poles.imag > 0.0) & (poles.real <= high)])
-    return found
+        orders.append(poles[(poles.imag > 0.0) & (poles.real <= high)])
+    return orders
 
 
 def reduce_references(
@@ -117,20 +113,22 @@ def reduce_references(
 
 
 def stable_poles(orders: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    """Return the poles found at several orders, each once, from the highest of these orders."""
+    """Return the poles that occur at several orders, without repetition, from the highest of these orders."""
     kept: list[complex] = []
-    hits: list[int] = []
-    for found, below in zip(orders[:0:-1], orders[-2::-1], strict=True):
-        if not below.size:
+    counts: list[int] = []
+    for poles, lower in zip(orders[:0:-1], orders[-2::-1], strict=True):
+        if not lower.size:
             continue
-        for pole in found[np.min(np.abs(found[:, None] - below), axis=1) <= _STABLE_DISTANCE * found.imag]:
+        for pole in poles[np.min(np.abs(poles[:, None] - lower), axis=1) <= _STABLE_DISTANCE * poles.imag]:
             near = np.abs(np.array(kept) - pole) <= _STABLE_DISTANCE * pole.imag if kept else np.zeros(0, dtype=bool)
             if near.any():
-                hits[int(np.flatnonzero(near)[0])] += 1
+                counts[int(np.flatnonzero(near)[0])] += 1
             else:
                 kept.append(complex(pole))
-                hits.append(1)
-    return np.array([pole for pole, count in zip(kept, hits, strict=True) if count >= _MIN_ORDERS], dtype=np.complex128)
+                counts.append(1)
+    return np.array(
+        [pole for pole, count in zip(kept, counts, strict=True) if count >= _MIN_ORDERS], dtype=np.complex128
+    )
 
 
 def poles_of_bands(
@@ -138,9 +136,9 @@ def poles_of_bands(
 ) -> list[NDArray[np.complex128]]:
     """Return the stable poles of overlapping parts of the band, with successively a quarter of the width.
 
-    Narrow or weakly excited modes are not resolved by one polynomial over a wide band, but by one over a part of it.
+    Narrow or weakly excited modes are resolved by a polynomial over a part of the band, but not by one over all of it.
     """
-    found = []
+    stable = []
     lines = frequency_hz.size // 4
     while lines >= _PART_LINES:
         for first in range(0, frequency_hz.size - lines // 2, lines // 2):
@@ -148,6 +146,6 @@ def poles_of_bands(
             poles = stable_poles(stabilisation(frequency_hz[part], values[part], weights[part], _PART_ORDER))
             # Poles at the ends belong to the next part.
             inside = poles.real - frequency_hz[part][0], frequency_hz[part][-1] - poles.real
-            found.append(poles[np.minimum(*inside) > 0.02 * (inside[0] + inside[1])])
+            stable.append(poles[np.minimum(*inside) > 0.02 * (inside[0] + inside[1])])
         lines //= 4
-    return found
+    return stable

@@ -1,4 +1,4 @@
-"""Selection of modes among the candidates, added one by one while each reduces the misfit by more than noise."""
+"""Selection of modes among the candidates, added in turn while each reduces the misfit by more than noise."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.modal._lines import Lines
 
 Scatter = Literal["absolute", "relative"]
@@ -74,9 +73,9 @@ class Poles:
             np.concatenate([self.role, other.role]),
         )
 
-    def subset(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Poles:
+    def subset(self, selection: NDArray[np.bool_] | NDArray[np.int64]) -> Poles:
         """Return a selection of the poles."""
-        return Poles(self.values[which], self.low[which], self.high[which], self.role[which])
+        return Poles(self.values[selection], self.low[selection], self.high[selection], self.role[selection])
 
     def fitted(self, problem: PoleProblem, *, loose: bool = False) -> tuple[Poles, PoleFit]:
         """Return the fitted poles, and the fit."""
@@ -135,10 +134,10 @@ class Search:
         poles = Poles.none()
         fit = poles.fitted(self._problem(None))[1]
         while poles.values.size < self.most:
-            found = self._add_pole(poles, fit) or self._add_all_given(poles, fit)
-            if found is None:
+            enlarged = self._add_pole(poles, fit) or self._add_all_given(poles, fit)
+            if enlarged is None:
                 break
-            poles, fit = self.assigned(found[0]), found[1]
+            poles, fit = self.assigned(enlarged[0]), enlarged[1]
             problem = self._problem(fit)
             if fit.chi_square <= _EXACT * problem.square:
                 break
@@ -152,13 +151,13 @@ class Search:
 
         f = self.lines.frequency_hz
         inside = np.flatnonzero((poles.values.imag >= 2.0 * np.pi * f[0]) & (poles.values.imag <= 2.0 * np.pi * f[-1]))
-        away = np.abs(poles.values[inside].imag[:, None] / (2.0 * np.pi) - np.array(self.modes))
-        reach = np.array([search_range(place, self.lines) for place in self.modes])
+        distance = np.abs(poles.values[inside].imag[:, None] / (2.0 * np.pi) - np.array(self.modes))
+        largest = np.array([search_range(given_hz, self.lines) for given_hz in self.modes])
         role = np.full(poles.values.size, -1)
         # The penalty exceeds every sum of permitted distances.
-        for row, column in zip(*linear_sum_assignment(np.where(away > reach, 1e6 * f[-1], away)), strict=True):
-            if away[row, column] <= reach[column]:
-                role[inside[row]] = column
+        rows, columns = linear_sum_assignment(np.where(distance > largest, 1e6 * f[-1], distance))
+        permitted = distance[rows, columns] <= largest[columns]
+        role[inside[rows[permitted]]] = columns[permitted]
         return replace(poles, role=role)
 
     def _missing_count(self, poles: Poles) -> int:
@@ -175,17 +174,17 @@ class Search:
         return [index for index in range(len(self.modes)) if index not in poles.role]
 
     @cached_property
-    def _boxes(self) -> Poles:
+    def _given(self) -> Poles:
         """Start values at the given frequencies, with their bounds."""
         assert isinstance(self.modes, tuple)
         f = self.lines.frequency_hz
-        places = np.array(self.modes)
-        reach = np.array([search_range(place, self.lines) for place in self.modes])
-        guesses = 2j * np.pi * places + (self._sigma - 2.0 * np.pi * self.lines.spacing_hz)
-        ends = np.maximum(places - reach, f[0]), np.minimum(places + reach, f[-1])
-        return self._boxed(guesses, *ends, np.arange(places.size))
+        given_hz = np.array(self.modes)
+        largest = np.array([search_range(frequency, self.lines) for frequency in self.modes])
+        guesses = 2j * np.pi * given_hz + (self._sigma - 2.0 * np.pi * self.lines.spacing_hz)
+        low, high = np.maximum(given_hz - largest, f[0]), np.minimum(given_hz + largest, f[-1])
+        return self._bounded(guesses, low, high, np.arange(given_hz.size))
 
-    def _boxed(
+    def _bounded(
         self,
         poles: NDArray[np.complex128],
         low_hz: NDArray[np.float64],
@@ -200,33 +199,27 @@ class Search:
     @cached_property
     def _inside(self) -> Poles:
         f = self.lines.frequency_hz
-        ends = np.full((2, self.candidates.size), [[f[0]], [f[-1]]])
+        low, high = np.full((2, self.candidates.size), [[f[0]], [f[-1]]])
         role = np.full(self.candidates.size, -1 if isinstance(self.modes, tuple) else 0)
-        return self._boxed(self.candidates, ends[0], ends[1], role)
+        return self._bounded(self.candidates, low, high, role)
 
     @cached_property
     def _outside(self) -> Poles:
         """Start values of poles outside the band."""
         first, last = self.lines.frequency_hz[[0, -1]]
         width = last - first
-        beyond = np.array(_OUTSIDE_DISTANCES)
-        places, low, high = [np.empty(0)], [np.empty(0)], [np.empty(0)]
-        if 0 in self.terms:
-            places.append(last + width * beyond)
-            low.append(np.full(beyond.size, last))
-            high.append(np.full(beyond.size, last + 3.0 * width))
-        if -2 in self.terms:
-            own = first - width * beyond[width * beyond < 0.9 * first]
-            places.append(own)
-            low.append(np.full(own.size, max(first - 3.0 * width, 0.05 * first)))
-            high.append(np.full(own.size, first))
-        f, below, above = (np.concatenate(each) for each in (places, low, high))
-        edge = np.where(f > last, f - last, first - f)
-        guesses = [2j * np.pi * f + self._sigma - 2.0 * np.pi * share * edge for share in (0.1, 0.5)]
-        both = Poles.none()
-        for guess in guesses:
-            both = both.joined_with(self._boxed(guess, below, above, np.full(guess.size, -1)))
-        return both
+        distance = width * np.array(_OUTSIDE_DISTANCES)
+        above = last + distance if 0 in self.terms else np.empty(0)
+        below = first - distance[distance < 0.9 * first] if -2 in self.terms else np.empty(0)
+        f = np.concatenate([above, below])
+        low = np.where(f > last, last, max(first - 3.0 * width, 0.05 * first))
+        high = np.where(f > last, last + 3.0 * width, first)
+        edge_distance = np.where(f > last, f - last, first - f)
+        poles = Poles.none()
+        for share in (0.1, 0.5):
+            guesses = 2j * np.pi * f + self._sigma - 2.0 * np.pi * share * edge_distance
+            poles = poles.joined_with(self._bounded(guesses, low, high, np.full(f.size, -1)))
+        return poles
 
     def _plausible(self, poles: Poles) -> NDArray[np.bool_]:
         apart = _MIN_SEPARATION if self.modes is None else _NARROWEST
@@ -249,10 +242,10 @@ class Search:
         """Mean square of the stated noise in units of the weights of the search; zero if none is stated."""
         if self.lines.relative is None:
             return 0.0
-        own = weights_of(self.lines, self.scatter, None)
-        common = self._common(own)
+        weights = weights_of(self.lines, self.scatter, None)
+        common = self._common(weights)
         known = common > 0.0
-        return float(np.mean((common[known] / own[known]) ** 2))
+        return float(np.mean((common[known] / weights[known]) ** 2))
 
     @staticmethod
     def _common(weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -275,32 +268,31 @@ class Search:
 
     def _candidates_for_next(self, poles: Poles) -> tuple[Poles, NDArray[np.bool_]]:
         """Return the candidates for the next pole, and which of them are requested."""
-        inside, still = self._inside, self._missing_count(poles)
-        requested = np.full(inside.values.size, still > 0)
+        inside, missing = self._inside, self._missing_count(poles)
+        requested = np.full(inside.values.size, missing > 0)
         if isinstance(self.modes, int):
-            inside, requested = (inside, requested) if still > 0 else (Poles.none(), requested[:0])
+            inside, requested = (inside, requested) if missing > 0 else (Poles.none(), requested[:0])
         elif self.modes is not None:
-            boxes, unmet = self._boxes, self._missing_frequencies(poles)
-            place = inside.values.imag[:, None]
-            near = (place >= boxes.low.imag) & (place <= boxes.high.imag)
+            given, missing_indices = self._given, self._missing_frequencies(poles)
+            frequency = inside.values.imag[:, None]
+            near = (frequency >= given.low.imag) & (frequency <= given.high.imag)
             others = inside.subset(np.logical_not(near.any(axis=1)))
             inside, requested = others, np.zeros(others.values.size, dtype=bool)
-            for index in unmet:
+            for index in missing_indices:
                 # Candidates belong to the nearest given frequency without a pole.
-                nearest = np.array(unmet)[np.argmin(np.abs(place - boxes.values.imag[unmet]), axis=1)]
-                own = self.candidates[near[:, index] & (nearest == index)]
-                guesses = np.append(own, boxes.values[index])
-                low, high = (np.full(guesses.size, each[index]) for each in (boxes.low, boxes.high))
+                distance = np.abs(frequency - given.values.imag[missing_indices])
+                nearest = np.array(missing_indices)[np.argmin(distance, axis=1)]
+                candidates = self.candidates[near[:, index] & (nearest == index)]
+                guesses = np.append(candidates, given.values[index])
+                low, high = (np.full(guesses.size, bounds[index]) for bounds in (given.low, given.high))
                 inside = inside.joined_with(Poles(guesses, low, high, np.full(guesses.size, index)))
                 requested = np.append(requested, np.ones(guesses.size, dtype=bool))
         f = self.lines.frequency_hz
-        above, below = (
-            int(np.count_nonzero(each))
-            for each in (poles.low.imag >= 2.0 * np.pi * f[-1], poles.high.imag <= 2.0 * np.pi * f[0])
-        )
-        places = self._outside.values.imag / (2.0 * np.pi)
+        above = np.count_nonzero(poles.low.imag >= 2.0 * np.pi * f[-1])
+        below = np.count_nonzero(poles.high.imag <= 2.0 * np.pi * f[0])
+        outside_hz = self._outside.values.imag / (2.0 * np.pi)
         outside = self._outside.subset(
-            ((places > f[-1]) & (above < _MAX_OUTSIDE)) | ((places < f[0]) & (below < _MAX_OUTSIDE))
+            ((outside_hz > f[-1]) & (above < _MAX_OUTSIDE)) | ((outside_hz < f[0]) & (below < _MAX_OUTSIDE))
         )
         return inside.joined_with(outside), np.append(requested, np.zeros(outside.values.size, dtype=bool))
 
@@ -327,25 +319,29 @@ class Search:
                 continue
             tried.append(pole)
             tries[role] -= 1
-            more, larger_fit = poles.joined_with(candidates.subset(np.array([index]))).fitted(problem, loose=True)
-            good = self._plausible(more)
-            if not good.all():
-                # Poles that are no longer plausible are removed; the rest must still be an improvement.
-                more, larger_fit = more.subset(good).fitted(problem, loose=True)
-            more = self.assigned(more)
-            if not self._plausible(more).all() or self._missing_count(more) > self._missing_count(poles):
+            candidate = candidates.subset(np.array([index]))
+            enlarged, larger_fit = self._fit_plausible(poles.joined_with(candidate), problem)
+            if not self._plausible(enlarged).all() or self._missing_count(enlarged) > self._missing_count(poles):
                 continue
-            if self._missing_count(more) < self._missing_count(poles) and more.values.size > poles.values.size:
-                return more, larger_fit
+            if self._missing_count(enlarged) < self._missing_count(poles) and enlarged.values.size > poles.values.size:
+                return enlarged, larger_fit
             # Both are compared with the weights of the larger model, which estimates the scatter best.
             problem_after = self._problem(larger_fit)
             _, before = poles.fitted(problem_after, loose=True)
-            more, after = more.fitted(problem_after, loose=True)
+            enlarged, after = enlarged.fitted(problem_after, loose=True)
             # Replacing a pole has no penalty, but must reduce the misfit.
-            least = max(more.values.size - poles.values.size, 0.1) * self._penalty(after)
-            if self._plausible(more).all() and before.chi_square - after.chi_square > least:
-                return more, after
+            least = max(enlarged.values.size - poles.values.size, 0.1) * self._penalty(after)
+            if self._plausible(enlarged).all() and before.chi_square - after.chi_square > least:
+                return enlarged, after
         return None
+
+    def _fit_plausible(self, poles: Poles, problem: PoleProblem) -> tuple[Poles, PoleFit]:
+        """Return the fit of poles, without those that are not plausible, which may still be an improvement."""
+        poles, fit = poles.fitted(problem, loose=True)
+        plausible = self._plausible(poles)
+        if not plausible.all():
+            poles, fit = poles.subset(plausible).fitted(problem, loose=True)
+        return self.assigned(poles), fit
 
     def _add_all_given(self, poles: Poles, fit: PoleFit) -> tuple[Poles, PoleFit] | None:
         """Return the fit of poles at all given frequencies at once, if adding single ones fails.
@@ -355,19 +351,15 @@ class Search:
         if not isinstance(self.modes, tuple) or not self._missing_count(poles):
             return None
         problem = self._problem(fit)
-        more, larger_fit = self._boxes.joined_with(poles.subset(poles.role < 0)).fitted(problem, loose=True)
-        good = self._plausible(more)
-        if not good.all():
-            more, larger_fit = more.subset(good).fitted(problem, loose=True)
-        more = self.assigned(more)
-        if not self._plausible(more).all() or self._missing_count(more) >= self._missing_count(poles):
+        enlarged, larger_fit = self._fit_plausible(self._given.joined_with(poles.subset(poles.role < 0)), problem)
+        if not self._plausible(enlarged).all() or self._missing_count(enlarged) >= self._missing_count(poles):
             return None
-        return more, larger_fit
+        return enlarged, larger_fit
 
 
-def search_range(place_hz: float, lines: Lines) -> float:
+def search_range(frequency_hz: float, lines: Lines) -> float:
     """Return the largest distance in Hz of a mode to its given frequency."""
-    return max(0.03 * place_hz, 5.0 * lines.spacing_hz)
+    return max(0.03 * frequency_hz, 5.0 * lines.spacing_hz)
 
 
 def refine(
@@ -376,13 +368,13 @@ def refine(
     """Fit the poles to all lines with weights from the residuals, and remove those that are not plausible."""
     sigma = float(lines.frf.decay_rate)
     poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, None)), loose=True)
-    for left in reversed(range(_REWEIGHTINGS)):
+    for remaining in reversed(range(_REWEIGHTINGS)):
         poles = poles.subset(poles.plausible(sigma, highest_damping))
         problem = _problem(lines, terms, weights_of(lines, scatter, fit, smooth=True))
-        if left == 0:
+        if remaining == 0:
             # It affects only the covariance, which is that of the last fit.
-            own = lines.additive if lines.relative is not None or scatter == "absolute" else 0.0 * problem.weights
-            problem = replace(problem, additive=own, excitations=lines.frf.values.shape[2])
+            additive = lines.additive if lines.relative is not None or scatter == "absolute" else 0.0 * problem.weights
+            problem = replace(problem, additive=additive, excitations=lines.frf.values.shape[2])
         poles, fit = poles.fitted(problem)
     return poles, fit
 

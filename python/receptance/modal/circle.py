@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
-from receptance.modal._lines import check_one_entry, select_lines
-from receptance.modal._local import highest_line, lines_around_peak, mobility, single_mode
+from receptance.modal._lines import select_lines_of_single_entry
+from receptance.modal._local import highest_line, lines_around_peak, single_mode
 from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["CircleFit", "circle_fit"]
@@ -98,26 +97,24 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     '0.00200 from 0.8 lines in the half-power band'
     """
     owner = "circle_fit"
-    lines = select_lines(owner, frf, low_hz, high_hz, _MIN_LINES)
-    check_one_entry(owner, lines)
-    mobility_values = mobility(lines)
-    peak = highest_line(owner, lines, np.abs(mobility_values))
-    part = lines_around_peak(np.abs(mobility_values), peak)
+    lines, mobility = select_lines_of_single_entry(owner, frf, low_hz, high_hz, _MIN_LINES)
+    peak = highest_line(owner, lines, np.abs(mobility))
+    part = lines_around_peak(np.abs(mobility), peak)
     if lines.relative is not None and np.count_nonzero(np.isfinite(lines.relative[part])) < _MIN_LINES:
         raise ValueError(
             f"{owner}: the variance of fewer than {_MIN_LINES} lines around the peak at {lines.frequency_hz[peak]:g} "
             "Hz is finite"
         )
-    centre, _ = _taubin(mobility_values[part])
-    start = _first_pole(lines.frequency_hz[part], mobility_values[part], centre) + frf.decay_rate
+    centre, _ = _taubin(mobility[part])
+    start = _first_pole(lines.frequency_hz[part], mobility[part], centre) + frf.decay_rate
     single = single_mode(lines, part, start)
     fit = single.fit
     frequency, damping, covariance = modal_values(fit.poles, scaled(fit.pole_covariance, single.factor))
-    constant, of_constant = constants(
+    constant, constant_error = constants(
         complex(fit.poles[0]), complex(fit.residues[0, 0]), scaled(joint_with_residue(fit, 0, 0), single.factor)
     )
     # From the measured form to the mobility on real lines.
-    fitted = fit.fitted[:, 0] * mobility_values[part] / lines.values[part, 0]
+    fitted = fit.fitted[:, 0] * mobility[part] / lines.values[part, 0]
     centre, radius = _taubin(fitted)
     arc = float(np.sum(np.mod(-np.diff(np.angle(fitted - centre)), 2.0 * np.pi)))
     width = max(frf.decay_rate - fit.poles[0].real, 0.0) / (np.pi * lines.spacing_at(peak))
@@ -140,7 +137,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         damping_ratio=float(damping[0]),
         damping_standard_error=float(spread[1]),
         modal_constant=constant,
-        modal_constant_standard_error=of_constant,
+        modal_constant_standard_error=constant_error,
         lines_in_band=float(width),
         band_hz=(float(lines.frequency_hz[part][0]), float(lines.frequency_hz[part][-1])),
         lines=part.stop - part.start,
@@ -149,7 +146,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         centre=centre,
         radius=radius,
         arc=arc,
-        off_circle=float(np.sqrt(np.mean((np.abs(mobility_values[part] - centre) - radius) ** 2)) / radius),
+        off_circle=float(np.sqrt(np.mean((np.abs(mobility[part] - centre) - radius) ** 2)) / radius),
     )
 
 

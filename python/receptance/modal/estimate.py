@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.frf.variance import interval_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.modal._least_squares import PoleFit
 
 __all__ = ["ModeEstimate"]
@@ -82,13 +81,15 @@ class ModeEstimate:
 
     def frequency_interval_hz(self, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the natural frequency."""
-        reach = float(interval_factor(level, self.degrees_of_freedom)) * self.frequency_standard_error_hz
-        return self.frequency_hz - reach, self.frequency_hz + reach
+        low, high = intervals(
+            self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom
+        ).tolist()
+        return low, high
 
     def damping_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the damping ratio."""
-        reach = float(interval_factor(level, self.degrees_of_freedom)) * self.damping_standard_error
-        return self.damping_ratio - reach, self.damping_ratio + reach
+        low, high = intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom).tolist()
+        return low, high
 
     def __repr__(self) -> str:
         return (
@@ -96,6 +97,14 @@ class ModeEstimate:
             f"damping {100.0 * self.damping_ratio:.4g} +- {100.0 * self.damping_standard_error:.1g} %, "
             f"{self.lines_in_band:.1f} lines in the half-power band)"
         )
+
+
+def intervals(
+    values: ArrayLike, standard_errors: ArrayLike, level: float, degrees_of_freedom: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the confidence intervals `(..., 2)` of values."""
+    half_widths = interval_factor(level, degrees_of_freedom) * np.asarray(standard_errors)
+    return np.stack([np.subtract(values, half_widths), np.add(values, half_widths)], axis=-1)
 
 
 def modal_values(
@@ -133,28 +142,28 @@ def scaled(covariance: NDArray[np.float64], factor: float) -> NDArray[np.float64
 def joint_with_residue(fit: PoleFit, mode: int, entry: int) -> NDArray[np.float64]:
     """Return the `(3, 3)` covariance of the real and imaginary part of a residue and the damped frequency."""
     count = fit.poles.size
-    own = [mode, count + mode]
+    parts = [mode, count + mode]
     joint = np.empty((3, 3))
-    joint[:2, :2] = fit.coefficient_covariance[entry][np.ix_(own, own)]
-    joint[:2, 2] = joint[2, :2] = fit.cross_covariance[entry][own, count + mode]
+    joint[:2, :2] = fit.coefficient_covariance[entry][np.ix_(parts, parts)]
+    joint[:2, 2] = joint[2, :2] = fit.cross_covariance[entry][parts, count + mode]
     joint[2, 2] = fit.pole_covariance[count + mode, count + mode]
     return joint
 
 
-def constants(pole: complex, residue: complex, of_residue: NDArray[np.float64]) -> tuple[complex, complex]:
+def constants(pole: complex, residue: complex, covariance: NDArray[np.float64]) -> tuple[complex, complex]:
     """Return the modal constant C = 2 i w_d A and the standard errors of its real and imaginary part.
 
     Parameters
     ----------
     pole, residue : complex
         Pole and residue A of the mode.
-    of_residue : ndarray
+    covariance : ndarray
         `(3, 3)` covariance of the real part of A, its imaginary part and w_d.
     """
     w = pole.imag
     value = 2j * w * residue
     slope = np.array([[0.0, -2.0 * w, -2.0 * residue.imag], [2.0 * w, 0.0, 2.0 * residue.real]])
-    if not np.all(np.isfinite(of_residue)):
+    if not np.all(np.isfinite(covariance)):
         return value, complex(np.inf, np.inf)
-    spread = np.sqrt(np.maximum(np.diag(slope @ of_residue @ slope.T), 0.0))
+    spread = np.sqrt(np.maximum(np.diag(slope @ covariance @ slope.T), 0.0))
     return value, complex(spread[0], spread[1])

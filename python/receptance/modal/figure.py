@@ -5,31 +5,33 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from receptance.frf import form_factor
 from receptance.frf.presentation import PHASE_FROM
 from receptance.report.figure import (
     COLOURS,
+    INK,
     PALE,
     add_legend,
     finished,
-    label_point,
     phase_line,
     set_up,
     surface,
     title_left,
 )
+from receptance.units import FORMS, FRFKind, frf_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.modal import ModalFit, RingDown
 
 __all__ = ["draw_modal_fit", "draw_ring_down"]
 
-_NAMED = 8
-"""Most modes labelled in the figure."""
+_LABEL_WIDTH = 0.04
+"""Least distance of the labels of two modes, as a share of the band."""
 
 
 def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax: Axes | None = None) -> Figure:
@@ -63,6 +65,8 @@ def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax:
 
 def draw_ring_down(decay: RingDown, ax: Axes | None = None) -> Figure:
     """Draw natural frequency and damping of a mode against its amplitude, with 95 % intervals."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
     figure = surface(ax, 10.0, 4.4)
     left, right = figure.subplots(1, 2)
     set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
@@ -71,11 +75,18 @@ def draw_ring_down(decay: RingDown, ax: Axes | None = None) -> Figure:
         (left, decay.frequency_hz, decay.frequency_interval_hz(), 1.0),
         (right, decay.damping_ratio, decay.damping_interval(), 100.0),
     )
+    # Labels of more ticks would overlap.
+    decades = np.log10(decay.amplitude.max() / decay.amplitude.min())
+    ticks = range(1, 10) if decades < 1.0 else (1, 2, 5) if decades < 2.5 else (1,)
     for axes, values, interval, scale in panels:
-        reach = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
-        axes.errorbar(decay.amplitude, scale * values, reach, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
+        errors = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
+        axes.errorbar(decay.amplitude, scale * values, errors, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
         axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=ticks))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_locator(NullLocator())
         axes.ticklabel_format(axis="y", useOffset=False)
+    title_left(figure, f"Ring-down between {decay.band_hz[0]:g} and {decay.band_hz[1]:g} Hz")
     return finished(figure)
 
 
@@ -89,8 +100,8 @@ def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -
     axes.plot(frf.frequency_hz, np.abs(residuals), color=PALE, linewidth=0.8, label="residuals")
     axes.plot(frf.frequency_hz, np.abs(measured), ".", color=COLOURS[0], markersize=4, label="measured")
     axes.plot(lines, np.abs(fitted), color=COLOURS[1], linewidth=1.3, label="fitted")
-    for number, place in enumerate(fit.frequency_hz):
-        axes.axvline(place, color=PALE, linewidth=0.7, linestyle=":", label="modes" if number == 0 else None)
+    for number, frequency in enumerate(fit.frequency_hz):
+        axes.axvline(frequency, color=PALE, linewidth=0.7, linestyle=":", label="modes" if number == 0 else None)
     axes.set_yscale("log")
     # The lower limit excludes residuals at the level of rounding.
     top, least = np.abs(measured).max(), np.abs(measured).min()
@@ -118,26 +129,42 @@ def _draw_poles(axes: Axes, fit: ModalFit) -> None:
         candidates.real[damping > 0.0], damping[damping > 0.0], ".", color="#C9C9C9", markersize=3, label="candidates"
     )
     values, interval = 100.0 * fit.damping_ratio, 100.0 * fit.damping_interval()
-    reach = np.stack([values - interval[:, 0], interval[:, 1] - values])
+    errors = np.stack([values - interval[:, 0], interval[:, 1] - values])
     axes.errorbar(
-        fit.frequency_hz, values, reach, fmt="o", color=COLOURS[1], markersize=6, capsize=4, label="modes, 95 %"
+        fit.frequency_hz, values, errors, fmt="o", color=COLOURS[1], markersize=6, capsize=4, label="modes, 95 %"
     )
     if np.all(values > 0.0):
         axes.set_yscale("log")
         axes.set_ylim(values.min() / 12.0, values.max() * 40.0)
     axes.set_xlim(fit.frf.frequency_hz[0], fit.frf.frequency_hz[-1])
-    for number in range(min(fit.frequency_hz.size, _NAMED)):
-        # Labels of neighbouring modes are on opposite sides.
-        even = number % 2 == 0
-        text = f"{fit.frequency_hz[number]:.5g} Hz\n{values[number]:.3g} %"
-        point = float(fit.frequency_hz[number]), float(values[number])
-        label_point(axes, text, point, left=even, offset=(8.0, 8.0 if even else -26.0))
+    # Labels of neighbouring modes are above and below; a label that would overlap another one is left out.
+    least = _LABEL_WIDTH * float(np.ptp(fit.frf.frequency_hz))
+    last = [-np.inf, -np.inf]
+    for number, (frequency, damping_percent) in enumerate(zip(fit.frequency_hz, values, strict=True)):
+        below = number % 2
+        if frequency - last[below] < least:
+            continue
+        last[below] = frequency
+        axes.annotate(
+            f"{frequency:.5g} Hz, {damping_percent:.3g} %",
+            (frequency, damping_percent),
+            xytext=(0.0, -8.0 if below else 8.0),
+            textcoords="offset points",
+            ha="center",
+            va="top" if below else "bottom",
+            rotation=90.0,
+            fontsize=8.5,
+            color=INK,
+            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
+        )
     add_legend(axes, loc="upper left", ncols=2)
 
 
 def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
-    set_up(axes, "Mobility in the plane", "real part", "imaginary part")
     frf = fit.frf
+    kind = FRFKind("mobility", frf.responses[response].direction, frf.excitations[excitation].direction)
+    unit = frf_unit(kind)
+    set_up(axes, "Mobility in the complex plane", f"real part ({unit})", f"imaginary part ({unit})")
     lines, fitted = _curve(fit, response, excitation)
     for f, values, style in (
         (frf.frequency_hz, frf.values[:, response, excitation], {"marker": ".", "linestyle": "", "markersize": 4}),
@@ -145,22 +172,19 @@ def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> No
     ):
         w = 2j * np.pi * f
         s = w + frf.decay_rate
-        power = {"receptance": 0, "mobility": 1, "accelerance": 2}[frf.form]
-        moved = values / s**power * w
-        axes.plot(moved.real, moved.imag, color=COLOURS[1 if "linewidth" in style else 0], **style)
+        mobility = values / s ** FORMS.index(frf.form) * w
+        axes.plot(mobility.real, mobility.imag, color=COLOURS[1 if "linewidth" in style else 0], **style)
     axes.set_aspect("equal", adjustable="datalim")
     axes.ticklabel_format(style="sci", scilimits=(-2, 3))
 
 
 def _curve(fit: ModalFit, response: int, excitation: int) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """Return lines dense enough to draw every mode smoothly, and the fit on them in the form of the FRF."""
-    from receptance.frf import form_factor
-
     f = fit.frf.frequency_hz
     apparent = (fit.frf.decay_rate - fit.poles.real) / (2.0 * np.pi)
     near = fit.poles.imag[:, None] / (2.0 * np.pi) + np.abs(apparent)[:, None] * np.tan(np.linspace(-1.5, 1.5, 121))
     lines = np.unique(np.concatenate([np.linspace(f[0], f[-1], 800), near.ravel()]))
     lines = lines[(lines >= f[0]) & (lines <= f[-1])]
-    places = lines - 1j * fit.frf.decay_rate / (2.0 * np.pi)
-    values = fit.receptance(places)[:, response, excitation] * form_factor(places, "receptance", fit.frf.form)
-    return lines, values
+    complex_lines = lines - 1j * fit.frf.decay_rate / (2.0 * np.pi)
+    factor = form_factor(complex_lines, "receptance", fit.frf.form)
+    return lines, fit.receptance(complex_lines)[:, response, excitation] * factor

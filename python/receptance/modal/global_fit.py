@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.errors import ReceptanceWarning
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal._pole_candidates import poles_of_bands, reduce_references, stabilisation, stable_poles
@@ -17,8 +19,6 @@ from receptance.modal._selection import Scatter, Search, refine, weights_of
 from receptance.modal.modal_fit import ModalFit, make_modal_fit
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["fit_modes"]
@@ -30,7 +30,7 @@ _TERMS: dict[Background, tuple[int, ...]] = {
     "below": (-2,),
     "none": (),
 }
-_MANY = 100
+_MAX_MODES = 100
 """Most modes searched for if their number is not given."""
 _PEAKS = 40
 """Most peaks used as candidates."""
@@ -58,10 +58,10 @@ def fit_modes(
     candidate that reduces the misfit most. After each addition all poles are fitted by nonlinear least squares on the
     complex lines, with the residues solved for at each step (variable projection) and every pole within bounds. Poles
     outside the band are added if they reduce the misfit by more than the penalty of their parameters, because a
-    constant does not represent modes close to the band and would bias those within. The last fit is the maximum-
-    likelihood estimate for Gaussian noise with the weights of the lines: it is free of the bias of the polynomials,
-    attains the Cramer-Rao bound, and its derivative gives the standard errors. Under an exponential window the lines
-    are complex, and the poles do not contain the window.
+    constant does not represent modes close to the band and would bias those within. The last fit is the
+    maximum-likelihood estimate for Gaussian noise with the weights of the lines: it is free of the bias of the
+    polynomials, attains the Cramer-Rao bound, and its derivative gives the standard errors. Under an exponential window
+    the lines are complex, and the poles do not contain the window.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def fit_modes(
     ----------
     p-LSCF: Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002; Guillaume et al., IMAC 21 (2003). Variable
     projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; Kaufman, BIT 15 (1975) 49. Number of modes:
-    Schwarz, Ann. Stat. 6 (1978) 461. Entries that disagree: Liang and Zeger, Biometrika 73 (1986) 13.
+    Schwarz, Ann. Stat. 6 (1978) 461. Inconsistent entries: Liang and Zeger, Biometrika 73 (1986) 13.
 
     Examples
     --------
@@ -118,8 +118,8 @@ def fit_modes(
     >>> s = 2j * np.pi * f
     >>> h = sum(c / (s**2 + 4 * np.pi * 0.01 * n * s + (2 * np.pi * n) ** 2) for n, c in [(200.0, 1.0), (202.0, -0.7)])
     >>> noise = np.random.default_rng(1).normal(size=(2, f.size)) * 1e-3 * np.abs(h).max()
-    >>> found = fit_modes(FRF(frequency_hz=f, values=h + noise[0] + 1j * noise[1]), 2)
-    >>> [f"{n:.1f} Hz, {100 * z:.1f} %" for n, z in zip(found.frequency_hz, found.damping_ratio)]
+    >>> fit = fit_modes(FRF(frequency_hz=f, values=h + noise[0] + 1j * noise[1]), 2)
+    >>> [f"{n:.1f} Hz, {100 * z:.1f} %" for n, z in zip(fit.frequency_hz, fit.damping_ratio)]
     ['200.0 Hz, 1.0 %', '202.0 Hz, 1.0 %']
     """
     owner = "fit_modes"
@@ -127,7 +127,7 @@ def fit_modes(
         raise ValueError(f"{owner}: background is {background!r}, expected one of {', '.join(get_args(Background))}")
     if scatter not in get_args(Scatter):
         raise ValueError(f"{owner}: scatter is {scatter!r}, expected one of {', '.join(get_args(Scatter))}")
-    highest_line = _checks.positive(owner, "highest_damping", highest_damping)
+    highest_damping = _checks.positive(owner, "highest_damping", highest_damping)
     requested = _checked_modes(owner, modes)
     _checks.whole_number(owner, "order", order)
     terms = _TERMS[background]
@@ -149,13 +149,12 @@ def fit_modes(
     values, weights = reduce_references(lines.values.reshape(shape), weights_of(lines, scatter, None).reshape(shape))
     highest_order = min(order, lines.frequency_hz.size // 2 - 1)
     orders = stabilisation(lines.frequency_hz, values, weights, highest_order)
-    found = [stable_poles(orders), *poles_of_bands(lines.frequency_hz, values, weights), _poles_at_peaks(lines)]
+    poles_hz = [stable_poles(orders), *poles_of_bands(lines.frequency_hz, values, weights), _poles_at_peaks(lines)]
     if requested is not None or highest_order < _MIN_STABLE_ORDER:
-        found += reversed(orders)
-    search = Search(
-        thin, terms, scatter, _candidates(found, lines, highest_line), highest_line, requested, min(_MANY, most)
-    )
-    poles, fit = refine(lines, terms, scatter, search.poles(), highest_line)
+        poles_hz += reversed(orders)
+    candidates = _candidates(np.concatenate(poles_hz), lines, highest_damping)
+    search = Search(thin, terms, scatter, candidates, highest_damping, requested, min(_MAX_MODES, most))
+    poles, fit = refine(lines, terms, scatter, search.poles(), highest_damping)
     poles = search.assigned(poles)
     if not np.any(poles.role >= 0):
         raise ValueError(
@@ -175,12 +174,14 @@ def _checked_modes(owner: str, modes: Any) -> int | tuple[float, ...] | None:
         return _checks.whole_number(owner, "modes", modes)
     if isinstance(modes, (bool, str, float)):
         raise TypeError(f"{owner}: modes is {modes!r}, expected their number or a list of frequencies in Hz")
-    found = tuple(_checks.positive(owner, f"modes[{index}]", value, unit="Hz") for index, value in enumerate(modes))
-    if not found:
+    frequencies = tuple(
+        _checks.positive(owner, f"modes[{index}]", value, unit="Hz") for index, value in enumerate(modes)
+    )
+    if not frequencies:
         raise ValueError(f"{owner}: modes is empty, expected at least one frequency in Hz")
-    if any(second <= first for first, second in itertools.pairwise(found)):
-        raise ValueError(f"{owner}: modes is {list(found)}, expected ascending frequencies in Hz")
-    return found
+    if any(second <= first for first, second in itertools.pairwise(frequencies)):
+        raise ValueError(f"{owner}: modes is {list(frequencies)}, expected ascending frequencies in Hz")
+    return frequencies
 
 
 def _check_inside(owner: str, requested: tuple[float, ...], lines: Lines) -> None:
@@ -190,33 +191,30 @@ def _check_inside(owner: str, requested: tuple[float, ...], lines: Lines) -> Non
             raise ValueError(f"{owner}: modes[{index}] is {value:g} Hz, outside the lines from {low:g} to {high:g} Hz")
 
 
-def _candidates(found: list[NDArray[np.complex128]], lines: Lines, highest_damping: float) -> NDArray[np.complex128]:
+def _candidates(poles_hz: NDArray[np.complex128], lines: Lines, highest_damping: float) -> NDArray[np.complex128]:
     """Return poles in rad/s from those in Hz on the real lines, without near duplicates."""
     f = lines.frequency_hz
-    every = np.concatenate(found)
-    every = every[(every.imag <= highest_damping * every.real) & (every.real > f[0]) & (every.real < f[-1])]
+    inside = (poles_hz.real > f[0]) & (poles_hz.real < f[-1])
+    poles_hz = poles_hz[inside & (poles_hz.imag <= highest_damping * poles_hz.real)]
     kept: list[int] = []
-    left = np.ones(every.size, dtype=bool)
-    for index, pole in enumerate(every):
-        if left[index]:
+    distinct = np.ones(poles_hz.size, dtype=bool)
+    for index, pole in enumerate(poles_hz):
+        if distinct[index]:
             kept.append(index)
-            left &= np.abs(every - pole) > 0.1 * np.maximum(every.imag, pole.imag)
-    return np.asarray(2j * np.pi * every[kept] + lines.frf.decay_rate)
+            distinct &= np.abs(poles_hz - pole) > 0.1 * np.maximum(poles_hz.imag, pole.imag)
+    return np.asarray(2j * np.pi * poles_hz[kept] + lines.frf.decay_rate)
 
 
 def _poles_at_peaks(lines: Lines) -> NDArray[np.complex128]:
     """Return complex frequencies in Hz of the most prominent peaks in the combined mobility of all entries."""
-    from scipy.signal import find_peaks, peak_prominences
-
     f = lines.frequency_hz
-    each = np.abs(lines.receptance * f[:, None]) ** 2
-    level = each.mean(axis=0)
-    power = np.sum(each[:, level > 0.0] / level[level > 0.0], axis=1)
+    powers = np.abs(lines.receptance * f[:, None]) ** 2
+    level = powers.mean(axis=0)
+    power = np.sum(powers[:, level > 0.0] / level[level > 0.0], axis=1)
     # The logarithm of a line of zeros is limited.
     power = np.maximum(power, 1e-30)
-    peaks, _ = find_peaks(power)
-    height = np.log(power)
-    peaks = peaks[np.argsort(-peak_prominences(height, peaks)[0])[:_PEAKS]]
+    peaks, prominences = local_maxima(np.log(power))
+    peaks = peaks[np.argsort(-prominences)[:_PEAKS]]
     # The inverse power of one mode is a parabola: a + b x + c x^2 through the peak and its neighbours.
     left, right = f[peaks - 1] - f[peaks], f[peaks + 1] - f[peaks]
     below, above = 1.0 / power[peaks - 1] - 1.0 / power[peaks], 1.0 / power[peaks + 1] - 1.0 / power[peaks]

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
-from receptance.modal._lines import check_one_entry, select_lines
-from receptance.modal._local import highest_line, mobility, polar_errors, relative_scatter
+from receptance.modal._lines import select_lines_of_single_entry
+from receptance.modal._local import highest_line, polar_errors, relative_scatter
 from receptance.modal.estimate import ModeEstimate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["half_power"]
@@ -76,11 +75,9 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     '795.8 Hz, 1.00 %, 16 lines'
     """
     owner = "half_power"
-    lines = select_lines(owner, frf, low_hz, high_hz, 3)
-    check_one_entry(owner, lines)
-    mobility_values = mobility(lines)
-    peak = highest_line(owner, lines, np.abs(mobility_values))
-    points = _points(owner, lines.frequency_hz, np.abs(mobility_values), peak)
+    lines, mobility = select_lines_of_single_entry(owner, frf, low_hz, high_hz, 3)
+    peak = highest_line(owner, lines, np.abs(mobility))
+    points = _points(owner, lines.frequency_hz, np.abs(mobility), peak)
     width, spacing = points.high - points.low, lines.spacing_at(peak)
     resolution = _resolution(round(float(np.clip(width / spacing, 0.5, 50.0)), 1))
     scatter, freedom, notes = relative_scatter(lines, peak, width)
@@ -92,7 +89,7 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     # Lines with infinite scatter matter only if they are used.
     reach = np.multiply(np.abs(slopes), scatter, out=np.zeros_like(slopes), where=slopes != 0.0)
     # Of correlated lines only the two at each end contribute, so that the variance is at most doubled.
-    of_centre, of_width, of_constant = np.sqrt(min(lines.correlated_lines, 2.0) * np.sum(reach**2, axis=1))
+    centre_error, width_error, constant_error = np.sqrt(min(lines.correlated_lines, 2.0) * np.sum(reach**2, axis=1))
 
     decay = np.pi * width - frf.decay_rate
     # w_1 w_2 is w_r^2 of the mode with the window's damping; its damped frequency is not changed by the window.
@@ -100,25 +97,25 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     natural = float(np.sqrt(damped_squared + decay**2))
     # Rotation on the circle from the highest line to the resonance.
     turn = np.arctan2(lines.frequency_hz[peak] - np.sqrt(points.low * points.high), 0.5 * width)
-    constant = complex(2.0 * np.pi * width * mobility_values[peak] * np.exp(1j * turn))
-    of_phase = float(np.hypot(scatter[peak], 2.0 * of_centre / width))
+    constant = complex(2.0 * np.pi * width * mobility[peak] * np.exp(1j * turn))
+    phase_error = float(np.hypot(scatter[peak], 2.0 * centre_error / width))
     messages = [*lines.notes, *notes]
     if width / spacing < _MIN_LINES:
-        messages.append(_few_lines_warning(width / spacing, natural, resolution.bias, frf.decay_rate > 0.0))
+        messages.append(_bias_warning(width / spacing, natural, resolution.bias, frf.decay_rate > 0.0))
         warnings.warn(f"{owner}: {messages[-1]}", ReceptanceWarning, stacklevel=2)
     if decay <= 0.0:
         messages.append("the peak is no wider than the exponential window makes it: the damping is not determined")
     return ModeEstimate(
         method="half-power",
         frequency_hz=natural / (2.0 * np.pi),
-        frequency_standard_error_hz=float(np.hypot(of_centre, resolution.of_centre * spacing)),
+        frequency_standard_error_hz=float(np.hypot(centre_error, resolution.centre_error * spacing)),
         damping_ratio=decay / natural,
-        damping_standard_error=float(np.hypot(of_width, resolution.of_width) * np.pi * width / natural),
+        damping_standard_error=float(np.hypot(width_error, resolution.width_error) * np.pi * width / natural),
         modal_constant=constant,
         modal_constant_standard_error=polar_errors(
             constant,
-            float(np.hypot(of_constant, resolution.of_constant)),
-            float(np.hypot(of_phase, resolution.of_phase)),
+            float(np.hypot(constant_error, resolution.constant_error)),
+            float(np.hypot(phase_error, resolution.phase_error)),
         ),
         lines_in_band=width / spacing,
         band_hz=(float(lines.frequency_hz[points.first]), float(lines.frequency_hz[points.last])),
@@ -128,7 +125,7 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     )
 
 
-def _few_lines_warning(lines: float, natural: float, bias: float, window: bool) -> str:
+def _bias_warning(lines: float, natural: float, bias: float, window: bool) -> str:
     return (
         f"only {lines:.1f} lines in the half-power band of the mode at {natural / (2.0 * np.pi):.6g} Hz: its width "
         f"{'(including that of the exponential window) ' if window else ''}is overestimated by "
@@ -149,26 +146,26 @@ class _Points:
 
 def _points(owner: str, f: NDArray[np.float64], size: NDArray[np.float64], peak: int) -> _Points:
     level = size[peak] / np.sqrt(2.0)
-    found, outer, slopes = [], [], np.zeros((2, f.size))
+    points, outermost, slopes = [], [], np.zeros((2, f.size))
     for side, step in enumerate((-1, 1)):
-        place = peak
-        while size[place] > level:
-            place += step
-            if not 0 <= place < size.size:
+        outer = peak
+        while size[outer] > level:
+            outer += step
+            if not 0 <= outer < size.size:
                 raise ValueError(
                     f"{owner}: the mobility does not fall to its half-power point "
                     f"{'below' if step < 0 else 'above'} the peak at {f[peak]:g} Hz before the band ends at "
-                    f"{f[place - step]:g} Hz; widen the band, or use fit_modes where another mode is in the way"
+                    f"{f[outer - step]:g} Hz; widen the band, or use fit_modes if there is another mode beside the peak"
                 )
-        inner = place - step
-        gap, rise = f[inner] - f[place], size[inner] - size[place]
-        share = (level - size[place]) / rise
-        found.append(float(f[place] + share * gap))
+        inner = outer - step
+        gap, rise = f[inner] - f[outer], size[inner] - size[outer]
+        share = (level - size[outer]) / rise
+        points.append(float(f[outer] + share * gap))
         slopes[side, peak] += level / rise * gap
         slopes[side, inner] -= size[inner] * share / rise * gap
-        slopes[side, place] -= size[place] * (1.0 - share) / rise * gap
-        outer.append(place)
-    return _Points(found[0], found[1], slopes, outer[0], outer[1])
+        slopes[side, outer] -= size[outer] * (1.0 - share) / rise * gap
+        outermost.append(outer)
+    return _Points(points[0], points[1], slopes, outermost[0], outermost[1])
 
 
 @dataclass(frozen=True)
@@ -180,10 +177,10 @@ class _Resolution:
     """
 
     bias: float
-    of_width: float
-    of_centre: float
-    of_constant: float
-    of_phase: float
+    width_error: float
+    centre_error: float
+    constant_error: float
+    phase_error: float
 
 
 _SHIFTS = tuple((np.arange(40) + 0.5) / 40.0)
@@ -193,15 +190,13 @@ _NEARBY = (0.85, 0.9, 0.95, 1.0, 1.05)
 
 @functools.lru_cache(maxsize=256)
 def _resolution(lines_in_band: float) -> _Resolution:
-    found = [[_measured_at(lines_in_band * factor, shift) for shift in _SHIFTS] for factor in _NEARBY]
-    # (factors, places, quantities)
-    table = np.array(found)
-    spread = np.sqrt(np.mean(table.var(axis=1), axis=0))
-    bias = float(table[:, :, 0].mean()) - 1.0
-    return _Resolution(bias, float(spread[0]), float(spread[1]), float(spread[2]), float(spread[3]))
+    # (factors, shifts, quantities)
+    table = np.array([[_estimates_at(lines_in_band * factor, shift) for shift in _SHIFTS] for factor in _NEARBY])
+    deviations = np.sqrt(np.mean(table.var(axis=1), axis=0)).tolist()
+    return _Resolution(float(table[:, :, 0].mean()) - 1.0, *deviations)
 
 
-def _measured_at(lines_in_band: float, shift: float) -> tuple[float, float, float, float]:
+def _estimates_at(lines_in_band: float, shift: float) -> tuple[float, float, float, float]:
     """Return relative width, centre, log of the modal constant and its phase for one position of the lines."""
     reach = int(2.0 * lines_in_band) + 6
     x = np.arange(-reach, reach + 1).astype(np.float64) + shift

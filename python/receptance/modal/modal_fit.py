@@ -6,18 +6,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import form_factor
-from receptance.frf.variance import interval_factor
 from receptance.modal._selection import Scatter, search_range, weights_of
-from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
+from receptance.modal.estimate import ModeEstimate, constants, intervals, joint_with_residue, modal_values, scaled
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
     from receptance.modal._least_squares import PoleFit
@@ -122,8 +121,8 @@ class ModalFit(Result):
         if background:
             poles = np.concatenate([poles, self.outside_poles])
             residue = np.concatenate([residue, self.outside_residue])
-        own, other = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
-        total = np.tensordot(own, residue, 1) + np.tensordot(other, residue.conj(), 1)
+        total = np.tensordot(1.0 / (s[:, None] - poles), residue, 1)
+        total += np.tensordot(1.0 / (s[:, None] - poles.conj()), residue.conj(), 1)
         if background:
             for term, coefficient in self.background.items():
                 total = total + s[:, None, None] ** term * coefficient
@@ -153,13 +152,11 @@ class ModalFit(Result):
 
     def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
         """Return the confidence intervals `(M, 2)` of the natural frequencies."""
-        reach = interval_factor(level, self.degrees_of_freedom) * self.frequency_standard_error_hz
-        return np.stack([self.frequency_hz - reach, self.frequency_hz + reach], axis=1)
+        return intervals(self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom)
 
     def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
         """Return the confidence intervals `(M, 2)` of the damping ratios."""
-        reach = interval_factor(level, self.degrees_of_freedom) * self.damping_standard_error
-        return np.stack([self.damping_ratio - reach, self.damping_ratio + reach], axis=1)
+        return intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom)
 
     def tables(self) -> list[Table]:
         """Return the modes with standard errors."""
@@ -212,11 +209,11 @@ class ModalFit(Result):
         return f"{count} between {low:g} and {high:g} Hz"
 
     def __repr__(self) -> str:
-        found = ", ".join(
+        modes = ", ".join(
             f"{f:.6g} Hz {100.0 * z:.3g} %" for f, z in zip(self.frequency_hz, self.damping_ratio, strict=True)
         )
         state = "" if self.converged else ", not converged"
-        return f"ModalFit({self._headline()}: {found}{state})"
+        return f"ModalFit({self._headline()}: {modes}{state})"
 
 
 _MIN_ENTRIES = 4
@@ -242,41 +239,41 @@ def make_modal_fit(
     shape = np.asarray(lines.frf.values).shape[1:]
     sigma = float(lines.frf.decay_rate)
     factor, freedom, correlation, notes = _covariance_factor(fit, lines)
-    of_poles, remark = scaled(fit.pole_covariance, factor), list[str]()
+    pole_covariance = scaled(fit.pole_covariance, factor)
     if not _is_exact(fit, lines):
-        of_poles, freedom, remark = _between_entries(fit, of_poles, freedom)
-    place = np.flatnonzero(modes)
-    place = place[np.argsort(np.abs(fit.poles[place]))]
-    poles, count = fit.poles[place], place.size
-    both = np.concatenate([place, fit.poles.size + place])
-    frequency, damping, covariance = modal_values(poles, of_poles[np.ix_(both, both)])
-    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        pole_covariance, freedom, consistency_notes = _between_entries(fit, pole_covariance, freedom)
+        notes += consistency_notes
+    order = np.flatnonzero(modes)
+    order = order[np.argsort(np.abs(fit.poles[order]))]
+    poles, count = fit.poles[order], order.size
+    parts = np.concatenate([order, fit.poles.size + order])
+    frequency, damping, covariance = modal_values(poles, pole_covariance[np.ix_(parts, parts)])
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     constant = np.empty((count, fit.coefficients.shape[0]), dtype=np.complex128)
-    of_constant = np.empty_like(constant)
-    for row, mode in enumerate(place):
+    constant_error = np.empty_like(constant)
+    for row, mode in enumerate(order):
         for entry in range(constant.shape[1]):
             joint = scaled(joint_with_residue(fit, int(mode), entry), factor)
             residue = complex(fit.residues[mode, entry])
-            constant[row, entry], of_constant[row, entry] = constants(complex(fit.poles[mode]), residue, joint)
-    outside = fit.coefficients[:, 2 * fit.poles.size :]
+            constant[row, entry], constant_error[row, entry] = constants(complex(fit.poles[mode]), residue, joint)
+    background = fit.coefficients[:, 2 * fit.poles.size :]
     decay = sigma - poles.real
     warned = [
         *_missing_mode_warnings(frequency, lines, requested),
-        *_validity_warnings(fit, frequency, damping, spread[count:]),
+        *_validity_warnings(fit, frequency, damping, errors[count:]),
     ]
-    remarks = [*_resolution_notes(frequency, decay, lines), *_further_mode_notes(fit.poles[~modes], lines)]
-    messages = [*lines.notes, *notes, *remark, *warned, *remarks]
+    notes += [*warned, *_resolution_notes(frequency, decay, lines), *_further_mode_notes(fit.poles[~modes], lines)]
     result = ModalFit(
         frequency_hz=frequency,
-        frequency_standard_error_hz=spread[:count],
+        frequency_standard_error_hz=errors[:count],
         damping_ratio=damping,
-        damping_standard_error=spread[count:],
+        damping_standard_error=errors[count:],
         covariance=covariance,
         modal_constant=constant.reshape(count, *shape),
-        modal_constant_standard_error=of_constant.reshape(count, *shape),
-        residue=fit.residues[place].reshape(count, *shape),
+        modal_constant_standard_error=constant_error.reshape(count, *shape),
+        residue=fit.residues[order].reshape(count, *shape),
         background={
-            term: (outside[:, 2 * index] + 1j * outside[:, 2 * index + 1]).reshape(shape)
+            term: (background[:, 2 * index] + 1j * background[:, 2 * index + 1]).reshape(shape)
             for index, term in enumerate(terms)
         },
         outside_poles=fit.poles[~modes],
@@ -288,8 +285,8 @@ def make_modal_fit(
         correlation=correlation,
         degrees_of_freedom=freedom,
         converged=fit.converged,
-        stabilisation=tuple(found - 1j * sigma / (2.0 * np.pi) for found in orders),
-        notes=tuple(messages),
+        stabilisation=tuple(candidates - 1j * sigma / (2.0 * np.pi) for candidates in orders),
+        notes=(*lines.notes, *notes),
     )
     return result, warned
 
@@ -301,42 +298,41 @@ def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float,
     independent = freedom / lines.correlated_lines
     variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
     if lines.relative is None:
-        of_factor = max(independent, 1.0)
+        factor_freedom = max(independent, 1.0)
     elif variance > 1.0 + 3.0 * np.sqrt(2.0 / max(independent, 1.0)):
-        of_factor = max(independent, 1.0)
+        factor_freedom = max(independent, 1.0)
         notes.append(
             f"the residuals are {np.sqrt(variance):.2g} times as large as stated by the variance; the standard errors "
             "are enlarged by this factor"
         )
     else:
-        variance, of_factor = 1.0, lines.freedom
+        variance, factor_freedom = 1.0, lines.freedom
     correlation = _correlation(fit)
     # The stated correlation of the lines is included in the covariance already.
     stated = 1.0 / (1.0 + (np.pi / lines.correlated_lines) ** 2) if lines.correlated_lines > 1.0 else 0.0
     chance = 3.0 / np.sqrt(2.0 * fit.residual.size / lines.correlated_lines)
     if correlation <= stated + max(_MIN_CORRELATION * (1.0 - stated), chance) or _is_exact(fit, lines):
-        return variance, of_factor, correlation, notes
+        return variance, factor_freedom, correlation, notes
     # Ratio of the correlated lines of first-order autoregressive residuals to the stated ones.
-    kept = min(correlation, 0.98)
-    more = (1.0 + kept) / (1.0 - kept) * (1.0 - stated) / (1.0 + stated)
+    limited = min(correlation, 0.98)
+    excess = (1.0 + limited) / (1.0 - limited) * (1.0 - stated) / (1.0 + stated)
     notes.append(
         f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model is incomplete, or the "
-        f"lines are closer than the resolution of the record; the standard errors are enlarged by {np.sqrt(more):.2g}"
+        f"lines are closer than the resolution of the record; the standard errors are enlarged by {np.sqrt(excess):.2g}"
     )
-    return variance * more, max(of_factor / more, 1.0), correlation, notes
+    return variance * excess, max(factor_freedom / excess, 1.0), correlation, notes
 
 
 def _correlation(fit: PoleFit) -> float:
     """Return the correlation of the residuals of neighbouring lines."""
-    left = fit.residual
-    neighbours = float(np.sum((left[:-1].conj() * left[1:]).real))
-    return neighbours / max(fit.chi_square, np.finfo(np.float64).tiny)
+    products = float(np.sum((fit.residual[:-1].conj() * fit.residual[1:]).real))
+    return products / max(fit.chi_square, np.finfo(np.float64).tiny)
 
 
 def _is_exact(fit: PoleFit, lines: Lines) -> bool:
     """Return whether the residuals are rounding errors."""
-    left = np.sum(np.abs(lines.values - fit.fitted) ** 2)
-    return bool(left <= _ROUNDING * np.sum(np.abs(lines.values) ** 2))
+    misfit = np.sum(np.abs(lines.values - fit.fitted) ** 2)
+    return bool(misfit <= _ROUNDING * np.sum(np.abs(lines.values) ** 2))
 
 
 def _between_entries(
@@ -384,12 +380,13 @@ def _missing_mode_warnings(
         ]
     from scipy.optimize import linear_sum_assignment
 
-    far = np.abs(np.array(requested)[:, None] - frequency)
-    met = {int(row) for row, column in zip(*linear_sum_assignment(far), strict=True) if np.isfinite(far[row, column])}
+    distance = np.abs(np.array(requested)[:, None] - frequency)
+    rows, columns = linear_sum_assignment(distance)
+    assigned = rows[np.isfinite(distance[rows, columns])].tolist()
     return [
-        f"no mode was found within {search_range(place, lines):.3g} Hz of {place:g} Hz"
-        for index, place in enumerate(requested)
-        if index not in met
+        f"no mode was found within {search_range(requested_hz, lines):.3g} Hz of {requested_hz:g} Hz"
+        for index, requested_hz in enumerate(requested)
+        if index not in assigned
     ]
 
 
@@ -397,20 +394,20 @@ def _validity_warnings(
     fit: PoleFit,
     frequency: NDArray[np.float64],
     damping: NDArray[np.float64],
-    of_damping: NDArray[np.float64],
+    damping_error: NDArray[np.float64],
 ) -> list[str]:
     messages = []
     if not fit.converged:
-        messages.append("the fit did not converge; is the number of modes right?")
-    for f, z, spread in zip(frequency, damping, of_damping, strict=True):
+        messages.append("the fit did not converge; check the number of modes")
+    for f, z, error in zip(frequency, damping, damping_error, strict=True):
         if z <= 0.0:
-            messages.append(f"the damping ratio of the mode at {f:.6g} Hz is {z:.2g} +- {spread:.1g}, not above zero")
+            messages.append(f"the damping ratio of the mode at {f:.6g} Hz is {z:.2g} +- {error:.1g}, not above zero")
     return messages
 
 
 def _further_mode_notes(poles: NDArray[np.complex128], lines: Lines) -> list[str]:
     f = np.sort(np.abs(poles) / (2.0 * np.pi))
-    inside = [f"{one:.6g}" for one in f if lines.frequency_hz[0] <= one <= lines.frequency_hz[-1]]
+    inside = [f"{hz:.6g}" for hz in f if lines.frequency_hz[0] <= hz <= lines.frequency_hz[-1]]
     if not inside:
         return []
     return [f"the band contains further modes, fitted as background: {', '.join(inside)} Hz"]
@@ -420,11 +417,11 @@ def _resolution_notes(frequency: NDArray[np.float64], decay: NDArray[np.float64]
     messages = []
     width = decay / np.pi
     spacing = _spacing_at(lines, frequency)
-    for f, own, step in zip(frequency, width, spacing, strict=True):
-        if 0.0 < own < step:
+    for f, half_power_band, step in zip(frequency, width, spacing, strict=True):
+        if 0.0 < half_power_band < step:
             messages.append(
-                f"the half-power band of the mode at {f:.6g} Hz is {own / step:.1g} of the distance of the lines: its "
-                "damping is valid only for lines without leakage"
+                f"the half-power band of the mode at {f:.6g} Hz is {half_power_band / step:.1g} of the distance of the "
+                "lines: its damping is valid only for lines without leakage"
             )
     for index in range(frequency.size - 1):
         if frequency[index + 1] - frequency[index] < 0.5 * min(width[index], width[index + 1]):
@@ -435,18 +432,18 @@ def _resolution_notes(frequency: NDArray[np.float64], decay: NDArray[np.float64]
     return messages
 
 
-def _spacing_at(lines: Lines, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spacing_at(lines: Lines, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distance of the lines at given frequencies."""
     gaps = np.diff(lines.frequency_hz)
-    return np.asarray(gaps[np.clip(np.searchsorted(lines.frequency_hz, places) - 1, 0, gaps.size - 1)])
+    return np.asarray(gaps[np.clip(np.searchsorted(lines.frequency_hz, frequency_hz) - 1, 0, gaps.size - 1)])
 
 
 def _residual_scatter(fit: PoleFit, lines: Lines, scatter: Scatter) -> NDArray[np.float64]:
     """Return the root mean square `(m,)` of the residuals, corrected for the fitted parameters."""
-    left = lines.values - fit.fitted
+    residuals = lines.values - fit.fitted
     if lines.relative is not None:
-        left = left * weights_of(lines, scatter, fit, smooth=True)
+        residuals = residuals * weights_of(lines, scatter, fit, smooth=True)
     elif scatter == "relative":
-        left = left / np.maximum(np.abs(lines.values), np.finfo(np.float64).tiny)
+        residuals = residuals / np.maximum(np.abs(lines.values), np.finfo(np.float64).tiny)
     share = max(fit.degrees_of_freedom, 1) / (2.0 * fit.residual.size)
-    return np.asarray(np.sqrt(np.mean(np.abs(left) ** 2, axis=0) / 2.0 / share))
+    return np.asarray(np.sqrt(np.mean(np.abs(residuals) ** 2, axis=0) / 2.0 / share))

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.modal._lines import Lines, check_one_entry, select_lines
-from receptance.modal._local import lines_around_peak, mobility, polar_errors
+from receptance._peaks import local_maxima
+from receptance.modal._lines import Lines, select_lines_of_single_entry
+from receptance.modal._local import lines_around_peak, polar_errors
 from receptance.modal.estimate import ModeEstimate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
 
 __all__ = ["find_peaks"]
@@ -66,24 +66,20 @@ def find_peaks(
     >>> [f"{peak.frequency_hz:.0f} Hz" for peak in find_peaks(FRF(frequency_hz=f, values=h))]
     ['251 Hz', '700 Hz']
     """
-    from scipy.signal import find_peaks as peaks_of  # slow to import
-
     owner = "find_peaks"
     least = _checks.positive(owner, "prominence_db", prominence_db, unit="dB")
-    lines = select_lines(owner, frf, low_hz, high_hz, _LEAST)
-    check_one_entry(owner, lines)
-    mobility_values = mobility(lines)
-    size = np.maximum(np.abs(mobility_values), np.finfo(np.float64).tiny)
-    found, _ = peaks_of(20.0 * np.log10(size), prominence=least)
+    lines, mobility = select_lines_of_single_entry(owner, frf, low_hz, high_hz, _LEAST)
+    size = np.maximum(np.abs(mobility), np.finfo(np.float64).tiny)
+    maxima, _ = local_maxima(20.0 * np.log10(size), least)
     return tuple(
-        _estimate(lines, mobility_values, int(peak))
-        for peak in found
-        if _is_known(lines, np.abs(mobility_values), int(peak))
+        _estimate(lines, mobility, int(peak))
+        for peak in maxima
+        if _has_known_variance(lines, np.abs(mobility), int(peak))
     )
 
 
-def _estimate(lines: Lines, mobility_values: NDArray[np.complex128], peak: int) -> ModeEstimate:
-    part = _part(np.abs(mobility_values), peak)
+def _estimate(lines: Lines, mobility: NDArray[np.complex128], peak: int) -> ModeEstimate:
+    part = _lines_of_peak(np.abs(mobility), peak)
     parabola = _Parabola.through(lines, part, peak)
     values, slopes = parabola.evaluated(lines, peak)
     spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, parabola.covariance, slopes), 0.0))
@@ -93,9 +89,7 @@ def _estimate(lines: Lines, mobility_values: NDArray[np.complex128], peak: int) 
         notes.append("the lines do not resolve the width of the peak: its damping is not determined")
     elif damping <= 0.0:
         notes.append("the peak is no wider than the exponential window makes it: the damping is not determined")
-    constant = (
-        complex(np.exp(size + 1j * (np.angle(mobility_values[peak]) + turn))) if np.isfinite(size) else complex("nan")
-    )
+    constant = complex(np.exp(size + 1j * (np.angle(mobility[peak]) + turn))) if np.isfinite(size) else complex("nan")
     return ModeEstimate(
         method="peak",
         frequency_hz=float(frequency),
@@ -114,14 +108,16 @@ def _estimate(lines: Lines, mobility_values: NDArray[np.complex128], peak: int) 
     )
 
 
-def _is_known(lines: Lines, size: NDArray[np.float64], peak: int) -> bool:
+def _has_known_variance(lines: Lines, size: NDArray[np.float64], peak: int) -> bool:
     """Return whether enough lines for a parabola have a finite variance."""
-    return lines.relative is None or bool(np.count_nonzero(np.isfinite(lines.relative[_part(size, peak)])) >= 4)
+    return lines.relative is None or bool(
+        np.count_nonzero(np.isfinite(lines.relative[_lines_of_peak(size, peak)])) >= 4
+    )
 
 
-def _part(size: NDArray[np.float64], peak: int) -> slice:
-    wide = lines_around_peak(size, peak, _SHARE, _LEAST)
-    return slice(max(wide.start, peak - _MOST // 2), min(wide.stop, peak + _MOST // 2 + 1))
+def _lines_of_peak(size: NDArray[np.float64], peak: int) -> slice:
+    lines = lines_around_peak(size, peak, _SHARE, _LEAST)
+    return slice(max(lines.start, peak - _MOST // 2), min(lines.stop, peak + _MOST // 2 + 1))
 
 
 @dataclass(frozen=True)
@@ -153,15 +149,15 @@ class _Parabola:
         q, r = np.linalg.qr(columns)
         target = inverse * weights
         coefficients = np.linalg.solve(r, q.T @ target)
-        back = np.linalg.inv(r)
+        r_inverse = np.linalg.inv(r)
         freedom = x.size - 3
-        left = target - q @ (q.T @ target)
-        scatter = 1.0 if known else float(left @ left) / freedom
+        residual = target - q @ (q.T @ target)
+        scatter = 1.0 if known else float(residual @ residual) / freedom
         factor = scatter * lines.correlated_lines
         at_peak = float(relative[peak - part.start] * np.sqrt(scatter))
         return cls(
             coefficients,
-            factor * back @ back.T,
+            factor * r_inverse @ r_inverse.T,
             middle,
             reach,
             lines.freedom if known else max(freedom / lines.correlated_lines, 1.0),
@@ -197,7 +193,7 @@ class _Parabola:
         # Half of natural^2 - vertex, without cancellation.
         apparent = np.sqrt(0.5 * depth / (natural**2 + vertex))
         decay = apparent - sigma
-        own = np.sqrt(natural**2 - apparent**2 + decay**2)
+        undamped = np.sqrt(natural**2 - apparent**2 + decay**2)
         turn = np.arctan2(w - natural**2 / w, 2.0 * apparent)
         size = np.log(self.reach) - 0.5 * np.log(c)
-        return np.array([own / (2.0 * np.pi), decay / own, size, turn, apparent / np.pi])
+        return np.array([undamped / (2.0 * np.pi), decay / undamped, size, turn, apparent / np.pi])

@@ -8,23 +8,23 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf.variance import interval_factor
+from receptance.modal.estimate import intervals
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["RingDown", "ring_down"]
 
 TAPS_PER_WIDTH = 4.0
 """Length of the filter times the width of the band: half of the amplitude passes at the ends of the band."""
 PER_BLOCK = 8.0
-"""Shortest block times the width of the band, which leaves residuals of a quadratic to estimate the scatter."""
+"""Length of the shortest block times the width of the band; the residuals of a quadratic then determine the scatter."""
 _SAMPLES_PER_WIDTH = 3.0
 _KAISER_BETA = 8.0
 """Shape parameter of the Kaiser window (80 dB)."""
@@ -58,14 +58,20 @@ class Demodulation:
     sample_rate_hz: float
     correlation: NDArray[np.float64]
 
-    def until(self, count: int) -> Demodulation:
-        """Return the first samples."""
-        return replace(self, time_s=self.time_s[:count], log=self.log[:count])
+    @property
+    def step_s(self) -> float:
+        """Distance of the samples; zero for a single sample."""
+        return float(self.time_s[1] - self.time_s[0]) if self.time_s.size > 1 else 0.0
+
+    @property
+    def shortest_block(self) -> int:
+        """Number of samples of the shortest block."""
+        return int(np.ceil(PER_BLOCK / self.width_hz / max(self.step_s, 1e-12)))
 
     def log_gain(self, slope: complex) -> complex:
         """Return the log of the gain of the filter for exp(slope t)."""
-        place = np.arange(self.taps.size) - 0.5 * (self.taps.size - 1)
-        return complex(np.log(np.sum(self.taps * np.exp(-slope * place / self.sample_rate_hz))))
+        taps_from_middle = np.arange(self.taps.size) - 0.5 * (self.taps.size - 1)
+        return complex(np.log(np.sum(self.taps * np.exp(-slope * taps_from_middle / self.sample_rate_hz))))
 
 
 @dataclass(frozen=True)
@@ -119,44 +125,46 @@ def split_blocks(signal: Demodulation, count: int) -> list[slice]:
     smooth = np.polynomial.Polynomial.fit(share, signal.log.real, min(3, share.size - 1))(share)
     falling = np.minimum.accumulate(smooth)
     # Without a decrease the blocks have equal length.
-    course = (falling[0] - falling) + 1e-3 * share
-    edges = np.searchsorted(course, np.linspace(0.0, course[-1], count + 1)[1:-1])
-    ends = [0, *(int(edge) for edge in edges), time.size]
-    return [slice(first, last) for first, last in itertools.pairwise(ends)]
+    decrease = (falling[0] - falling) + 1e-3 * share
+    edges = np.searchsorted(decrease, np.linspace(0.0, decrease[-1], count + 1)[1:-1])
+    return [slice(first, last) for first, last in itertools.pairwise([0, *edges.tolist(), time.size])]
 
 
 def fit_block(signal: Demodulation, part: slice) -> Block:
     """Fit a quadratic to the log of the complex amplitude, weighted by the squared amplitude."""
+    from scipy.linalg import matmul_toeplitz
+
     time, log = signal.time_s[part], signal.log[part]
     size = np.exp(log.real)
     middle = float(np.sum(size**2 * time) / np.sum(size**2))
-    reach = 0.5 * float(time[-1] - time[0])
-    x = (time - middle) / reach
+    half_length = 0.5 * float(time[-1] - time[0])
+    x = (time - middle) / half_length
     q, r = np.linalg.qr(np.stack([np.ones_like(x), x, 0.5 * x**2], axis=1) * size[:, None])
-    inside = q.T @ (size * log)
-    value, slope = np.linalg.solve(r, inside)[:2]
-    slope = complex(slope) / reach
-    residual = size * log - q @ inside
+    projection = q.T @ (size * log)
+    value, slope = np.linalg.solve(r, projection)[:2]
+    slope = complex(slope) / half_length
+    residual = size * log - q @ projection
 
-    step = float(time[1] - time[0])
-    turned = signal.correlation * np.cos(slope.imag * step * np.arange(signal.correlation.size))
-    spread = _correlated(turned, q)
-    projected = q.T @ spread
-    free = x.size - float(np.trace(projected))
-    variance = float(np.sum(np.abs(residual) ** 2)) / (2.0 * free)
-    lags = turned[1 : x.size]
-    square = x.size + 2.0 * float(np.sum(lags**2 * (x.size - 1 - np.arange(lags.size))))
-    square += -2.0 * float(np.sum(spread**2)) + float(np.sum(projected**2))
-    back = np.linalg.inv(r)
-    covariance = variance * back @ projected @ back.T
+    # Correlation of the noise between samples, relative to the phase of the mode.
+    correlation = np.zeros(x.size)
+    lags = np.arange(min(signal.correlation.size, x.size))
+    correlation[lags] = signal.correlation[lags] * np.cos(slope.imag * signal.step_s * lags)
+    noise_columns = np.asarray(matmul_toeplitz(correlation, q))
+    projected = q.T @ noise_columns
+    residual_freedom = x.size - float(np.trace(projected))
+    variance = float(np.sum(np.abs(residual) ** 2)) / (2.0 * residual_freedom)
+    square = x.size + 2.0 * float(np.sum(correlation[1:] ** 2 * (x.size - np.arange(1, x.size))))
+    square += -2.0 * float(np.sum(noise_columns**2)) + float(np.sum(projected**2))
+    r_inverse = np.linalg.inv(r)
+    covariance = variance * r_inverse @ projected @ r_inverse.T
 
-    decay, turn = -slope.real, slope.imag + 2.0 * np.pi * signal.middle_hz
-    natural = float(np.hypot(decay, turn))
-    error = float(np.sqrt(covariance[1, 1])) / reach
+    decay, damped = -slope.real, slope.imag + 2.0 * np.pi * signal.middle_hz
+    natural = float(np.hypot(decay, damped))
+    error = float(np.sqrt(covariance[1, 1])) / half_length
     amplitude = float(np.exp(value.real - signal.log_gain(slope).real))
     return Block(
         time_s=middle,
-        duration_s=float(time[-1] - time[0]) + step,
+        duration_s=float(time[-1] - time[0]) + signal.step_s,
         amplitude=amplitude,
         amplitude_standard_error=amplitude * float(np.sqrt(covariance[0, 0])),
         frequency_hz=natural / (2.0 * np.pi),
@@ -164,17 +172,8 @@ def fit_block(signal: Demodulation, part: slice) -> Block:
         damping_ratio=decay / natural,
         damping_standard_error=error / natural,
         relative_scatter=float(np.sqrt(variance) / np.exp(value.real)),
-        degrees_of_freedom=2.0 * free**2 / square,
+        degrees_of_freedom=2.0 * residual_freedom**2 / square,
     )
-
-
-def _correlated(correlation: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the product of the symmetric Toeplitz matrix of a short correlation with columns."""
-    total: NDArray[np.float64] = correlation[0] * columns
-    for lag in range(1, min(correlation.size, len(columns))):
-        total[lag:] += correlation[lag] * columns[:-lag]
-        total[:-lag] += correlation[lag] * columns[lag:]
-    return total
 
 
 _MAX_BLOCKS = 40
@@ -245,20 +244,16 @@ class RingDown(Result):
                 f"{low:g} and {high:g}, the amplitudes in the middle of the last and of the first block"
             )
         order = np.argsort(self.amplitude)
-        place, known = np.log(amplitudes), np.log(self.amplitude[order])
-        return np.interp(place, known, self.frequency_hz[order]), np.interp(place, known, self.damping_ratio[order])
+        x, known = np.log(amplitudes), np.log(self.amplitude[order])
+        return np.interp(x, known, self.frequency_hz[order]), np.interp(x, known, self.damping_ratio[order])
 
     def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
         """Return the confidence intervals `(k, 2)` of the natural frequencies."""
-        return self._interval(self.frequency_hz, self.frequency_standard_error_hz, level)
+        return intervals(self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom)
 
     def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
         """Return the confidence intervals `(k, 2)` of the damping ratios."""
-        return self._interval(self.damping_ratio, self.damping_standard_error, level)
-
-    def _interval(self, value: NDArray[np.float64], error: NDArray[np.float64], level: float) -> NDArray[np.float64]:
-        reach = error * interval_factor(level, self.degrees_of_freedom)
-        return np.stack([value - reach, value + reach], axis=1)
+        return intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom)
 
     def tables(self) -> list[Table]:
         """Return frequency and damping of each block."""
@@ -282,7 +277,7 @@ class RingDown(Result):
 
     def data(self) -> dict[str, Any]:
         """Return all values of the blocks."""
-        names = [one.name for one in fields(self) if one.name not in ("notes", "provenance")]
+        names = [column.name for column in fields(self) if column.name not in ("notes", "provenance")]
         return {name: getattr(self, name) for name in names}
 
     def plot(self, ax: Axes | None = None) -> Figure:
@@ -309,17 +304,17 @@ def ring_down(
     end_s: float | None = None,
     blocks: int | None = None,
 ) -> RingDown:
-    """Natural frequency and damping of one mode against amplitude, from a record of its free decay.
+    """Estimate natural frequency and damping of a mode against its amplitude, from a record of its free decay.
 
-    The record is shifted by the middle of the band and low-passed (a linear-phase filter; of a decay it changes
-    neither frequency nor rate), which gives the mode's complex amplitude z(t). In each of some blocks of equal drop in
-    amplitude a quadratic is fitted to log z: the slope of its real part is the decay rate, that of its imaginary part
-    the frequency. A quadratic, so that the slope in the middle of a block is not pulled by a frequency that drifts with
-    the amplitude. Standard errors come from the residuals of the quadratic, with the correlation that the
-    filter gives to white noise.
+    The record is shifted down by the middle of the band and low-pass filtered, which gives the complex amplitude z(t)
+    of the mode; the filter has a linear phase and changes neither the frequency nor the rate of a decay. The record is
+    divided into blocks of equal decrease of the amplitude, and a quadratic is fitted to log z in each block. The slope
+    of its real part is the decay rate, that of its imaginary part the frequency; the quadratic term prevents a bias of
+    the slope in the middle of a block if the frequency drifts with the amplitude. Standard errors follow from the
+    residuals of the quadratic, with the correlation of filtered white noise.
 
-    A linear mode gives the same numbers in every block. A joint that slips more at larger amplitude gives a lower
-    frequency and a higher damping there.
+    A linear mode has the same values in every block. With a joint that slips at large amplitudes the frequency is lower
+    and the damping higher there.
 
     Parameters
     ----------
@@ -328,24 +323,24 @@ def ring_down(
     sample_rate_hz : float
         Samples per second.
     low_hz, high_hz : float
-        A band with one mode inside. Its width decides what can be resolved: a block is at least 8 / width long, and
-        the first one begins 2 / width after the hit.
+        Band that contains a single mode. Its width determines the resolution: a block has at least the length
+        8 / width, and the first block begins 2 / width after the hit.
     start_s, end_s : float, optional
-        The part of the record that is a free decay, from its first sample; by default from the largest sample on to
-        the end.
+        Beginning and end of the free decay, from the first sample of the record; by default the largest sample and the
+        end of the record.
     blocks : int, optional
-        How many; by default as many as are long enough, at most 40. The end of the record, where the
-        scatter is more than a tenth of the amplitude, is left out, with a note.
+        Number of blocks; by default as many as are long enough, at most 40. The end of the record, where the scatter is
+        more than a tenth of the amplitude, is left out, with a note.
 
     Returns
     -------
     RingDown
-        The curve as arrays, in order of time.
+        Estimates of the blocks in order of time.
 
     Warns
     -----
     ReceptanceWarning
-        Other signals than one decaying mode in the band.
+        Signals in the band that are not part of a single decaying mode.
 
     Raises
     ------
@@ -371,23 +366,19 @@ def ring_down(
         _checks.whole_number(owner, "blocks", blocks)
     signal = demodulate(record[first : last + 1], rate, low, high, first / rate)
     signal, notes = _until_scatter(owner, signal)
-    found = [fit_block(signal, part) for part in _blocks(owner, signal, blocks)]
-    if found[0].relative_scatter > _MAX_INITIAL_SCATTER:
+    fits = [fit_block(signal, part) for part in _blocks(owner, signal, blocks)]
+    if fits[0].relative_scatter > _MAX_INITIAL_SCATTER:
         text = (
-            f"{100.0 * found[0].relative_scatter:.2g} % of the amplitude at the start of the decay is not one decaying "
-            f"mode between {low:g} and {high:g} Hz: another mode in the band, or the hit itself; narrow the band or "
-            "start later"
+            f"{100.0 * fits[0].relative_scatter:.2g} % of the amplitude at the start of the decay is not that of a "
+            f"single decaying mode between {low:g} and {high:g} Hz: there is another mode in the band, or the hit; "
+            "narrow the band or start later"
         )
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
         notes.append(text)
     columns: dict[str, Any] = {
-        one.name: np.array([getattr(block, one.name) for block in found]) for one in fields(Block)
+        column.name: np.array([getattr(fit, column.name) for fit in fits]) for column in fields(Block)
     }
-    return RingDown(
-        **columns,
-        band_hz=(low, high),
-        notes=tuple(notes),
-    )
+    return RingDown(**columns, band_hz=(low, high), notes=tuple(notes))
 
 
 def _record(owner: str, samples: ArrayLike) -> NDArray[np.float64]:
@@ -400,7 +391,7 @@ def _record(owner: str, samples: ArrayLike) -> NDArray[np.float64]:
     if bad.size:
         raise ValueError(f"{owner}: samples[{bad[0]}] is {record[bad[0]]}, expected a finite number")
     if not record.any():
-        raise ValueError(f"{owner}: samples has {record.size} values, all zero or none; expected a decay")
+        raise ValueError(f"{owner}: samples has {record.size} values and none other than zero, expected a decay")
     return record.astype(np.float64)
 
 
@@ -437,11 +428,12 @@ def _part(
 
 def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list[str]]:
     """Truncate the record where the scatter is no longer small relative to the amplitude."""
-    size = _shortest_block(signal)
+    size = signal.shortest_block
     if signal.time_s.size < size:
         raise ValueError(
-            f"{owner}: the decay is {signal.time_s.size * _step(signal):.3g} s long beyond the filter's ends, expected "
-            f"at least {size * _step(signal):.3g} s ({PER_BLOCK:g} over the width of the band); widen the band"
+            f"{owner}: the decay is {signal.time_s.size * signal.step_s:.3g} s long without the transients of the "
+            f"filter, expected at least {size * signal.step_s:.3g} s ({PER_BLOCK:g} over the width of the band); widen "
+            "the band"
         )
     noisy = [
         fit_block(signal, slice(first, first + size)).relative_scatter > _MAX_SCATTER
@@ -454,34 +446,24 @@ def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list
     if end == 0:
         raise ValueError(
             f"{owner}: between {signal.middle_hz - 0.5 * signal.width_hz:g} and "
-            f"{signal.middle_hz + 0.5 * signal.width_hz:g} Hz the record does not begin with the decay of one "
+            f"{signal.middle_hz + 0.5 * signal.width_hz:g} Hz the record does not begin with the decay of a single "
             f"mode: the residuals are more than {100.0 * _MAX_SCATTER:g} % of the amplitude"
         )
     note = (
         f"the record is used up to {signal.time_s[end * size]:.4g} s; after it the scatter is more than "
         f"{100.0 * _MAX_SCATTER:g} % of the amplitude"
     )
-    return signal.until(end * size), [note]
+    return replace(signal, time_s=signal.time_s[: end * size], log=signal.log[: end * size]), [note]
 
 
 def _blocks(owner: str, signal: Demodulation, number: int | None) -> list[slice]:
-    least = _shortest_block(signal)
     for count in range(_MAX_BLOCKS, 0, -1) if number is None else [number]:
         parts = split_blocks(signal, count)
         shortest = min(part.stop - part.start for part in parts)
-        if shortest >= least:
+        if shortest >= signal.shortest_block:
             return parts
     raise ValueError(
-        f"{owner}: {number} blocks of equal drop in amplitude are as short as {shortest * _step(signal):.3g} s, "
-        f"expected at least {least * _step(signal):.3g} s ({PER_BLOCK:g} over the width of the band); take fewer, or "
-        "widen the band"
+        f"{owner}: of {number} blocks of equal decrease of the amplitude the shortest has "
+        f"{shortest * signal.step_s:.3g} s, expected at least {signal.shortest_block * signal.step_s:.3g} s "
+        f"({PER_BLOCK:g} over the width of the band); give fewer blocks, or widen the band"
     )
-
-
-def _step(signal: Demodulation) -> float:
-    return float(np.diff(signal.time_s[:2])[0]) if signal.time_s.size > 1 else 0.0
-
-
-def _shortest_block(signal: Demodulation) -> int:
-    """Return the number of samples of the shortest block."""
-    return int(np.ceil(PER_BLOCK / signal.width_hz / max(_step(signal), 1e-12)))

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
 from receptance import _checks
-from receptance.model.beams import Part, Segment
+from receptance.model.beams import Material, Part, Segment
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
-from receptance.model.terminals import MeasuredPart, ModalPart
+from receptance.model.terminals import MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
@@ -19,6 +19,22 @@ if TYPE_CHECKING:
 
 ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
 Attachment = PointMass | GroundSpring | Resonator
+QUANTITIES = {
+    name: quantity
+    for element in (
+        PointJoint,
+        MicroslipJoint,
+        SpreadJoint,
+        ColletJoint,
+        Segment,
+        Material,
+        PointMass,
+        Mode,
+        ModalPart,
+    )
+    for name, quantity in element.quantities.items()
+}
+"""Quantities of parameters by the last word of their addresses; ground springs and resonators add no names."""
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
@@ -61,19 +77,19 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     count = len(part.segments)
     if match is None:
         raise ValueError(
-            f"there is no parameter {address!r}; a part's are like segment[0].length or segment[*].density"
+            f"there is no parameter {address!r}; a part has parameters such as segment[0].length or segment[*].density"
         )
-    which, field = match.groups()
-    indices = range(count) if which == "*" else [int(which)]
+    number, field = match.groups()
+    indices = range(count) if number == "*" else [int(number)]
     if indices[0] >= count:
         raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
     known = [column.address for column in Segment.layout if column.address]
     if field not in known:
         raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
-    found = [(i, field) for i in indices if field in part.segments[i].places()]
-    if not found:
+    pairs = [(i, field) for i in indices if field in part.segments[i].places()]
+    if not pairs:
         raise ValueError(f"there is no parameter {address!r}: the segment has no core")
-    return found
+    return pairs
 
 
 def names_of(elements: Sequence[Any]) -> list[str]:
@@ -86,12 +102,12 @@ def names_of(elements: Sequence[Any]) -> list[str]:
     """
     roles = [element.role for element in elements if not element.name]
     names: list[str] = []
-    counter: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for element in elements:
         name = element.name
         if not name:
-            index = counter.setdefault(element.role, 0)
-            counter[element.role] += 1
+            index = counts.setdefault(element.role, 0)
+            counts[element.role] += 1
             name = element.role if roles.count(element.role) == 1 else f"{element.role}_{index}"
         if re.fullmatch(r"[^\W\d]\w*", name) is None:
             raise ValueError(f"Assembly: the name {name!r} must be one word of letters, digits and underscores")
@@ -109,22 +125,24 @@ def edges_of(part: Any) -> list[float]:
     return edges
 
 
-def place_on(elements: Mapping[str, Any], what: str, part: str, position: float | str) -> tuple[str, float]:
+def place_on(elements: Mapping[str, Any], owner: str, part: str, position: float | str) -> tuple[str, float]:
     """Return the name of the part and the position along it in m, rounded to an end of a segment within 1e-9 of it."""
     name = part or next(iter(elements))
     element = elements.get(name)
     if not isinstance(element, Part):
         known = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
-        raise ValueError(f"{what}: there is no part {name!r}; the parts are {known}")
+        raise ValueError(f"{owner}: there is no part {name!r}; the parts are {known}")
     edges = edges_of(element)
     if position == "end":
         return name, edges[-1]
-    x = _checks.number(what, "position", position, unit="m")
+    x = _checks.number(owner, "position", position, unit="m")
     nearest = min(edges, key=lambda edge: abs(edge - x))
     if abs(nearest - x) <= 1e-9 * edges[-1]:
         return name, nearest
     if not 0.0 < x < edges[-1]:
-        raise ValueError(f"{what}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}")
+        raise ValueError(
+            f"{owner}: position is {x:g} m, expected from 0 to the length {edges[-1]:g} m of part {name!r}"
+        )
     return name, x
 
 

@@ -6,9 +6,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import tau
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
@@ -35,9 +36,6 @@ from receptance.model.tables import (
     rows_of,
 )
 from receptance.model.terminals import MeasuredPart
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Assembly"]
 
@@ -90,7 +88,6 @@ class Assembly:
         check_chain(elements, points, motion)
         # An assembly is immutable, so it is flattened once per set of coordinates.
         self._flats: dict[tuple[Coordinate, ...], Flat] = {}
-        self._values: dict[str, float] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
         self._attachments = dict(zip(names_of(points), points, strict=True))
         if double := self._elements.keys() & self._attachments.keys():
@@ -277,33 +274,24 @@ class Assembly:
         >>> from receptance import STEEL, Assembly, Part, Segment
         >>> bar = Segment(length=0.2, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.002))
         >>> bar = Assembly([Part([bar], name="bar")])
-        >>> found, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
-        >>> round(float(found[0].imag / abs(found[0])), 5)  # half the loss factor
+        >>> frequency, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
+        >>> round(float(frequency[0].imag / abs(frequency[0])), 5)  # half the loss factor
         0.001
         """
         flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
-        near = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
+        undamped = np.ascontiguousarray(undamped_hz, dtype=np.float64).reshape(-1)
         with flat.joints_by_name():
-            angular, slope = flat.model.complex_frequencies(tau * near, rows)
+            angular, slope = flat.model.complex_frequencies(tau * undamped, rows)
         return angular / tau, slope @ matrix / tau
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` all segments must have the same value."""
-        if address not in self._values:
-            self._values[address] = self._get(address)
-        return self._values[address]
-
-    def _get(self, address: str) -> float:
-        owner, rest = self._owner(address)
-        if isinstance(owner, Part):
-            values = {owner.segments[i].value(field) for i, field in segment_fields(address, owner, rest)}
-            if len(values) > 1:
-                found = ", ".join(f"{value:g}" for value in sorted(values))
-                raise ValueError(f"{address!r} has different values in the segments: {found}")
-            return values.pop()
-        self._entries(address, self.flat())
-        return float(owner.value(rest))
+        values = {self.flat().values[name] for name in self._named(address)}
+        if len(values) > 1:
+            found = ", ".join(f"{value:g}" for value in sorted(values))
+            raise ValueError(f"{address!r} has different values in the segments: {found}")
+        return values.pop()
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
         """Return a new assembly with other values of some parameters.
@@ -325,7 +313,7 @@ class Assembly:
                 for i, field in segment_fields(address, owner, rest):
                     in_segments.setdefault((name, i), {})[field] = value
             else:
-                self._entries(address, self.flat())
+                self._named(address)
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
         for (name, i), fields in in_segments.items():
@@ -343,9 +331,11 @@ class Assembly:
             shifts = [new[old.index(x)] - x for x in along]
             if max(shifts) - min(shifts) <= 1e-9 * old[-1]:
                 elements[name] = replace(elements[name], position=along[0] + shifts[0] - attachment.offsets[0])
-        full = {name: one if one.name == name else replace(one, name=name) for name, one in elements.items()}
-        points = [full[name] for name in self._attachments]
-        return Assembly([full[name] for name in self._elements], points, motion=self.motion)
+        named = {
+            name: element if element.name == name else replace(element, name=name) for name, element in elements.items()
+        }
+        points = [named[name] for name in self._attachments]
+        return Assembly([named[name] for name in self._elements], points, motion=self.motion)
 
     def reduced_to_joint(
         self,
@@ -416,8 +406,8 @@ class Assembly:
         """
         flat = self.flat()
         with flat.joints_by_name():
-            found, missed = flat.model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
-        return found / tau, missed
+            angular, missed = flat.model.poles(tau * starts, (tau * radii[0], tau * radii[1]), angles)
+        return angular / tau, missed
 
     def flat(self, points: tuple[Coordinate, ...] = ()) -> Flat:
         """Return the tables of the core, with a node at each coordinate; they are computed once."""
@@ -439,20 +429,11 @@ class Assembly:
         others : collection of str, optional
             The addresses of observations, which are in no table.
         """
-        flat = self.flat(points)
-        rates = [
-            (*entry[:3], index, entry[3])
-            for index, address in enumerate(addresses)
-            if address not in others
-            for entry in self._entries(address, flat)
-        ]
-        present = [0.0 if address in others else self.get(address) for address in addresses]
-        return Tied(
-            flat=flat,
-            rates=np.array(rates, dtype=np.float64).reshape(-1, 5),
-            present=np.array(present, dtype=np.float64),
-            points=self._points(flat, points),
-        )
+        flat, names = self.flat(points), [[] if one in others else self._named(one) for one in addresses]
+        for address, own in zip(addresses, names, strict=True):
+            if len(own) > 1:
+                self.get(address)  # raises if the segments differ
+        return Tied(flat, names, self._points(flat, points))
 
     def _evaluate(
         self,
@@ -501,17 +482,18 @@ class Assembly:
 
     def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distinct table entries of addresses, and the matrix of their rates; see `distinct`."""
-        return distinct([self._entries(address, flat) for address in addresses])
+        return distinct([[entry for name in self._named(one) for entry in flat.entries[name]] for one in addresses])
 
-    def _entries(self, address: str, flat: Flat) -> list[tuple[int, int, int, float]]:
-        if address in flat.entries:
-            return flat.entries[address]
+    def _named(self, address: str) -> list[str]:
+        """Return the parameters at an address, several with `segment[*]`."""
+        known = self.flat().entries
+        if address in known:
+            return [address]
         owner, rest = self._owner(address)
-        if isinstance(owner, Part):
-            name, fields = address.split(".", 1)[0], segment_fields(address, owner, rest)
-            return [entry for i, field in fields for entry in flat.entries[f"{name}.segment[{i}].{field}"]]
         first = address.split(".", 1)[0] + "."
-        names = ", ".join(name.removeprefix(first) for name in flat.entries if name.startswith(first))
+        if isinstance(owner, Part):
+            return [f"{first}segment[{i}].{field}" for i, field in segment_fields(address, owner, rest)]
+        names = ", ".join(name.removeprefix(first) for name in known if name.startswith(first))
         raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names}")
 
     def _owner(self, address: str) -> tuple[Any, str]:
@@ -530,7 +512,7 @@ class Assembly:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Assembly):
             return NotImplemented
-        mine, theirs = ((a.motion, a._elements, a._attachments) for a in (self, other))
-        return mine == theirs
+        contents, others = ((a.motion, a._elements, a._attachments) for a in (self, other))
+        return contents == others
 
     __hash__ = None  # type: ignore[assignment]

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
 from receptance.errors import warn_user
@@ -16,8 +17,6 @@ from receptance.model.joints import WIDTHS
 from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.tables import Flat
 
 __all__ = ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"]
@@ -63,9 +62,10 @@ class Material(Element):
     def __post_init__(self) -> None:
         self.check()
         if self.youngs_modulus < _SOFTEST:
-            found = f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa"
-            text = f"{found}, softer than rubber; give it in Pa, not in GPa"
-            warn_user(text)
+            warn_user(
+                f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa, softer than rubber; give it in Pa, "
+                "not in GPa"
+            )
 
     @property
     def shear_modulus(self) -> float:
@@ -86,7 +86,7 @@ _COMMON = {"length": 10.0, "outer_diameter": 2.0}
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Round(Element):
+class _CircularSection(Element):
     """A circular cross-section."""
 
     outer_diameter: Annotated[float, Number(units.LENGTH, "outer diameter")]
@@ -119,17 +119,16 @@ class _Round(Element):
             raise ValueError(f"{self.owner}: core is given and inner_diameter is 0, expected a bore for the core")
         for quantity, common in _COMMON.items():
             if (value := getattr(self, quantity, 0.0)) > common:
-                text = f"{self.owner}: {quantity} is {value:g} m; give lengths in metres, not in millimetres"
-                warn_user(text)
+                warn_user(f"{self.owner}: {quantity} is {value:g} m; give lengths in metres, not in millimetres")
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Long(Element):
+class _Length(Element):
     length: Annotated[float, Number(units.LENGTH, "length")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Section(_Round):
+class Section(_CircularSection):
     """A circular section without a length: solid, hollow, or hollow and filled.
 
     Parameters
@@ -150,7 +149,7 @@ class Section(_Round):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Segment(_Round, _Long):
+class Segment(_CircularSection, _Length):
     """A uniform circular Timoshenko beam: solid, hollow, or hollow and filled.
 
     Parameters
@@ -204,13 +203,8 @@ class Part(Renderable):
     role: ClassVar[str] = "part"
 
     def __init__(self, segments: Iterable[Segment], *, name: str = "") -> None:
-        segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
         owner = f"Part {name!r}" if name else "Part"
-        if not segments:
-            raise ValueError(f"{owner}: segments is empty, expected at least one Segment")
-        for index, segment in enumerate(segments):
-            if not isinstance(segment, Segment):
-                raise TypeError(f"{owner}: segments[{index}] is {segment!r}, expected a Segment")
+        segments = _checks.items(f"{owner}: segments", segments, Segment)
         _checks.set_fields(self, {"segments": segments, "name": name})
 
     @property
@@ -228,10 +222,11 @@ class Part(Renderable):
         start = 0.0
         flat.nodes[name, start] = node
         pieces: list[list[int]] = []
-        for segment in self.segments:
+        rows = [segment.columns() for segment in self.segments]
+        for segment, row in zip(self.segments, rows, strict=True):
             end = start + segment.length
             inside = [x for x in flat.positions.get(name, ()) if start < x < end]
-            columns = list(segment.columns())
+            columns = list(row)
             pieces.append([])
             for left, right in pairwise([start, *inside, end]):
                 far = flat.new_node()
@@ -241,16 +236,17 @@ class Part(Renderable):
                 flat.nodes[name, right] = node = far
             start = end
         for i, segment in enumerate(self.segments):
-            for address, place in segment.places().items():
-                entries = [(SEGMENTS, row, 2 + place, 1.0) for row in pieces[i]]
+            for address, column in segment.places().items():
+                entries = [(SEGMENTS, row, 2 + column, 1.0) for row in pieces[i]]
                 if address == "length":
                     # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
                     # segment grows, and in each later segment the first piece shrinks and the last one grows.
                     entries = entries[-1:]
                     for later in pieces[i + 1 :]:
                         if len(later) > 1:
-                            entries += [(SEGMENTS, later[0], 2 + place, -1.0), (SEGMENTS, later[-1], 2 + place, 1.0)]
-                flat.entries[f"{name}.segment[{i}].{address}"] = entries
+                            entries += [(SEGMENTS, later[0], 2 + column, -1.0), (SEGMENTS, later[-1], 2 + column, 1.0)]
+                parameter = f"{name}.segment[{i}].{address}"
+                flat.entries[parameter], flat.values[parameter] = entries, rows[i][column]
         return node
 
     def segment_rows(self) -> NDArray[np.float64]:
@@ -339,12 +335,12 @@ class Part(Renderable):
         rows = [
             (
                 index,
-                1e3 * one.length,
-                1e3 * one.outer_diameter,
-                1e3 * one.inner_diameter,
-                1e-9 * one.material.youngs_modulus,
-                one.material.density,
+                1e3 * segment.length,
+                1e3 * segment.outer_diameter,
+                1e3 * segment.inner_diameter,
+                1e-9 * segment.material.youngs_modulus,
+                segment.material.density,
             )
-            for index, one in enumerate(self.segments)
+            for index, segment in enumerate(self.segments)
         ]
         return [Table("", columns, rows)]

@@ -14,13 +14,12 @@ from math import tau
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.model.addresses import listed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
@@ -31,9 +30,9 @@ _STEP = 1e-6
 _CIRCLE = 8
 """Points around a pole: the regular part cancels to the power of their number."""
 _RADIUS = 0.05
-"""Of the circle, over the distance to the nearest other pole."""
-_REACH = 1.2
-"""Times the limit up to which undamped natural frequencies are starts: damping moves poles down."""
+"""Radius of the circle over the distance to the nearest other pole."""
+_START_RANGE = 1.2
+"""Largest undamped natural frequency of a start over the limit: damping moves poles down."""
 _LARGEST_RATIO = 0.9
 """Damping ratio above which modes are left out."""
 _LOWEST = 1e-3
@@ -54,12 +53,12 @@ class DampedModes:
     damping_ratio : ndarray
         `(k,)` viscous damping ratios Im w_r / |w_r|.
     dynamic_stiffness : ndarray
-        `(k,)` 1 / |G| in N/m at the damped natural frequency, where the response is about largest; it holds the other
-        modes too.
+        `(k,)` 1 / |G| in N/m at the damped natural frequency, where the response is approximately largest,
+        with the contribution of the other modes.
     residue : ndarray
         `(k,)` complex R of G = sum over modes of R / (w - w_r), in m/N rad/s.
     missed : int
-        How many modes were counted (by the argument principle) and not found; 0 unless poles coincide.
+        Number of modes that were counted by the argument principle and not found; 0 unless poles coincide.
     log_slopes : ndarray
         `(k, 3, p)` derivatives of the logarithms of frequency, damping ratio and dynamic stiffness, per SI unit of the
         requested parameters.
@@ -132,43 +131,41 @@ def damped_modes(
     '1061 Hz, 0.61 %, 4e+04 N/m'
     """
     limit = _checks.positive("damped_modes", "upper_hz", upper_hz, unit="Hz")
-    wanted = listed(parameters)
-    starts = _starts(assembly, _REACH * limit)
+    addresses = listed(parameters)
+    starts = _starts(assembly, _START_RANGE * limit)
     lowest = _LOWEST * float(np.abs(starts).min(initial=limit))
     poles, missed = assembly.poles(starts, (lowest, limit), (_BELOW, float(np.arcsin(_LARGEST_RATIO))))
-    return _described(assembly, poles, wanted, (response, excitation), threads, missed)
+    return _modes_of_poles(assembly, poles, addresses, (response, excitation), threads, missed)
 
 
 def _starts(assembly: Assembly, limit: float) -> NDArray[np.complex128]:
-    """Undamped natural frequencies in Hz, moved by i (eta k + w c) in every stiffness to first order."""
-    own = set(assembly.parameters)
-    stiff, lost, damped = [], [], []
+    """Return the undamped natural frequencies in Hz, moved by i (eta k + w c) of every stiffness to first order."""
+    parameters = set(assembly.parameters)
+    stiffnesses, losses, dashpots = [], [], []
     for address in assembly.parameters:
         owner, _, field = address.rpartition(".")
         if field in ("k_y", "k_theta", "k_ytheta", "youngs_modulus"):
-            dashpot = f"{owner}.c_{field[2:]}"
-            stiff.append(address)
-            lost.append(
-                assembly.get(f"{owner}.loss_factor") * assembly.get(address) if f"{owner}.loss_factor" in own else 0.0
-            )
-            damped.append(assembly.get(dashpot) if dashpot in own else 0.0)
-    found, slope = assembly.natural_frequency_derivatives(limit, stiff)
-    moved = slope @ np.array(lost) + tau * found * (slope @ np.array(damped))
-    return np.asarray(found + 1j * np.minimum(moved, 2.0 * found))
+            loss_factor, dashpot = f"{owner}.loss_factor", f"{owner}.c_{field[2:]}"
+            stiffnesses.append(address)
+            losses.append(assembly.get(loss_factor) * assembly.get(address) if loss_factor in parameters else 0.0)
+            dashpots.append(assembly.get(dashpot) if dashpot in parameters else 0.0)
+    undamped, slope = assembly.natural_frequency_derivatives(limit, stiffnesses)
+    shift = slope @ np.array(losses) + tau * undamped * (slope @ np.array(dashpots))
+    return np.asarray(undamped + 1j * np.minimum(shift, 2.0 * undamped))
 
 
 def _ascending(lines: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray[np.complex128]]:
-    """Return the order of lines by their real part, and them so, equal ones apart by rounding."""
+    """Return the order of lines by their real part, and the sorted lines; equal lines are separated by rounding."""
     order = np.argsort(lines.real, kind="stable")
-    found = lines[order]
-    return order, found + 1e-15 * np.arange(found.size) * found.real
+    ascending = lines[order]
+    return order, ascending + 1e-15 * np.arange(ascending.size) * ascending.real
 
 
-def _described(
+def _modes_of_poles(
     assembly: Assembly,
     poles: NDArray[np.complex128],
     parameters: tuple[str, ...],
-    places: tuple[Coordinate | None, Coordinate | None],
+    coordinates: tuple[Coordinate | None, Coordinate | None],
     threads: int | None,
     missed: int,
 ) -> DampedModes:
@@ -184,9 +181,9 @@ def _described(
         )
     # The distance to the mirror image of a pole counts as well, so the circle stays in the upper half.
     others = np.concatenate([poles, -poles.conj()])
-    apart = np.abs(poles[:, None] - others[None, :])
-    apart[np.arange(poles.size), np.arange(poles.size)] = np.inf
-    radius = _RADIUS * np.minimum(apart.min(axis=1), np.abs(poles))
+    distance = np.abs(poles[:, None] - others[None, :])
+    distance[np.arange(poles.size), np.arange(poles.size)] = np.inf
+    radius = _RADIUS * np.minimum(distance.min(axis=1), np.abs(poles))
     offset = radius[:, None] * np.exp(1j * tau * (0.3 + np.arange(_CIRCLE)) / _CIRCLE)
     peaks = np.repeat(poles.real, 2) * np.tile([1.0 - _STEP, 1.0 + _STEP], poles.size)
     lines = np.concatenate([(poles[:, None] + offset).ravel(), peaks])
@@ -194,25 +191,25 @@ def _described(
     g = np.empty(lines.size, np.complex128)
     dg = np.empty((lines.size, len(parameters)), np.complex128)
     g[order], dg[order] = assembly.derivatives(
-        ascending, parameters, response=places[0], excitation=places[1], threads=threads
+        ascending, parameters, response=coordinates[0], excitation=coordinates[1], threads=threads
     )
     count = poles.size * _CIRCLE
     around, slopes = g[:count].reshape(poles.size, _CIRCLE), dg[:count].reshape(poles.size, _CIRCLE, -1)
     residue = np.mean(around * offset, axis=1)
-    moved = np.mean(slopes * offset[:, :, None] ** 2, axis=1) / residue[:, None]
+    pole_slopes = np.mean(slopes * offset[:, :, None] ** 2, axis=1) / residue[:, None]
     size = np.abs(poles)
     # w_r = |w_r| (sqrt(1 - zeta^2) + i zeta), so ln w_r = ln |w_r| + i arcsin(zeta).
-    relative = moved / poles[:, None]
+    relative = pole_slopes / poles[:, None]
     damping = poles.imag / size
     at_peak, at_peak_slopes = g[count:].reshape(-1, 2), dg[count:].reshape(poles.size, 2, -1)
     stiffness = 1.0 / np.abs(at_peak.mean(axis=1))
-    own = np.mean(at_peak_slopes / at_peak[:, :, None], axis=1).real
-    along = np.diff(np.log(np.abs(at_peak)), axis=1)[:, 0] / (2.0 * _STEP * poles.real)
+    fixed_line = np.mean(at_peak_slopes / at_peak[:, :, None], axis=1).real
+    along_lines = np.diff(np.log(np.abs(at_peak)), axis=1)[:, 0] / (2.0 * _STEP * poles.real)
     log_slopes = np.stack(
         [
             relative.real,
             relative.imag * (np.sqrt(1.0 - damping**2) / np.maximum(damping, 1e-300))[:, None],
-            -(own + along[:, None] * moved.real),
+            -(fixed_line + along_lines[:, None] * pole_slopes.real),
         ],
         axis=1,
     )

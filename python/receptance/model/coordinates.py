@@ -6,7 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
-__all__ = ["Coordinate", "Side", "Unplaced", "as_coordinates", "measured_coordinates"]
+from receptance import _checks
+
+__all__ = ["Coordinate", "Side", "UnknownPosition", "as_coordinates", "measured_coordinates"]
 
 
 @dataclass(frozen=True)
@@ -16,10 +18,10 @@ class Coordinate:
     Parameters
     ----------
     part : str, optional
-        Name of the part; empty for the first one.
+        Name of the part; empty for the first part.
     position : float or "end", optional
         Distance in m from the tip-side end of the part, or its far end. A position at an end of a segment moves with
-        that end when a length changes; one inside a segment is fixed.
+        that end when a length changes; a position inside a segment is fixed.
     direction : {"y", "theta"}, optional
         Transverse displacement and force, or slope and moment.
 
@@ -47,7 +49,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class Unplaced(Coordinate):
+class UnknownPosition(Coordinate):
     """A coordinate with a known direction and an unknown position, as in files without positions.
 
     It differs from every `Coordinate` with a position. Where a position is needed, the tip of the first part is used.
@@ -59,9 +61,9 @@ class Unplaced(Coordinate):
 
     Examples
     --------
-    >>> from receptance.model.coordinates import Unplaced
-    >>> Unplaced("theta")
-    Unplaced('theta')
+    >>> from receptance.model.coordinates import UnknownPosition
+    >>> UnknownPosition("theta")
+    UnknownPosition('theta')
     """
 
     def __init__(self, direction: str = "y") -> None:
@@ -72,7 +74,7 @@ class Unplaced(Coordinate):
         return f"{self.direction} at unknown position"
 
     def __repr__(self) -> str:
-        return f"Unplaced({self.direction!r})"
+        return f"UnknownPosition({self.direction!r})"
 
 
 Side: TypeAlias = Coordinate | str | Sequence[Coordinate | str] | None
@@ -85,17 +87,11 @@ def as_coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coor
         return (Coordinate(),)
     if isinstance(side, str):
         raise TypeError(f"coordinate is {side!r}, expected a Coordinate such as Coordinate('tool', 0.0, 'y')")
-    points = (side,) if isinstance(side, Coordinate) else tuple(side)
-    for index, point in enumerate(points):
-        if not isinstance(point, Coordinate):
-            raise TypeError(f"coordinate {index} is {point!r}, expected a Coordinate")
-    if not points:
-        raise ValueError("the sequence of coordinates is empty, expected at least one")
-    return points
+    return _checks.items("coordinates", side, Coordinate)
 
 
 def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> tuple[Coordinate, ...]:
-    """Return the coordinates of a measurement's responses or excitations; `Unplaced` where no position is given.
+    """Return the coordinates of a measurement's responses or excitations; `UnknownPosition` where no position is given.
 
     Raises
     ------
@@ -103,16 +99,16 @@ def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> t
         Another number than `count`, or an entry that is neither a coordinate nor a direction.
     """
     if side is None:
-        return (Unplaced(),) * count
-    given = tuple(side) if isinstance(side, Iterable) and not isinstance(side, str) else (side,)
-    if len(given) != count:
-        raise ValueError(f"{owner}: there are {len(given)} {quantity} for values with {count}, expected {count}")
-    return tuple(_measured_coordinate(owner, f"{quantity}[{index}]", one) for index, one in enumerate(given))
+        return (UnknownPosition(),) * count
+    points = tuple(side) if isinstance(side, Iterable) and not isinstance(side, str) else (side,)
+    if len(points) != count:
+        raise ValueError(f"{owner}: there are {len(points)} {quantity} for values with {count}, expected {count}")
+    return tuple(_measured_coordinate(owner, f"{quantity}[{index}]", point) for index, point in enumerate(points))
 
 
-def _measured_coordinate(owner: str, quantity: str, one: Any) -> Coordinate:
-    if isinstance(one, Coordinate):
-        return one
-    if one in ("y", "theta"):
-        return Unplaced(one)
-    raise TypeError(f"{owner}: {quantity} is {one!r}, expected a Coordinate, or 'y' or 'theta' for a direction alone")
+def _measured_coordinate(owner: str, quantity: str, point: Any) -> Coordinate:
+    if isinstance(point, Coordinate):
+        return point
+    if point in ("y", "theta"):
+        return UnknownPosition(point)
+    raise TypeError(f"{owner}: {quantity} is {point!r}, expected a Coordinate, or 'y' or 'theta' for a direction alone")

@@ -140,28 +140,28 @@ class Column:
 
 def _declared(kind: type) -> dict[str, Field]:
     """Return the declared fields of a class by name, with the fields of base classes first."""
-    found: dict[str, Field] = {}
+    declared: dict[str, Field] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        for one in getattr(hint, "__metadata__", ()):
-            if isinstance(one, Field):
-                found[name] = one
+        for metadata in getattr(hint, "__metadata__", ()):
+            if isinstance(metadata, Field):
+                declared[name] = metadata
     order = [name for base in reversed(kind.__mro__) for name in inspect.get_annotations(base)]
-    return {name: found[name] for name in dict.fromkeys(order) if name in found}
+    return {name: declared[name] for name in dict.fromkeys(order) if name in declared}
 
 
 def _layout(fields: Mapping[str, Field]) -> tuple[Column, ...]:
     """Return the columns of fields in the tables of the core."""
-    found: list[Column] = []
+    columns: list[Column] = []
     for name, field in fields.items():
         if isinstance(field, Member):
             for column in field.kind.layout:
                 address = f"{field.prefix}{column.address}" if column.address else ""
-                found.append(Column(address, (name, *column.path), column.field))
+                columns.append(Column(address, (name, *column.path), column.field))
         elif isinstance(field, Number) and field.parameter:
-            found.append(Column(name, (name,), field))
+            columns.append(Column(name, (name,), field))
         elif isinstance(field, Choice) or (isinstance(field, Count) and field.column):
-            found.append(Column("", (name,), field))
-    return tuple(found)
+            columns.append(Column("", (name,), field))
+    return tuple(columns)
 
 
 class Element:
@@ -180,8 +180,10 @@ class Element:
     """Declarations of the fields by name, in the order of their definition."""
     layout: ClassVar[tuple[Column, ...]] = ()
     """Columns of an element in the tables of the core."""
+    quantities: ClassVar[dict[str, Quantity]] = {}
+    """Quantities of the parameters that are direct fields of the class, by name."""
     columns_of: ClassVar[tuple[str, ...]] = ()
-    """Names of the parameters that are direct fields of the class."""
+    """Names of these parameters."""
     toleranced: ClassVar[bool] = True
     """Whether a campaign can state tolerances of its parameters."""
     role: ClassVar[str] = ""
@@ -191,7 +193,9 @@ class Element:
         super().__init_subclass__(**options)
         cls.declared = _declared(cls)
         cls.layout = _layout(cls.declared)
-        cls.columns_of = tuple(column.address for column in cls.layout if column.path == (column.address,))
+        numbers = {name: field for name, field in cls.declared.items() if isinstance(field, Number) and field.parameter}
+        cls.quantities = {name: field.quantity for name, field in numbers.items()}
+        cls.columns_of = tuple(cls.quantities)
         if cls.__doc__ and "{fields}" in cls.__doc__:
             cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, cls.declared))
 
@@ -246,27 +250,20 @@ class Element:
             if column.address and _is_present(self, column.path)
         }
 
-    def value(self, address: str) -> float:
-        """Return the value of a parameter by its address within the element."""
-        value: Any = self
-        for name in self._path(address):
-            value = getattr(value, name)
-        return float(value)
-
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the element with new values of some parameters, replaced together."""
         changes: dict[str, Any] = {}
         inside: dict[str, dict[str, float]] = {}
         for address, value in values.items():
-            name, *rest = self._path(address)
-            if rest:
+            name, *nested = self._path(address)
+            if nested:
                 member = self.declared[name]
                 assert isinstance(member, Member)
                 inside.setdefault(name, {})[address.removeprefix(member.prefix)] = value
             else:
                 changes[name] = value
-        for name, own in inside.items():
-            changes[name] = getattr(self, name).with_values(own)
+        for name, member_values in inside.items():
+            changes[name] = getattr(self, name).with_values(member_values)
         return replace(self, **changes)  # type: ignore[type-var]
 
     def _path(self, address: str) -> tuple[str, ...]:
@@ -295,10 +292,10 @@ def _documented(kind: type, fields: Mapping[str, Field]) -> str:
         text = field.doc
         if isinstance(field, Number):
             type_name = "float"
-            head, semicolon, rest = text.partition(";")
+            head, semicolon, tail = text.partition(";")
             unit = field.quantity.unit and f" in {field.quantity.unit}"
             bounds = field.quantity.bounds and f", {field.quantity.bounds}"
-            text = f"{head}{unit}{bounds}{semicolon}{rest}"
+            text = f"{head}{unit}{bounds}{semicolon}{tail}"
         elif isinstance(field, Choice):
             type_name = "{" + ", ".join(f'"{word}"' for word in field.words) + "}"
         elif isinstance(field, Member):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from receptance import _checks, units
+from receptance import _checks, _core, units
 from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number
 
 if TYPE_CHECKING:
@@ -44,11 +44,9 @@ class _Spring(Element):
 
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the dynamic stiffness K = (1 + i loss_factor) k + i w c, `(n, 2, 2)` over (y, theta)."""
-        w = 2.0 * np.pi * _checks.frequencies(frequency_hz)
-        k = np.array([[self.k_y, self.k_ytheta], [self.k_ytheta, self.k_theta]])
-        c = np.array([[self.c_y, self.c_ytheta], [self.c_ytheta, self.c_theta]])
-        result: NDArray[np.complex128] = (1.0 + 1j * self.loss_factor) * k + 1j * w[:, None, None] * c
-        return result
+        lines = _core.Lines(_checks.frequencies(frequency_hz), math.tau)
+        columns = np.array(self.columns()[: len(_Spring.columns_of)])
+        return _core.joint_stiffness(columns, lines)[:, [[0, 2], [2, 1]]]
 
 
 class _Interface(_Spring):
@@ -182,10 +180,10 @@ class GroundSpring(_Spring):
         return tuple(weight / sum(weights) for weight in weights)
 
     def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
-        """Add a row for each point, with its share of the spring; the loss factor is that of the whole."""
+        """Add a row for each point, with its share of the spring; loss factors are those of the whole."""
         columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
         for node, share in zip(nodes, self.shares, strict=True):
-            rates = [1.0 if quantity == "loss_factor" else share for quantity in self.columns_of]
+            rates = [1.0 if quantity is units.LOSS_FACTOR else share for quantity in self.quantities.values()]
             flat.add("grounds", (node,), self.columns(), columns, rates)
 
 
@@ -317,7 +315,7 @@ class ColletJoint(Element):
     def __post_init__(self) -> None:
         self.check()
         # Addresses use the name of the field.
-        _checks.set_fields(self, {which: replace(getattr(self, which), name="") for which in ("inner", "outer")})
+        _checks.set_fields(self, {side: replace(getattr(self, side), name="") for side in ("inner", "outer")})
 
     def add_to(self, flat: Flat, name: str, node: int) -> int:
         """Add the rows of both springs and of the mass between them."""
@@ -424,13 +422,13 @@ class MicroslipJoint(_Interface):
         super().__post_init__()
         owner = self.owner
         most = largest_share(self.exponent)
-        for which, share in zip(("y", "theta"), self.shares, strict=True):
-            if getattr(self, f"k_{which}") == 0.0:
-                raise ValueError(f"{owner}: k_{which} is zero, expected a positive stiffness for slip")
+        for direction, share in zip(("y", "theta"), self.shares, strict=True):
+            if getattr(self, f"k_{direction}") == 0.0:
+                raise ValueError(f"{owner}: k_{direction} is zero, expected a positive stiffness for slip")
             if share > most:
                 raise ValueError(
-                    f"{owner}: the level {self.level:g} reduces k_{which} by a share of {share:.3g}, expected at most "
-                    f"{most:.3g}, the onset of gross slip"
+                    f"{owner}: the level {self.level:g} reduces k_{direction} by a share of {share:.3g}, expected at "
+                    f"most {most:.3g}, the onset of gross slip"
                 )
         y, theta = (1.0 - share for share in self.shares)
         if self.k_ytheta**2 > self.k_y * y * self.k_theta * theta * (1.0 + 1e-12):

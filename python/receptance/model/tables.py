@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.errors import GrossSlipError, SingularInterfaceError
@@ -20,8 +21,6 @@ from receptance.model.joints import WIDTHS, MicroslipJoint
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.coordinates import Coordinate
 
 __all__ = ["MOTIONS", "Flat", "Motion", "Tables", "Tied", "flatten", "force_amplitudes"]
@@ -83,6 +82,10 @@ class Flat:
         Modal parts, whose bands limit the frequency lines.
     titles : dict
         Name of the joint in each row of "joint" and "overlap", for messages.
+    entries : dict
+        Table entries of each parameter by address.
+    values : dict
+        Value of each parameter by address.
     nodes : dict
         Node at each position of each part.
     points : dict
@@ -96,6 +99,7 @@ class Flat:
     banded: list[ModalPart] = field(default_factory=list)
     titles: dict[tuple[str, int], str] = field(default_factory=dict)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
+    values: dict[str, float] = field(default_factory=dict)
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
     points: dict[tuple[Coordinate, ...], NDArray[np.float64]] = field(default_factory=dict)
     count: int = 1
@@ -112,8 +116,8 @@ class Flat:
     @cached_property
     def tables(self) -> Tables:
         """Tables of the core, read only because all calls share them."""
-        each = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
-        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in each.items()})
+        arrays = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
+        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in arrays.items()})
 
     def add(
         self,
@@ -139,11 +143,12 @@ class Flat:
             Factors from the values of the element to those in the table; by default 1.
         """
         rows, number = self.rows[table], Tables._fields.index(table)
-        if rates is not None:
-            values = [value * rate for value, rate in zip(values, rates, strict=True)]
         for address, column in (columns or {}).items():
             rate = 1.0 if rates is None else rates[column]
             self.entries.setdefault(address, []).append((number, len(rows), len(nodes) + column, rate))
+            self.values[address] = values[column]
+        if rates is not None:
+            values = [value * rate for value, rate in zip(values, rates, strict=True)]
         rows.append([*nodes, *values])
         return len(rows) - 1
 
@@ -197,7 +202,7 @@ class Flat:
     def with_joint_name(self, text: str) -> str:
         """Return an error of the core with the name of the joint instead of its row."""
         pattern = r"^(joint|overlap) (\d+)"
-        return re.sub(pattern, lambda found: f"joint {self.titles[found[1], int(found[2])]!r}", text)
+        return re.sub(pattern, lambda match: f"joint {self.titles[match[1], int(match[2])]!r}", text)
 
 
 def constant(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -244,48 +249,54 @@ def distinct(
     entries: Sequence[Sequence[Entry]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the distinct table entries `(k, 3)` of addresses, and the matrix `(k, m)` of their rates."""
-    found: dict[tuple[int, int, int], int] = {}
+    numbers: dict[tuple[int, int, int], int] = {}
     weights = []
-    for column, own in enumerate(entries):
-        for table, row, place, weight in own:
-            weights.append((found.setdefault((table, row, place), len(found)), column, weight))
-    matrix = np.zeros((len(found), len(entries)))
-    for index, column, weight in weights:
-        matrix[index, column] += weight
-    return np.array(list(found), dtype=np.float64).reshape(-1, 3), matrix
+    for address, address_entries in enumerate(entries):
+        for table, row, column, weight in address_entries:
+            weights.append((numbers.setdefault((table, row, column), len(numbers)), address, weight))
+    matrix = np.zeros((len(numbers), len(entries)))
+    for number, address, weight in weights:
+        matrix[number, address] += weight
+    return np.array(list(numbers), dtype=np.float64).reshape(-1, 3), matrix
 
 
-class Tied(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tied:
     """A model of the core as a function of addresses, for fits and sweeps that run in the core.
 
     Attributes
     ----------
     flat : Flat
         The tables of the assembly.
-    rates : ndarray
-        `(k, 5)` table, row, column, number of the address, and derivative of the entry.
-    present : ndarray
-        `(m,)` value of each address in the assembly; zero for addresses of observations, which are in no table.
+    names : list of list of str
+        Parameters of each address, all of one value; none for an address of an observation, which is in no table.
     points : ndarray
         `(n, 2)` node and direction of the coordinates.
     """
 
     flat: Flat
-    rates: NDArray[np.float64]
-    present: NDArray[np.float64]
+    names: list[list[str]]
     points: NDArray[np.float64]
 
     def model(self, addresses: NDArray[np.float64], factors: NDArray[np.float64]) -> _core.TiedModel:
         """Return the model as a function of unknowns; `addresses` and `factors` are those of `_core.Model.tied`."""
+        present = np.array([self.flat.values[own[0]] if own else 0.0 for own in self.names], dtype=np.float64)
         with self.flat.joints_by_name():
-            return self.flat.model.tied(self.rates, self.present, addresses, factors)
+            return self.flat.model.tied(self._rates, present, addresses, factors)
 
     @property
     def key(self) -> tuple[bytes, ...]:
         """Key that equal models share."""
         tables = [array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix)]
-        arrays = (*self.flat.tables, self.rates, self.present, self.points, *tables)
+        arrays = (*self.flat.tables, self._rates, self.points, *tables)
         return (bytes([self.flat.motion]), *(array.tobytes() for array in arrays))
+
+    @cached_property
+    def _rates(self) -> NDArray[np.float64]:
+        """`(k, 5)` table, row, column, number of the address, and derivative of the entry."""
+        numbered = [(index, name) for index, own in enumerate(self.names) for name in own]
+        rates = [(*entry[:3], index, entry[3]) for index, name in numbered for entry in self.flat.entries[name]]
+        return np.array(rates, dtype=np.float64).reshape(-1, 5)
 
 
 def force_amplitudes(force: ArrayLike, lines: NDArray[Any], excitations: int) -> NDArray[np.float64]:

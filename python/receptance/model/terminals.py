@@ -10,14 +10,12 @@ from math import tau
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
 from receptance.model.fields import Element, Field, Number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from receptance.frf import FRF
     from receptance.model.tables import Flat
 
@@ -158,11 +156,11 @@ class MeasuredPart(Terminal):
         Lines outside the usable band are omitted.
         """
         owner = f"{cls.__name__} {name!r}" if name else cls.__name__
-        found = tuple(tuple(point.direction for point in side) for side in (frf.responses, frf.excitations))
-        if found != (("y", "theta"), ("y", "theta")):
+        directions = tuple(tuple(point.direction for point in side) for side in (frf.responses, frf.excitations))
+        if directions != (("y", "theta"), ("y", "theta")):
             raise ValueError(
-                f"{owner}: the FRF has the responses {', '.join(found[0])} and the excitations {', '.join(found[1])}, "
-                "expected y, theta and y, theta: a full receptance matrix"
+                f"{owner}: the FRF has the responses {', '.join(directions[0])} and the excitations "
+                f"{', '.join(directions[1])}, expected y, theta and y, theta: a full receptance matrix"
             )
         usable = frf.to("receptance").masked()
         mean = 0.5 * (usable.values + usable.values.transpose(0, 2, 1))
@@ -207,28 +205,30 @@ class MeasuredPart(Terminal):
         return f"MeasuredPart(name={self.name!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
-def _check_finite(owner: str, what: str, array: NDArray[Any]) -> None:
+def _check_finite(owner: str, name: str, array: NDArray[Any]) -> None:
     if (bad := np.argwhere(~np.isfinite(array))).size:
-        place = ", ".join(str(index) for index in bad[0])
-        raise ValueError(f"{owner}: {what}[{place}] is {array[tuple(bad[0])]}, expected a finite number")
+        position = ", ".join(str(index) for index in bad[0])
+        raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
 
 
 _SAME = 1e-9
 """Relative difference below which lines are equal."""
-_MOST = 0.01
+_MAX_ERROR = 0.01
 """Largest interpolation error, relative to the values around it."""
-_HALVED = 16.0
+_ERROR_RATIO = 16.0
 """Ratio of the errors of a cubic spline for double and single spacing."""
 _GAP = 2.5
 """Ratio of an interval to its neighbours from which it is a gap without interpolation."""
-_AROUND = 4
-_FEWEST = 8
+_NEIGHBOURS = 4
+"""Lines or intervals to each side from which the usual value and spacing are taken."""
+_MIN_LINES = 8
+"""Least lines of a table that is interpolated."""
 
 
 def _interpolated(
     owner: str, known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Return the columns of a table at lines: exact at its own lines, by a cubic spline between them.
+    """Return the columns of a table at given lines: exact at the lines of the table, by a cubic spline between them.
 
     The error of the spline is estimated from the table: the prediction of each line from every second other line has
     double spacing, so its error is 16 times that of the spline.
@@ -266,12 +266,12 @@ def _check_between(
     lines_hz: NDArray[np.float64],
     after: NDArray[np.intp],
 ) -> None:
-    if known_hz.size < _FEWEST:
+    if known_hz.size < _MIN_LINES:
         raise ValueError(
-            f"{owner} has {known_hz.size} lines, too few to interpolate to {lines_hz[0]:g} Hz; use its own lines"
+            f"{owner} has {known_hz.size} lines, too few to interpolate to {lines_hz[0]:g} Hz; use its lines"
         )
     spacing = np.diff(known_hz)
-    usual = np.array([np.median(spacing[max(i - _AROUND, 0) : i + _AROUND + 1]) for i in range(spacing.size)])
+    usual = np.array([np.median(spacing[max(i - _NEIGHBOURS, 0) : i + _NEIGHBOURS + 1]) for i in range(spacing.size)])
     gap = np.flatnonzero((spacing > _GAP * usual)[after - 1])
     if gap.size:
         ends = known_hz[after[gap[0]] - 1], known_hz[after[gap[0]]]
@@ -281,10 +281,10 @@ def _check_between(
         )
     error = _error(known_hz, table)
     worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
-    if (bad := np.flatnonzero(worst > _MOST)).size:
+    if (bad := np.flatnonzero(worst > _MAX_ERROR)).size:
         raise ValueError(
             f"{owner}: interpolation to {lines_hz[bad[0]]:g} Hz has an error of about {100.0 * worst[bad[0]]:.2g} %: "
-            "the lines are too far apart or too noisy; use its own lines, or fit a ModalPart"
+            "the lines are too far apart or too noisy; use its lines, or fit a ModalPart"
         )
 
 
@@ -298,9 +298,9 @@ def _error(known_hz: NDArray[np.float64], table: NDArray[np.complex128]) -> NDAr
         inside = (known_hz[other] >= known_hz[kept][0]) & (known_hz[other] <= known_hz[kept][-1])
         lines = known_hz[other][inside]
         rows = np.arange(known_hz.size)[other][inside]
-        off[rows] = np.abs(_spline(known_hz[kept], table[kept], lines) - table[rows]) / _HALVED
-    around = np.ones(2 * _AROUND + 1) / (2 * _AROUND + 1)
-    local = np.stack([np.convolve(np.pad(column, _AROUND, "edge"), around, "valid") for column in size.T], axis=1)
+        off[rows] = np.abs(_spline(known_hz[kept], table[kept], lines) - table[rows]) / _ERROR_RATIO
+    window = np.ones(2 * _NEIGHBOURS + 1) / (2 * _NEIGHBOURS + 1)
+    local = np.stack([np.convolve(np.pad(column, _NEIGHBOURS, "edge"), window, "valid") for column in size.T], axis=1)
     result: NDArray[np.float64] = off / np.maximum(local, 1e-300)
     return result
 
@@ -310,8 +310,7 @@ def _spline(
 ) -> NDArray[np.complex128]:
     from scipy.interpolate import CubicSpline
 
-    found: Any = CubicSpline(known_hz, table)(lines_hz)
-    return np.asarray(found, dtype=np.complex128)
+    return np.asarray(CubicSpline(known_hz, table)(lines_hz), dtype=np.complex128)
 
 
 _MODE = re.compile(r"mode\[(\d+)\]\.(\w+)")
@@ -422,13 +421,7 @@ class ModalPart(Terminal):
     band_hz: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        modes = tuple(self.modes) if isinstance(self.modes, Iterable) else (self.modes,)
-        for index, mode in enumerate(modes):
-            if not isinstance(mode, Mode):
-                raise TypeError(f"{self.owner}: modes[{index}] is {mode!r}, expected a Mode")
-        if not modes:
-            raise ValueError(f"{self.owner}: modes is empty, expected at least one")
-        _checks.set_fields(self, {"modes": modes})
+        _checks.set_fields(self, {"modes": _checks.items(f"{self.owner}: modes", self.modes, Mode)})
         self.check()
         if self.band_hz is not None:
             low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
@@ -439,8 +432,8 @@ class ModalPart(Terminal):
     @property
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters within the element."""
-        own = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
-        return (*own, *RESIDUALS)
+        modal = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
+        return (*modal, *RESIDUALS)
 
     def add_to(self, flat: Flat, name: str, node: int) -> int:
         """Add the rows of the modes and of the residuals."""
@@ -469,28 +462,21 @@ class ModalPart(Terminal):
                 "outside; it is not extrapolated"
             )
 
-    def _place(self, parameter: str) -> tuple[int, str]:
+    def _mode_and_field(self, parameter: str) -> tuple[int, str]:
         match = _MODE.fullmatch(parameter)
         if match is None or parameter not in self.addresses:
             raise ValueError(f"{self.owner} has no parameter {parameter!r}")
         return int(match[1]), match[2]
 
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter."""
-        if parameter in RESIDUALS:
-            return super().value(parameter)
-        index, quantity = self._place(parameter)
-        return float(getattr(self.modes[index], quantity))
-
     def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same with other values of some parameters."""
-        own: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
+        """Return the part with new values of some parameters, replaced together."""
+        residuals: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
         modes = list(self.modes)
-        for name in values.keys() - own.keys():
-            index, quantity = self._place(name)
+        for name in values.keys() - residuals.keys():
+            index, quantity = self._mode_and_field(name)
             change: dict[str, Any] = {quantity: values[name]}
             modes[index] = replace(modes[index], **change)
-        return replace(self, modes=tuple(modes), **own)
+        return replace(self, modes=tuple(modes), **residuals)
 
     def __repr__(self) -> str:
         modes = ", ".join(f"{mode.frequency_hz:g}" for mode in self.modes)

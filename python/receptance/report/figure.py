@@ -22,12 +22,13 @@ __all__ = [
     "INK",
     "NORMAL_95",
     "PALE",
+    "add_heading",
     "add_legend",
+    "add_room",
     "as_image",
     "draw_condition",
     "finished",
     "image_formats",
-    "keep_clear",
     "label_point",
     "new_figure",
     "panels",
@@ -46,6 +47,8 @@ BAND = "#BBD9EC"
 _GRID = "#E6E6E6"
 NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations."""
+_PADDING = 0.08
+"""Distance between panels, titles and the edge of a figure in inches."""
 _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
@@ -61,9 +64,11 @@ def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
         Whether dollar signs in texts mark formulas; by default titles and names of users are shown literally.
     """
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     kind = Figure if math else _literal_figure()
-    return kind(figsize=(width, height), layout="constrained", facecolor="white")
+    layout = ConstrainedLayoutEngine(w_pad=_PADDING, h_pad=_PADDING)
+    return kind(figsize=(width, height), layout=layout, facecolor="white")
 
 
 def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
@@ -156,11 +161,13 @@ def _literal_figure() -> type[Figure]:
     return LiteralFigure
 
 
-def keep_clear(figure: Figure, top: float) -> None:
-    """Limit the panels to a share of the height, from 0 to 1, to leave space for titles."""
+def add_heading(figure: Figure, title: str, caption: str) -> None:
+    """Add a title and a caption above the panels of a large figure."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, top), w_pad=0.08, h_pad=0.08))
+    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.93), w_pad=_PADDING, h_pad=_PADDING))
+    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
+    figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
 
 
 def set_up(axes: Axes, title: str, x: str = "", y: str = "", *, grid: Literal["x", "y", "both", "none"] = "y") -> None:
@@ -184,6 +191,12 @@ def add_legend(place: Axes | Figure | SubFigure, *entries: Any, **options: Any) 
     if not isinstance(place, Axes):
         options = {"loc": "outside lower center", **options}
     place.legend(*entries, **{"frameon": False, "fontsize": 9, **options})
+
+
+def add_room(axes: Axes, share: float) -> None:
+    """Extend the vertical axis upwards by a share of its length, for a legend."""
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + share * (top - bottom))
 
 
 def label_point(

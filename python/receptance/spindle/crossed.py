@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.identification.common_lines import check_observations, common_lines
 from receptance.identification.observations import MeasuredFRF
 from receptance.model.coordinates import Coordinate
-from receptance.spindle.blanks import Blanks, check_bands, check_blanks, plane_of
+from receptance.spindle.blanks import blank_equations, check_bands, check_blanks, plane_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = ["CrossedSpindle", "identify_crossed_spindle"]
@@ -60,11 +59,10 @@ class CrossedSpindle:
     @property
     def standard_deviation(self) -> NDArray[np.float64]:
         """Standard deviation `(n, 4, 4)` of the real and of the imaginary part, each."""
-        result: NDArray[np.float64] = np.sqrt(np.sum(np.abs(self.reaction) ** 2, axis=-1))
-        return result
+        return np.asarray(np.sqrt(np.sum(np.abs(self.reaction) ** 2, axis=-1)))
 
     def tip(
-        self, front: Assembly, *, place: Coordinate | None = None
+        self, front: Assembly, *, coordinate: Coordinate | None = None
     ) -> tuple[NDArray[Any], NDArray[np.complex128], NDArray[np.float64]]:
         """Couple tool and holder, with equal properties in both planes, to the spindle.
 
@@ -72,7 +70,7 @@ class CrossedSpindle:
         ----------
         front : Assembly
             Tool, joint and holder; the spindle joins the far end of the last part.
-        place : Coordinate, optional
+        coordinate : Coordinate, optional
             Coordinate of motion and load; by default the tip.
 
         Returns
@@ -83,17 +81,16 @@ class CrossedSpindle:
         """
         rows = np.flatnonzero(self.usable)
         lines = np.asarray(self.frequency_hz)[rows]
-        points = [place or Coordinate(), *plane_of(front)]
+        points = [coordinate or Coordinate(), *plane_of(front)]
         h = front.receptance(lines, response=points, excitation=points)
         both = np.eye(2)
-        # From the axis at the tip to (axis, y or theta) at the plane: tool and holder are equal in both planes.
+        # From each axis at the tip to (axis, y or theta) at the connection plane.
         reach = np.einsum("ab,ni->nabi", both, h[:, 0, 1:]).reshape(-1, 2, 4)
         plane = np.einsum("ab,nij->naibj", both, h[:, 1:, 1:]).reshape(-1, 4, 4)
-        taken = np.linalg.inv(self.matrix[rows] + plane)
-        found = h[:, :1, :1] * both - reach @ taken @ reach.transpose(0, 2, 1)
-        through = reach @ taken
-        change = np.einsum("nai,nijm,nbj->nabm", through, self.reaction[rows], through)
-        return lines, found, np.sqrt(np.sum(np.abs(change) ** 2, axis=-1))
+        coupling = reach @ np.linalg.inv(self.matrix[rows] + plane)
+        receptance = h[:, :1, :1] * both - coupling @ reach.transpose(0, 2, 1)
+        change = np.einsum("nai,nijm,nbj->nabm", coupling, self.reaction[rows], coupling)
+        return lines, receptance, np.sqrt(np.sum(np.abs(change) ** 2, axis=-1))
 
     def __repr__(self) -> str:
         lines = np.asarray(self.frequency_hz).real
@@ -129,29 +126,28 @@ def identify_crossed_spindle(
     share = _checks.positive("identify_crossed_spindle", "limit", limit)
     axes, observed = _checked(observations)
     observed, lines, rows, _ = common_lines(observed)
-    blanks = Blanks.of(observed, lines, threads)
-    equations = blanks.equations(observed, rows)
+    equations = blank_equations(observed, lines, rows, threads)
+    response, excitation = -equations.response, equations.excitation
     noise = np.abs(equations.measured) * equations.deviation
     x = np.zeros((lines.size, 4, 4), dtype=np.complex128)
     change = np.zeros((lines.size, 4, 4, len(observed)), dtype=np.complex128)
     for block, entries in _ENTRIES.items():
         chosen = [i for i, axis in enumerate(axes) if axis == block or axis[::-1] == block]
-        own = [axes[i] == block for i in chosen]
         # By reciprocity "yx" is "xy" with the points exchanged.
-        same = np.array(own)[:, None]
-        left = np.where(same, blanks.response[:, chosen], blanks.excitation[:, chosen])
-        right = np.where(same, blanks.excitation[:, chosen], blanks.response[:, chosen])
+        same = np.array([axes[i] == block for i in chosen])[:, None]
+        left = np.where(same, response[:, chosen], excitation[:, chosen])
+        right = np.where(same, excitation[:, chosen], response[:, chosen])
         products = [left[..., i % 2] * right[..., j % 2] for i, j in entries]
         if block != "xy":
             products[2] = products[2] + left[..., 1] * right[..., 0]
-        free = blanks.free[:, chosen] if block != "xy" else 0.0
-        solve = _least_squares(np.stack(products, axis=-1), noise[:, chosen], block)
-        values = np.einsum("nkm,nm->nk", solve, free - equations.measured[:, chosen])
+        free = equations.rigid[:, chosen] if block != "xy" else 0.0
+        pseudoinverse = _pseudoinverse(np.stack(products, axis=-1), noise[:, chosen], block)
+        values = np.einsum("nkm,nm->nk", pseudoinverse, free - equations.measured[:, chosen])
         for k, (i, j) in enumerate(entries):
             x[:, i, j] = x[:, j, i] = values[:, k]
-            change[:, i, j, chosen] = change[:, j, i, chosen] = -solve[:, k] * noise[:, chosen]
+            change[:, i, j, chosen] = change[:, j, i, chosen] = -pseudoinverse[:, k] * noise[:, chosen]
     inverse = np.linalg.inv(x)
-    plane = np.einsum("ab,nij->naibj", np.eye(2), blanks.plane[:, 0]).reshape(-1, 4, 4)
+    plane = np.einsum("ab,nij->naibj", np.eye(2), equations.surroundings[:, 0]).reshape(-1, 4, 4)
     matrix = inverse - plane
     reaction = -np.einsum("nij,njkm,nkl->nilm", inverse, change, inverse)
     root = np.sqrt(np.abs(np.einsum("nii->ni", matrix)))
@@ -183,16 +179,16 @@ def _checked(
                 f"{'each response to each hit' if block == 'xy' else 'both drive points and the cross receptance'}; "
                 "without coupling of x and y use identify_spindle for each plane"
             )
-    pairs = [(axis, one) for axis, given in observations.items() for one in check_observations(given)]
-    observed = tuple(one for _, one in pairs)
+    pairs = [(axis, observation) for axis, item in observations.items() for observation in check_observations(item)]
+    observed = tuple(observation for _, observation in pairs)
     check_blanks(observed)
     check_bands(observed)
-    if any(one.assembly != observed[0].assembly for one in observed):
+    if any(observation.assembly != observed[0].assembly for observation in observed):
         raise ValueError("the observations have different assemblies, expected one blank")
     return [axis for axis, _ in pairs], observed
 
 
-def _least_squares(products: NDArray[np.complex128], noise: NDArray[np.float64], block: str) -> NDArray[np.complex128]:
+def _pseudoinverse(products: NDArray[np.complex128], noise: NDArray[np.float64], block: str) -> NDArray[np.complex128]:
     """Return the weighted pseudoinverses `(n, k, m)` of a block, from responses to unknowns."""
     weighted = products / noise[..., None]
     size = np.linalg.norm(weighted, axis=1, keepdims=True)
@@ -200,6 +196,4 @@ def _least_squares(products: NDArray[np.complex128], noise: NDArray[np.float64],
     scaled = weighted / size
     if np.max(np.linalg.matrix_rank(scaled, tol=1e-9)) < products.shape[-1]:
         raise ValueError(f"the responses of {block} do not determine its terms: hit and measure at two points each")
-    found = np.linalg.pinv(scaled, rcond=1e-13) / size.transpose(0, 2, 1)
-    result: NDArray[np.complex128] = found / noise[:, None, :]
-    return result
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-13) / size.transpose(0, 2, 1) / noise[:, None, :])

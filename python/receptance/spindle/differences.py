@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.identification.common_lines import check_observations, common_lines
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.pointwise_joint import linear_solution
-from receptance.spindle.blanks import Blanks, check_blanks, plane_of
+from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.model.coordinates import Coordinate
 
 __all__ = ["rotations"]
 
-_NAMES = ("y/F", "theta/F", "theta/M")
-_EVEN = 1e-6
+_TERMS = ("y/F", "theta/F", "theta/M")
+_SAME = 1e-6
 """Largest relative difference of two equal distances."""
 
 
@@ -66,46 +65,44 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
     >>> bar = Part([Segment(length=0.1, outer_diameter=0.04, material=STEEL)], name="bar")
     >>> mode = Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)
     >>> machine = Assembly([bar, ModalPart(modes=[mode], residual_y=5e-9, residual_theta=5e-7)])
-    >>> lines, places = np.linspace(100.0, 2000.0, 50), (Coordinate("bar", 0.0), Coordinate("bar", 0.03))
+    >>> lines, points = np.linspace(100.0, 2000.0, 50), (Coordinate("bar", 0.0), Coordinate("bar", 0.03))
     >>> measured = [
     ...     MeasuredFRF(assembly=Assembly([bar]), frequency_hz=lines, standard_deviation=1e-3, response=a, excitation=b,
     ...         receptance=machine.receptance(lines, response=a, excitation=b))
-    ...     for a, b in [(places[0], places[0]), (places[1], places[0]), (places[1], places[1])]
+    ...     for a, b in [(points[0], points[0]), (points[1], points[0]), (points[1], points[1])]
     ... ]
-    >>> [one.label for one in rotations(measured)]
+    >>> [rotation.label for rotation in rotations(measured)]
     ['y/F by differences', 'theta/F by differences', 'theta/M by differences']
     """
     observed = check_observations(tuple(observations))
-    if any(one.assembly != observed[0].assembly for one in observed):
+    if any(observation.assembly != observed[0].assembly for observation in observed):
         raise ValueError("the observations have different assemblies, expected one blank")
-    places = sorted({point for one in observed for point in (one.response, one.excitation)}, key=lambda p: p.position)
-    weights = _weights(places)
+    points = sorted({point for o in observed for point in (o.response, o.excitation)}, key=lambda p: p.position)
+    weights = _weights(points)
     observed, lines, rows, _ = common_lines(observed)
-    pairs = _pairs(observed, rows, places)
+    pairs = _pairs(observed, rows, points)
     # Weights of H_ij, for points i and j, in y/F, theta/F and theta/M.
-    y = np.eye(len(places))[0]
+    y = np.eye(len(points))[0]
     combinations = (np.outer(y, y), np.outer(weights, y), np.outer(weights, weights))
-    tip = replace(places[0], direction="y"), replace(places[0], direction="theta")
+    tip = replace(points[0], direction="y"), replace(points[0], direction="theta")
     sides = ((tip[0], tip[0]), (tip[1], tip[0]), (tip[1], tip[1]))
-    free = observed[0].assembly
-    cut = _truncation(observed, rows, lines, places, weights) if truncation else np.zeros((3, lines.size))
+    errors = _truncation(observed, rows, lines, points, weights) if truncation else np.zeros((3, lines.size))
     result = []
-    for name, combination, off, (response, excitation) in zip(_NAMES, combinations, cut, sides, strict=True):
+    for name, combination, error, (response, excitation) in zip(_TERMS, combinations, errors, sides, strict=True):
         value, variance = _combined(combination, pairs)
-        noise, off = np.sqrt(variance) / np.abs(value), off / np.abs(value)
-        deviation = np.hypot(noise, off)
+        noise, error = np.sqrt(variance) / np.abs(value), error / np.abs(value)
         result.append(
             MeasuredFRF(
-                assembly=free,
+                assembly=observed[0].assembly,
                 frequency_hz=lines,
                 receptance=value,
                 response=response,
                 excitation=excitation,
-                standard_deviation=deviation,
+                standard_deviation=np.hypot(noise, error),
                 label=f"{name} by differences",
                 notes=(
                     f"{name} by differences: noise {100.0 * float(np.median(noise)):.2g} %, truncation "
-                    f"{100.0 * float(np.median(off)):.2g} % (medians over the lines)",
+                    f"{100.0 * float(np.median(error)):.2g} % (medians over the lines)",
                 ),
             )
         )
@@ -116,7 +113,7 @@ def _truncation(
     observed: tuple[MeasuredFRF, ...],
     rows: list[NDArray[np.intp]],
     lines: NDArray[Any],
-    places: Sequence[Coordinate],
+    points: Sequence[Coordinate],
     weights: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return the truncation errors of y/F, theta/F and theta/M in the model, `(3, n)`, SI units.
@@ -124,28 +121,27 @@ def _truncation(
     H_ij = H_free,ij - r_i^T X r_j with X = (G + Y)^-1 gives the translations and the exact rotations.
     """
     check_blanks(observed)
-    equations = Blanks.of(observed, lines, None).equations(observed, rows)
+    equations = blank_equations(observed, lines, rows, None)
     g = equations.stiffness(linear_solution(equations))
     x = np.linalg.inv(g + equations.surroundings[:, 0])
-    points = [*plane_of(observed[0].assembly), replace(places[0], direction="theta"), *places]
-    h = observed[0].assembly.receptance(lines, response=points, excitation=points)
+    coordinates = [*plane_of(observed[0].assembly), replace(points[0], direction="theta"), *points]
+    h = observed[0].assembly.receptance(lines, response=coordinates, excitation=coordinates)
     coupled = h[:, 2:, 2:] - np.einsum("nip,npq,nqj->nij", h[:, 2:, :2], x, h[:, :2, 2:])
-    slope, at = coupled[:, 0], coupled[:, 1:, 1:]
-    differences = np.einsum("i,nij->nj", weights, at)
-    off = [0.0 * slope[:, 0], differences[:, 0] - slope[:, 1], differences @ weights - slope[:, 0]]
-    result: NDArray[np.float64] = np.abs(np.array(off))
-    return result
+    slope, translations = coupled[:, 0], coupled[:, 1:, 1:]
+    differences = np.einsum("i,nij->nj", weights, translations)
+    errors = [0.0 * slope[:, 0], differences[:, 0] - slope[:, 1], differences @ weights - slope[:, 0]]
+    return np.asarray(np.abs(errors))
 
 
-def _weights(places: Sequence[Coordinate]) -> NDArray[np.float64]:
+def _weights(points: Sequence[Coordinate]) -> NDArray[np.float64]:
     """Return the weights of the translations in the slope at the first point, in 1/m."""
-    if len({place.part for place in places}) > 1 or any(place.direction != "y" for place in places):
-        raise ValueError(f"the coordinates are {', '.join(map(repr, places))}, expected translations along one part")
-    if len(places) not in (2, 3) or any(place.position == "end" for place in places):
-        raise ValueError(f"there are {len(places)} points, expected two or three, each with its distance from the tip")
-    x = np.array([place.position for place in places], dtype=np.float64)
+    if len({point.part for point in points}) > 1 or any(point.direction != "y" for point in points):
+        raise ValueError(f"the coordinates are {', '.join(map(repr, points))}, expected translations along one part")
+    if len(points) not in (2, 3) or any(point.position == "end" for point in points):
+        raise ValueError(f"there are {len(points)} points, expected two or three, each with its distance from the tip")
+    x = np.array([point.position for point in points], dtype=np.float64)
     spacing = np.diff(x)
-    if abs(spacing[-1] - spacing[0]) > _EVEN * spacing[0]:
+    if abs(spacing[-1] - spacing[0]) > _SAME * spacing[0]:
         raise ValueError(f"the points are {spacing[0]:g} and {spacing[1]:g} m apart, expected equal distances")
     slope = [-1.0, 1.0] if len(x) == 2 else [-1.5, 2.0, -0.5]
     return np.array(slope) / float(spacing[0])
@@ -155,22 +151,20 @@ Pair = tuple["NDArray[np.complex128]", "NDArray[np.float64]"]
 
 
 def _pairs(
-    observed: tuple[MeasuredFRF, ...], rows: list[NDArray[np.intp]], places: Sequence[Coordinate]
+    observed: tuple[MeasuredFRF, ...], rows: list[NDArray[np.intp]], points: Sequence[Coordinate]
 ) -> dict[tuple[int, int], Pair]:
     """Return values and variances of the pairs i <= j; reciprocal pairs are averaged."""
-    found: dict[tuple[int, int], list[Pair]] = {}
-    for one, row in zip(observed, rows, strict=True):
-        first, second = sorted((places.index(one.response), places.index(one.excitation)))
-        value = one.receptance[row]
-        variance = (np.asarray(one.standard_deviation)[row] * np.abs(value)) ** 2
-        found.setdefault((first, second), []).append((value, variance))
+    measured: dict[tuple[int, int], list[Pair]] = {}
+    for observation, row in zip(observed, rows, strict=True):
+        first, second = sorted((points.index(observation.response), points.index(observation.excitation)))
+        value = observation.receptance[row]
+        variance = (np.asarray(observation.standard_deviation)[row] * np.abs(value)) ** 2
+        measured.setdefault((first, second), []).append((value, variance))
     result = {}
-    for i, j in product(range(len(places)), repeat=2):
-        if i > j:
-            continue
-        if (i, j) not in found:
-            raise ValueError(f"there is no observation between {places[i]!r} and {places[j]!r}, expected all pairs")
-        values, variances = zip(*found[i, j], strict=True)
+    for i, j in combinations_with_replacement(range(len(points)), 2):
+        if (i, j) not in measured:
+            raise ValueError(f"there is no observation between {points[i]!r} and {points[j]!r}, expected all pairs")
+        values, variances = zip(*measured[i, j], strict=True)
         result[i, j] = sum(values) / len(values), sum(variances) / len(variances) ** 2
     return result
 
@@ -178,7 +172,7 @@ def _pairs(
 def _combined(combination: NDArray[np.float64], pairs: dict[tuple[int, int], Pair]) -> Pair:
     """Return a linear combination of receptances and its variance."""
     value, variance = np.asarray(0.0), np.asarray(0.0)
-    for (i, j), (own, own_variance) in pairs.items():
+    for (i, j), (receptance, pair_variance) in pairs.items():
         share = combination[i, j] if i == j else combination[i, j] + combination[j, i]
-        value, variance = value + share * own, variance + share**2 * own_variance
+        value, variance = value + share * receptance, variance + share**2 * pair_variance
     return value, variance

@@ -21,12 +21,12 @@ __all__ = ["draw_spindle"]
 _TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 
 
-def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: Axes | None = None) -> Figure:
+def draw_spindle(spindle: SpindleReceptance, modes: ModalPart | None = None, ax: Axes | None = None) -> Figure:
     """Draw the magnitudes of the three terms with 95 % bands, and the condition number.
 
     Parameters
     ----------
-    found : SpindleReceptance
+    spindle : SpindleReceptance
         Result of `identify_spindle`. Unusable lines are pale.
     modes : ModalPart, optional
         Fitted modes, drawn over the lines.
@@ -39,28 +39,28 @@ def draw_spindle(found: SpindleReceptance, modes: ModalPart | None = None, ax: A
         The figure.
     """
     figure = surface(ax, 11.0, 8.5)
-    text = f"Spindle line by line: {', '.join(found.labels)}"
+    text = f"Spindle line by line: {', '.join(spindle.labels)}"
     legend = (
-        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: others"
+        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * spindle.limit:g} %;  grey: others"
     )
     more = ";  orange: modes" if modes else ""
     title_left(figure, f"{text}\n{legend}{more}", 10.5)
     grid = figure.add_gridspec(2, 2)
-    lines = np.asarray(found.frequency_hz).real
-    curve = None if modes is None else modes.receptance(found.frequency_hz)
+    lines = np.asarray(spindle.frequency_hz).real
+    curve = None if modes is None else modes.receptance(spindle.frequency_hz)
     for number, (i, j) in enumerate(ENTRIES):
         axes = figure.add_subplot(grid[divmod(number, 2)])
-        size, deviation = np.abs(found.matrix[:, i, j]), found.standard_deviation[:, i, j]
+        size, deviation = np.abs(spindle.matrix[:, i, j]), spindle.standard_deviation[:, i, j]
         set_up(axes, _TITLES[number], "frequency (Hz)" if number == 2 else "", "")
-        shown = np.where(found.usable, size, np.nan)
-        axes.semilogy(lines, np.where(found.usable, np.nan, size), ".", color=PALE, markersize=2.5)
+        shown = np.where(spindle.usable, size, np.nan)
+        axes.semilogy(lines, np.where(spindle.usable, np.nan, size), ".", color=PALE, markersize=2.5)
         low = np.maximum(shown - NORMAL_95 * deviation, 0.05 * shown)
         axes.fill_between(lines, low, shown + NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
         axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
         if curve is not None:
             axes.semilogy(lines, np.abs(curve[:, i, j]), color=COLOURS[1], linewidth=1.2)
-        if found.usable.any():
+        if spindle.usable.any():
             axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
         axes.set_xlim(lines[0], lines[-1])
-    draw_condition(figure.add_subplot(grid[1, 1]), lines, found.condition)
+    draw_condition(figure.add_subplot(grid[1, 1]), lines, spindle.condition)
     return finished(figure)

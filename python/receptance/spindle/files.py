@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io as memory
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
@@ -15,14 +17,12 @@ from receptance.io.npz import arrays_in
 from receptance.model.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.spindle.receptance import SpindleReceptance
 
 __all__ = ["read_spindle", "write_spindle"]
 
 _FORMAT = "receptance spindle 1"
-_NEEDED = ("frequency_hz", "matrix", "decay_rate")
+_REQUIRED = ("frequency_hz", "matrix", "decay_rate")
 
 
 def write_spindle(path: str | os.PathLike[str], spindle: MeasuredPart | SpindleReceptance) -> None:
@@ -94,26 +94,26 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
     """
     source = Path(path)
     try:
-        own = _spindle_arrays(source)
-        if own is not None:
-            missing = [array for array in _NEEDED if array not in own]
+        arrays = _spindle_arrays(source)
+        if arrays is not None:
+            missing = [array for array in _REQUIRED if array not in arrays]
             if missing:
                 raise ValueError(f"the array {missing[0]!r} of the spindle is missing; write the file again")
-            if own["decay_rate"].shape:
-                raise ValueError(f"decay_rate has shape {own['decay_rate'].shape}, expected one number")
+            if arrays["decay_rate"].shape:
+                raise ValueError(f"decay_rate has shape {arrays['decay_rate'].shape}, expected one number")
             return MeasuredPart(
-                frequency_hz=own["frequency_hz"],
-                matrix=own["matrix"],
-                decay_rate=float(own["decay_rate"]),
-                covariance=own.get("covariance"),
+                frequency_hz=arrays["frequency_hz"],
+                matrix=arrays["matrix"],
+                decay_rate=float(arrays["decay_rate"]),
+                covariance=arrays.get("covariance"),
                 name=name,
             )
         from receptance.io import read
 
-        found = read(source)
-        if not isinstance(found, FRF):
-            raise ValueError(f"holds a {type(found).__name__}, expected an FRF matrix over y and theta")
-        return _with_variance(found, name)
+        content = read(source)
+        if not isinstance(content, FRF):
+            raise ValueError(f"the file contains a {type(content).__name__}, expected an FRF matrix over y and theta")
+        return _with_variance(content, name)
     except (ValueError, TypeError, KeyError) as error:
         message = str(error)
         raise ValueError(message if source.name in message else f"{source}: {message}") from error
@@ -136,10 +136,4 @@ def _with_variance(frf: FRF, name: str) -> MeasuredPart:
     covariance = np.zeros((len(part.frequency_hz), 3, 3), dtype=np.complex128)
     for column, (i, j) in enumerate(ENTRIES):
         covariance[:, column, column] = 0.5 * (variance[:, i, j] + variance[:, j, i])
-    return MeasuredPart(
-        frequency_hz=part.frequency_hz,
-        matrix=part.matrix,
-        decay_rate=part.decay_rate,
-        covariance=covariance,
-        name=name,
-    )
+    return replace(part, covariance=covariance)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Identification, MeasuredFRF, Unknown, identify
@@ -17,25 +19,24 @@ from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["SpindleModes", "fit_spindle", "start_from"]
+__all__ = ["SpindleModes", "fit_spindle"]
 
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
 _HIGHEST_DAMPING = 0.3
 _ABOVE = 1.5
 """Start frequency of the mode above the band, relative to the end of the band."""
-_BEYOND = 0.5
+_RESIDUAL_SHARE = 0.5
 """Share of the residual that the start of this mode accounts for."""
-_FARTHEST = 5.0
-_SPACING = 0.25
+_HIGHEST_FREQUENCY = 5.0
+"""Upper bound of the frequency of this mode, relative to the end of the band."""
+_NODE_SPACING = 0.25
 """Distance of the nodes of the model error in the logarithm of frequency."""
-_SHARES = (1e-6, 1.0)
+_DISCREPANCIES = (1e-6, 1.0)
 """Range of the relative model error."""
-_REACH = 0.25
+_FREQUENCY_CHANGE = 0.25
 """Largest relative change of a natural frequency from its start."""
 
 
@@ -74,45 +75,42 @@ class SpindleModes:
         scales = [fit.unknowns[index].scale for index in order]
         values = np.array([fit.values[address] for address in self.addresses])
         slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
-        result: NDArray[np.float64] = np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
-        return result
+        return np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
 
-    def standard_deviation(self, machine: Assembly, frequency_hz: Any, **places: Any) -> NDArray[np.float64]:
+    def standard_deviation(self, machine: Assembly, frequency_hz: Any, **coordinates: Any) -> NDArray[np.float64]:
         """Relative standard deviation `(n,)` of the magnitude of a receptance of an assembly that ends with `part`.
 
-        First order in the errors of the modes and in the model error. `places` are `response` and `excitation` of
+        First order in the errors of the modes and in the model error. `coordinates` are `response` and `excitation` of
         `Assembly.receptance`.
         """
-        h, modes, error = self._sensitivities(machine, frequency_hz, places)
-        own = (modes / h[:, None]).real
-        variance = np.einsum("ni,ij,nj->n", own, self.covariance, own)
+        h, modes, error = self._sensitivities(machine, frequency_hz, coordinates)
+        slope = (modes / h[:, None]).real
+        variance = np.einsum("ni,ij,nj->n", slope, self.covariance, slope)
         variance += np.sum(np.abs(error / h[:, None]) ** 2, axis=1)
-        result: NDArray[np.float64] = np.sqrt(np.maximum(variance, 0.0))
-        return result
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def draws(
-        self, machine: Assembly, frequency_hz: Any, *, count: int = 100, seed: int = 0, **places: Any
+        self, machine: Assembly, frequency_hz: Any, *, count: int = 100, seed: int = 0, **coordinates: Any
     ) -> NDArray[np.complex128]:
         """Return random receptances `(count, n)` of an assembly that ends with `part`, for error bands.
 
         First order in the logarithm; all lines of a draw share one model error.
         """
-        h, modes, error = self._sensitivities(machine, frequency_hz, places)
+        h, modes, error = self._sensitivities(machine, frequency_hz, coordinates)
         random = np.random.default_rng(seed)
-        whole = random.standard_normal((count, len(self.addresses))) @ square_root(self.covariance).T
+        values = random.standard_normal((count, len(self.addresses))) @ square_root(self.covariance).T
         normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
-        result: NDArray[np.complex128] = h * np.exp((whole @ modes.T + normal @ error.T) / h)
-        return result
+        return np.asarray(h * np.exp((values @ modes.T + normal @ error.T) / h))
 
     def _sensitivities(
-        self, machine: Assembly, frequency_hz: Any, places: dict[str, Any]
+        self, machine: Assembly, frequency_hz: Any, coordinates: dict[str, Any]
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
         """Return a receptance `(n,)`, its derivatives, and its changes for one model error of each entry."""
-        through = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
-        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *through], **places)
-        own = len(self.addresses)
+        residuals = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
+        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *residuals], **coordinates)
+        count = len(self.addresses)
         errors = self.discrepancy * _magnitudes(self.part, np.asarray(frequency_hz))
-        return h, slope[..., :own], slope[..., own:] * errors
+        return h, slope[..., :count], slope[..., count:] * errors
 
     def __repr__(self) -> str:
         return f"SpindleModes({self.part!r}, rms {self.identification.rms:.3g})"
@@ -120,7 +118,7 @@ class SpindleModes:
 
 def fit_spindle(
     observations: Sequence[MeasuredFRF],
-    found: SpindleReceptance,
+    spindle: SpindleReceptance,
     *,
     modes: int | Sequence[float] | None = None,
     name: str = "spindle",
@@ -137,7 +135,7 @@ def fit_spindle(
     ----------
     observations : sequence of MeasuredFRF
         As for `identify_spindle`.
-    found : SpindleReceptance
+    spindle : SpindleReceptance
         Result of `identify_spindle`.
     modes : int or sequence of float, optional
         Number of modes, or their approximate frequencies in Hz; by default as many as `fit_modes` finds.
@@ -153,15 +151,15 @@ def fit_spindle(
     """
     observed = check_observations(tuple(observations))
     check_blanks(observed)
-    start = start_from(found, modes, name=name)
-    low, high = (float(np.asarray(found.frequency_hz).real[i]) for i in (0, -1))
-    fit = identify([_coupled(one, start) for one in observed], _unknowns(start, high), starts=1, threads=threads)
+    start = _start(spindle, modes, name=name)
+    low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
+    fit = identify(_coupled(observed, start), _unknowns(start, high), starts=1, threads=threads)
     values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
     part = start.with_values(values)
     return SpindleModes(
         part=replace(part, band_hz=(low, high)),
         identification=fit,
-        discrepancy=_discrepancy([_coupled(one, part) for one in observed], part),
+        discrepancy=_discrepancy(_coupled(observed, part), part),
     )
 
 
@@ -188,28 +186,30 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
     """
     from scipy.optimize import minimize_scalar
 
-    own = [f"{part.name}.{quantity}" for quantity in part.addresses]
-    ends = [np.log([one.frequency_hz[i].real for one in observed]) for i in (0, -1)]
-    low, high = float(ends[0].min()), float(ends[1].max())
-    nodes = np.linspace(low, high, int(np.ceil((high - low) / _SPACING)) + 1)
+    addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
+    low = float(np.log(min(observation.frequency_hz[0].real for observation in observed)))
+    high = float(np.log(max(observation.frequency_hz[-1].real for observation in observed)))
+    nodes = np.linspace(low, high, int(np.ceil((high - low) / _NODE_SPACING)) + 1)
     blocks = []
-    for one in observed:
-        lines = one.frequency_hz
-        h, slope = one.assembly.derivatives(lines, own, response=one.response, excitation=one.excitation)
-        weighted = slope / (h * np.asarray(one.standard_deviation))[:, None]
-        residual = np.log(one.receptance / h) / one.standard_deviation
+    for observation in observed:
+        lines, deviation = observation.frequency_hz, np.asarray(observation.standard_deviation)
+        h, slope = observation.assembly.derivatives(
+            lines, addresses, response=observation.response, excitation=observation.excitation
+        )
+        weighted = slope / (h * deviation)[:, None]
+        residual = np.log(observation.receptance / h) / deviation
         # The last parameters are the residuals; their derivatives are those with respect to the entries.
-        reach = weighted[:, -len(RESIDUALS) :] * _magnitudes(part, lines)
+        entries = weighted[:, -len(RESIDUALS) :] * _magnitudes(part, lines)
         shares = np.stack([np.interp(np.log(lines.real), nodes, row) for row in np.eye(nodes.size)], axis=1)
-        error = (reach[:, :, None] * shares[:, None, :]).reshape(lines.size, -1)
+        error = (entries[:, :, None] * shares[:, None, :]).reshape(lines.size, -1)
         # Real and imaginary parts are rows; an error has a real and an imaginary part, which are columns.
         columns = np.concatenate([weighted, error, 1j * error, residual[:, None]], axis=1)
         blocks += [columns.real, columns.imag]
     whole = np.concatenate(blocks)
-    jacobian, rest = whole[:, : len(own)], whole[:, len(own) :]
+    jacobian, other = whole[:, : len(addresses)], whole[:, len(addresses) :]
     basis, _ = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))
-    rest = rest - basis @ (basis.T @ rest)
-    error, residual = rest[:, :-1], rest[:, -1]
+    projected = other - basis @ (basis.T @ other)
+    error, residual = projected[:, :-1], projected[:, -1]
     size, vectors = np.linalg.eigh(error.T @ error)
     determined = size > 1e-10 * size[-1]
     size, vectors = size[determined], vectors[:, determined]
@@ -219,44 +219,40 @@ def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
         growth = 1.0 + np.exp(2.0 * logarithm) * size
         return float(np.sum(np.log(growth) + squares / growth))
 
-    grid = np.linspace(np.log(_SHARES[0]), np.log(_SHARES[1]), 60)
+    grid = np.log(np.geomspace(*_DISCREPANCIES, 60))
     best = int(np.argmin([deviance(x) for x in grid]))
     if best == 0:
         return 0.0
-    around = (grid[best - 1], grid[min(best + 1, grid.size - 1)])
-    return float(np.exp(minimize_scalar(deviance, bounds=around, method="bounded").x))
+    bounds = (grid[best - 1], grid[min(best + 1, grid.size - 1)])
+    return float(np.exp(minimize_scalar(deviance, bounds=bounds, method="bounded").x))
 
 
-def start_from(
-    found: SpindleReceptance, modes: int | Sequence[float] | None = None, *, name: str = "spindle"
-) -> ModalPart:
+def _start(spindle: SpindleReceptance, modes: int | Sequence[float] | None, *, name: str) -> ModalPart:
     """Return start values: modes of the usable lines of a spindle, one mode above the band, and a residual."""
-    import warnings
-
     from receptance.modal import fit_modes
 
     with warnings.catch_warnings():
         # Warnings on standard errors and on the number of modes do not matter for start values.
         warnings.simplefilter("ignore", ReceptanceWarning)
-        fit = fit_modes(found.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
-    size = np.sqrt(np.median(np.abs(np.einsum("nii->ni", found.matrix[found.usable])), axis=0))
-    kept = []
+        fit = fit_modes(spindle.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
+    size = np.sqrt(np.median(np.abs(np.einsum("nii->ni", spindle.matrix[spindle.usable])), axis=0))
+    parts = []
     for frequency, damping, constant in zip(fit.frequency_hz, fit.damping_ratio, fit.modal_constant, strict=True):
         y, theta = _shape(constant, size)
         damping = float(np.clip(damping, _LOWEST_START, _HIGHEST_DAMPING))
         shape = {"y": y.real, "theta": theta.real, "y_imaginary": y.imag, "theta_imaginary": theta.imag}
-        kept.append(Mode(frequency_hz=float(frequency), damping_ratio=damping, **shape))
+        parts.append(Mode(frequency_hz=float(frequency), damping_ratio=damping, **shape))
     # At the first line the modes above the band contribute a constant.
     first = fit.frf.complex_frequency_hz[:1]
     residual = (fit.receptance(first) - fit.receptance(first, background=False))[0].real
-    high = float(np.asarray(found.frequency_hz).real[-1])
+    high = float(np.asarray(spindle.frequency_hz).real[-1])
     # At the end of the band their contribution depends on frequency: one mode above the band represents that.
     w = 2.0 * np.pi * _ABOVE * high
-    y, theta = _shape(_BEYOND * w * w * residual.astype(np.complex128), size)
-    kept.append(Mode(frequency_hz=_ABOVE * high, damping_ratio=0.03, y=y.real, theta=theta.real))
-    residual = residual - _BEYOND * np.outer([y.real, theta.real], [y.real, theta.real]) / (w * w)
+    y, theta = _shape(_RESIDUAL_SHARE * w * w * residual.astype(np.complex128), size)
+    parts.append(Mode(frequency_hz=_ABOVE * high, damping_ratio=0.03, y=y.real, theta=theta.real))
+    residual = residual - _RESIDUAL_SHARE * np.outer([y.real, theta.real], [y.real, theta.real]) / (w * w)
     return ModalPart(
-        modes=tuple(kept),
+        modes=tuple(parts),
         residual_y=float(residual[0, 0]),
         residual_theta=float(residual[1, 1]),
         residual_ytheta=float(0.5 * (residual[0, 1] + residual[1, 0])),
@@ -268,24 +264,20 @@ def _shape(constant: NDArray[np.complex128], size: NDArray[np.float64]) -> tuple
     """Return a shape psi = (y, theta) with psi psi^T close to a modal constant."""
     # The component that is larger relative to its typical size follows from the diagonal, the other from the coupling.
     first = int(abs(constant[1, 1]) / size[1] ** 2 > abs(constant[0, 0]) / size[0] ** 2)
-    own = complex(np.sqrt(constant[first, first] + 0j))
-    other = 0.5 * complex(constant[0, 1] + constant[1, 0]) / own if own else 0j
-    y, theta = (own, other) if first == 0 else (other, own)
+    larger = complex(np.sqrt(constant[first, first] + 0j))
+    other = 0.5 * complex(constant[0, 1] + constant[1, 0]) / larger if larger else 0j
+    y, theta = (larger, other) if first == 0 else (other, larger)
     return (y, theta) if y.real >= 0.0 else (-y, -theta)
 
 
-def _coupled(one: MeasuredFRF, part: ModalPart) -> MeasuredFRF:
-    return MeasuredFRF(
-        assembly=Assembly([*one.assembly.elements.values(), part], one.assembly.attachments.values()),
-        frequency_hz=one.frequency_hz,
-        receptance=one.receptance,
-        response=one.response,
-        excitation=one.excitation,
-        standard_deviation=one.standard_deviation,
-        correlated_lines=one.correlated_lines,
-        label=one.label,
-        notes=one.notes,
-    )
+def _coupled(observed: Sequence[MeasuredFRF], part: ModalPart) -> list[MeasuredFRF]:
+    """Return the observations with the spindle as the far end of each blank."""
+    coupled = []
+    for observation in observed:
+        blank = observation.assembly
+        assembly = Assembly([*blank.elements.values(), part], blank.attachments.values())
+        coupled.append(replace(observation, assembly=assembly))
+    return coupled
 
 
 def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
@@ -293,21 +285,22 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
     result = []
     names = ("y", "theta", "y_imaginary", "theta_imaginary")
     shapes = np.array([[getattr(mode, name) for name in names] for mode in start.modes])
-    reach = np.tile(10.0 * np.abs(shapes[:, :2]).max(axis=0) + 1e-12, 2)
+    largest = np.tile(10.0 * np.abs(shapes[:, :2]).max(axis=0) + 1e-12, 2)
     for index, mode in enumerate(start.modes):
-        own = f"{start.name}.mode[{index}]"
+        address = f"{start.name}.mode[{index}]"
         f = mode.frequency_hz
-        ends = ((1.0 - _REACH) * f, (1.0 + _REACH) * f) if f <= high_hz else (high_hz, _FARTHEST * high_hz)
-        result.append(Unknown(address=f"{own}.frequency_hz", lower=ends[0], upper=ends[1], start=f))
-        result.append(Unknown(address=f"{own}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
-        for which, quantity in enumerate(names):
-            value = float(shapes[index, which])
-            result.append(Unknown(address=f"{own}.{quantity}", lower=-reach[which], upper=reach[which], start=value))
+        lower, upper = high_hz, _HIGHEST_FREQUENCY * high_hz
+        if f <= high_hz:
+            lower, upper = (1.0 - _FREQUENCY_CHANGE) * f, (1.0 + _FREQUENCY_CHANGE) * f
+        result.append(Unknown(address=f"{address}.frequency_hz", lower=lower, upper=upper, start=f))
+        result.append(Unknown(address=f"{address}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
+        for quantity, value, bound in zip(names, shapes[index].tolist(), largest, strict=True):
+            result.append(Unknown(address=f"{address}.{quantity}", lower=-bound, upper=bound, start=value))
     # The bounds are ten times the sum of the modes at the end of the band.
     w = 2.0 * np.pi * high_hz
     y, theta = np.abs(shapes[:, :2]).max(axis=0) * np.sqrt(len(shapes)) / w
     for quantity, scale in (("residual_y", y * y), ("residual_theta", theta * theta), ("residual_ytheta", y * theta)):
-        value = start.value(quantity)
-        most = 100.0 * max(scale, abs(value))
-        result.append(Unknown(address=f"{start.name}.{quantity}", lower=-most, upper=most, start=value))
+        value = getattr(start, quantity)
+        bound = 100.0 * max(scale, abs(value))
+        result.append(Unknown(address=f"{start.name}.{quantity}", lower=-bound, upper=bound, start=value))
     return result

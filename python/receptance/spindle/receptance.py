@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.model.terminals import ENTRIES, MeasuredPart
@@ -14,7 +15,6 @@ from receptance.report import Column, Provenance, Result, Table
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
 __all__ = ["SpindleReceptance"]
 
@@ -96,25 +96,21 @@ class SpindleReceptance(Result):
             name=name,
         )
 
-    def as_frf(self, *, label: str = "spindle") -> FRF:
+    def as_frf(self) -> FRF:
         """Return the usable lines as an FRF over (y, theta) with the variance of its logarithm, for files."""
         rows = self._usable_rows()
-        spread = self.standard_deviation[rows] / np.abs(self.matrix[rows])
+        deviation = self.standard_deviation[rows] / np.abs(self.matrix[rows])
         return FRF(
             frequency_hz=np.asarray(self.frequency_hz).real[rows],
             values=self.matrix[rows],
             responses=["y", "theta"],
             excitations=["y", "theta"],
             decay_rate=self.decay_rate,
-            log_variance=spread**2,
-            label=label,
+            log_variance=deviation**2,
+            label="spindle",
             source=f"identify_spindle from {', '.join(self.labels)}",
             notes=self.notes,
         )
-
-    def with_note(self, note: str) -> SpindleReceptance:
-        """Return the result with an additional note."""
-        return replace(self, notes=(*self.notes, note))
 
     def _usable_rows(self) -> NDArray[np.intp]:
         rows = np.flatnonzero(self.usable)
@@ -131,8 +127,8 @@ class SpindleReceptance(Result):
             "term",
             Column("usable lines", form="d"),
             Column("from, to", "Hz", "g"),
-            Column("least magnitude", form=".3g"),
-            Column("most", form=".3g"),
+            Column("smallest magnitude", form=".3g"),
+            Column("largest", form=".3g"),
             Column("median standard\ndeviation", "%", ".2g"),
         )
         lines = np.asarray(self.frequency_hz).real[self.usable]

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks, units
 from receptance.model.fields import Choice, Count, Element, Number
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Milling", "Turning"]
 
@@ -111,12 +109,12 @@ class Milling(Element):
             `(n, 2, 2)` in N/m^2, force in x and y by displacement in x and y; zero outside the cut.
         """
         first, last = self.engagement
-        turned = np.mod(angle, 2.0 * np.pi)
-        cuts = (turned >= first) & (turned <= last)
-        sine, cosine = np.sin(turned) * cuts, np.cos(turned) * cuts
-        along = np.stack([-self.k_t * cosine - self.k_n * sine, self.k_t * sine - self.k_n * cosine], axis=-1)
-        across = np.stack([sine, cosine], axis=-1)
-        return np.asarray(along[..., :, None] * across[..., None, :])
+        within = np.mod(angle, 2.0 * np.pi)
+        engaged = (within >= first) & (within <= last)
+        sine, cosine = np.sin(within) * engaged, np.cos(within) * engaged
+        force = np.stack([-self.k_t * cosine - self.k_n * sine, self.k_t * sine - self.k_n * cosine], axis=-1)
+        thickness = np.stack([sine, cosine], axis=-1)
+        return np.asarray(force[..., :, None] * thickness[..., None, :])
 
     def directional_mean(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean of the sum of `directional` over all teeth between two angles of the first, in closed form.
@@ -141,20 +139,18 @@ class Milling(Element):
         first, last = self.engagement
         turns = np.floor(angle / (2.0 * np.pi))
         within = np.clip(angle - 2.0 * np.pi * turns, first, last)
-        whole = self._antiderivative(np.array(last)) - self._antiderivative(np.array(first))
-        part = self._antiderivative(within) - self._antiderivative(np.array(first))
-        return np.asarray(turns[..., None, None] * whole + part)
+        start = self._antiderivative(np.array(first))
+        revolution = self._antiderivative(np.array(last)) - start
+        return np.asarray(turns[..., None, None] * revolution + self._antiderivative(within) - start)
 
     def _antiderivative(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        double = 2.0 * angle
-        square, product, other = (
-            0.5 * angle - 0.25 * np.sin(double),  # sin^2
-            -0.25 * np.cos(double),  # sin cos
-            0.5 * angle + 0.25 * np.sin(double),  # cos^2
-        )
+        # Integrals of sin^2, sin cos and cos^2.
+        ss = 0.5 * angle - 0.25 * np.sin(2.0 * angle)
+        sc = -0.25 * np.cos(2.0 * angle)
+        cc = 0.5 * angle + 0.25 * np.sin(2.0 * angle)
         t, n = self.k_t, self.k_n
-        rows = [-t * product - n * square, -t * other - n * product, t * square - n * product, t * product - n * other]
-        return np.stack(rows, axis=-1).reshape(*np.shape(angle), 2, 2)
+        entries = [-t * sc - n * ss, -t * cc - n * sc, t * ss - n * sc, t * sc - n * cc]
+        return np.stack(entries, axis=-1).reshape(*np.shape(angle), 2, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,10 +204,9 @@ class Turning(Element):
 
 def _factors(owner: str, draws: int, deviations: dict[str, float], seed: int) -> list[list[float]]:
     """Return random factors of the coefficients for each standard deviation."""
-    if isinstance(draws, bool) or not isinstance(draws, (int, np.integer)) or draws < 1:
-        raise ValueError(f"{owner}: draws is {draws!r}, expected a whole number of at least 1")
+    count = _checks.whole_number(owner, "draws", draws)
     scales = [
         _checks.not_negative(owner, f"the standard deviation of {name}", value) for name, value in deviations.items()
     ]
-    random = np.random.default_rng(seed).standard_normal((len(scales), draws))
+    random = np.random.default_rng(seed).standard_normal((len(scales), count))
     return [np.exp(scale * row).tolist() for scale, row in zip(scales, random, strict=True)]

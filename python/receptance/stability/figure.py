@@ -5,30 +5,35 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, set_up, surface
+from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, panels, set_up, surface
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.stability import Lobes, Stability, StableCut
 
-__all__ = ["draw_lobes", "draw_lobes_on", "draw_several_lobes"]
+__all__ = ["draw_lobes", "draw_several_lobes"]
 
-_MOST = 8
+_SPEED = "spindle speed (1000 rpm)"
+_LARGEST_COUNT = 8
+"""Largest number of diagrams in a figure."""
+_RECOMMENDED = 3
+"""Number of marked recommended speeds."""
 _LEVEL = 0.95
 """Probability of the drawn stable depths if the lobes have draws but no probability."""
-
 _LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
 _HIGHEST = 15.0
 """Upper end of the depth axis over the lowest limit, so that high lobes do not compress the others."""
+_LABEL_WIDTH, _LABEL_HEIGHT = 0.17, 0.07
+"""Size of the label of a speed as a share of the axes."""
 
 
-def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) -> Figure:
+def draw_lobes(lobes: Lobes, ax: Axes | None = None) -> Figure:
     """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency.
 
     Parameters
@@ -37,78 +42,82 @@ def draw_lobes(lobes: Lobes, ax: Axes | None = None, *, recommended: int = 3) ->
         The lobes.
     ax : Axes, optional
         As in `Result.plot`.
-    recommended : int, optional
-        Number of marked recommended speeds.
 
     Returns
     -------
     matplotlib.figure.Figure
         The figure.
     """
-    shown = bool(np.isfinite(lobes.chatter_hz).any())
-    figure = surface(ax, 9.0, 5.8 if shown else 4.6)
-    rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if shown else [figure.subplots()]
-    draw_lobes_on(rows[0], lobes, recommended=recommended)
+    with_chatter = bool(np.isfinite(lobes.chatter_hz).any())
+    figure = surface(ax, 9.0, 5.8 if with_chatter else 4.6)
+    rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if with_chatter else [figure.subplots()]
+    _draw_diagram(rows[0], lobes)
     add_legend(figure, ncols=4)
-    set_up(rows[0], lobes.title_of_cut(), "" if shown else "spindle speed (1000 rpm)", "depth of cut (mm)")
-    if shown:
+    if with_chatter:
+        rows[0].set_xlabel("")
         rows[1].plot(1e-3 * lobes.speeds_rpm, lobes.chatter_hz, ".", color=_LIMIT, ms=1.5)
-        set_up(rows[1], "", "spindle speed (1000 rpm)", "chatter (Hz)")
-    rows[0].set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
+        set_up(rows[1], "", _SPEED, "chatter (Hz)")
     return finished(figure)
 
 
-def draw_several_lobes(several: Stability, ax: Axes | None = None, *, recommended: int = 3) -> Figure:
+def draw_several_lobes(several: Stability, ax: Axes | None = None) -> Figure:
     """Draw up to eight lobe diagrams below each other; a single one like `draw_lobes`."""
-    shown = list(several.values())[:_MOST]
-    if len(shown) == 1:
-        return draw_lobes(shown[0], ax, recommended=recommended)
-    figure = surface(ax, 9.0, 0.6 + 3.1 * len(shown))
-    for axes, lobes in zip(figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True):
-        draw_lobes_on(axes, lobes, recommended=recommended)
-        set_up(axes, lobes.title_of_cut(), "spindle speed (1000 rpm)", "depth of cut (mm)")
-        axes.set_xlim(1e-3 * lobes.speeds_rpm.min(), 1e-3 * lobes.speeds_rpm.max())
+    diagrams = list(several.values())[:_LARGEST_COUNT]
+    if len(diagrams) == 1:
+        return draw_lobes(diagrams[0], ax)
+    figure = surface(ax, 9.0, 0.6 + 3.1 * len(diagrams))
+    for axes, lobes in zip(panels(figure, len(diagrams), 1), diagrams, strict=True):
+        _draw_diagram(axes, lobes)
     handles = {text: line for axes in figure.axes for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     add_legend(figure, handles.values(), handles.keys(), ncols=4)
     return finished(figure)
 
 
-def draw_lobes_on(axes: Axes, lobes: Lobes, *, recommended: int = 3) -> None:
+def _draw_diagram(axes: Axes, lobes: Lobes) -> None:
     """Draw limit, band, stable depth at a probability, and recommended speeds into axes."""
     probability = lobes.probability or _LEVEL
     order = np.argsort(lobes.speeds_rpm, kind="stable")
     speed = 1e-3 * lobes.speeds_rpm[order]
     depth = lobes.depth[order]
-    known = lobes.draws is not None
-    chosen = probability if known else None
-    marked = lobes.recommended(probability=chosen, count=recommended) if np.isfinite(depth).any() else ()
-    top = max(_top(lobes, depth), 1.15e3 * max((cut.depth for cut in marked), default=0.0))
-    limit = _shown(depth, top)
+    has_draws = lobes.draws is not None
+    cuts: tuple[StableCut, ...] = ()
+    if np.isfinite(depth).any():
+        cuts = lobes.recommended(probability=probability if has_draws else None, count=_RECOMMENDED)
+    top = max(_top(lobes, depth), 1.15e3 * max((cut.depth for cut in cuts), default=0.0))
+    limit = highest = _clipped(depth, top)
     axes.fill_between(speed, limit, 2.0 * top, color=_CHATTER, alpha=0.10, lw=0, label="chatter")
     if lobes.lower is not None and lobes.upper is not None:
-        low, high = _shown(lobes.lower[order], top), _shown(lobes.upper[order], top)
-        axes.fill_between(speed, low, high, color=_LIMIT, alpha=0.22, lw=0, label="95 % band of the limit")
+        low, highest = _clipped(lobes.lower[order], top), _clipped(lobes.upper[order], top)
+        axes.fill_between(speed, low, highest, color=_LIMIT, alpha=0.22, lw=0, label="95 % band of the limit")
     axes.plot(speed, limit, color=_LIMIT, lw=1.3, label="limit")
-    if known:
-        stable = _shown(lobes.stable_depth(probability)[order], top)
+    if has_draws:
+        stable = _clipped(lobes.stable_depth(probability)[order], top)
         axes.plot(speed, stable, color=_STABLE, lw=1.3, ls="--", label=f"stable with {100 * probability:g} %")
-    _mark_speeds(axes, marked, 1e-3 * float(np.ptp(lobes.speeds_rpm)), top)
-    axes.set_ylim(0.0, top)
+    axes.set_ylim(0.0, max(top, _mark_speeds(axes, cuts, speed, np.minimum(highest, top), top)))
+    axes.set_xlim(speed[0], speed[-1])
+    set_up(axes, lobes.title_of_cut(), _SPEED, "depth of cut (mm)")
 
 
-def _mark_speeds(axes: Axes, marked: Sequence[StableCut], range_: float, top: float) -> None:
-    """Mark recommended speeds with labels that do not overlap."""
-    taken: list[tuple[float, float]] = []
-    for cut in marked:
+def _mark_speeds(
+    axes: Axes, cuts: Sequence[StableCut], speed: NDArray[np.float64], highest: NDArray[np.float64], top: float
+) -> float:
+    """Mark recommended speeds with labels above all curves that do not overlap; return the height that they need."""
+    width, step = _LABEL_WIDTH * float(np.ptp(speed)), _LABEL_HEIGHT * top
+    labels: list[tuple[float, float, float]] = []
+    for cut in cuts:
         x, y = 1e-3 * cut.speed_rpm, 1e3 * cut.depth
-        axes.plot([x, x], [0.0, y], color=PALE, lw=0.8, zorder=1)
+        sides = [(x, x + width), (x - width, x)]
+        sides = [side for side in sides if speed[0] <= side[0] and side[1] <= speed[-1]] or sides[:1]
+        heights = [highest[(speed >= low) & (speed <= high)].max(initial=y) + step for low, high in sides]
+        best = int(np.argmin(heights))
+        (low, high), height = sides[best], heights[best]
+        while any(low < b and a < high and abs(height - other) < step for a, b, other in labels):
+            height += step
+        labels.append((low, high, height))
+        axes.plot([x, x], [0.0, height], color=PALE, lw=0.8, zorder=1)
         axes.plot(x, y, "v", color=INK, ms=6, zorder=4)
-        height = y + 0.04 * top
-        while any(abs(x - other) < 0.2 * range_ and abs(height - at) < 0.06 * top for other, at in taken):
-            height -= 0.065 * top
-        taken.append((x, height))
-        left = bool(x > np.mean(axes.get_xlim()))
-        label_point(axes, f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm", (x, height), left=left)
+        label_point(axes, f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm", (x, height), left=high == x, offset=(3.0, 0.0))
+    return max((height + step for _, _, height in labels), default=0.0)
 
 
 def _top(lobes: Lobes, depth: NDArray[np.float64]) -> float:
@@ -116,9 +125,9 @@ def _top(lobes: Lobes, depth: NDArray[np.float64]) -> float:
     if not finite.any():
         return 1.0
     highest = lobes.upper if lobes.upper is not None else lobes.depth
-    most = np.max(highest[np.isfinite(highest)], initial=float(depth[finite].max()))
-    return float(1e3 * min(1.1 * most, _HIGHEST * depth[finite].min()))
+    largest = np.max(highest[np.isfinite(highest)], initial=float(depth[finite].max()))
+    return float(1e3 * min(1.1 * largest, _HIGHEST * depth[finite].min()))
 
 
-def _shown(depth: NDArray[np.float64], top: float) -> NDArray[np.float64]:
+def _clipped(depth: NDArray[np.float64], top: float) -> NDArray[np.float64]:
     return np.minimum(1e3 * depth, 2.0 * top)

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance._peaks import local_maxima
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.zeroth_order import critical_depths, limit_over_speed
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Lobes", "Stability", "StableCut", "ensemble", "stability_lobes", "with_draws"]
 
@@ -26,6 +27,7 @@ _Tip = TypeVar("_Tip")
 
 _FEWEST_DRAWS = 20
 _LEVEL = 0.95
+"""Level of the band of the limit."""
 _RECOMMENDED = 5
 """Number of recommended speeds of each cut in results."""
 _SHOULDER = 0.9
@@ -131,11 +133,11 @@ class Lobes(Result):
         share = _checks.number("Lobes", "probability", probability)
         if not 0.0 < share < 1.0:
             raise ValueError(f"Lobes: probability is {share:g}, expected between 0 and 1")
-        draws = self._known_draws()
-        least = int(np.ceil(1.0 / min(share, 1.0 - share)))
-        if len(draws) < least:
+        draws = self._required_draws()
+        fewest = int(np.ceil(1.0 / min(share, 1.0 - share)))
+        if len(draws) < fewest:
             raise ValueError(
-                f"Lobes: there are {len(draws)} draws, expected at least {least} for a probability of {share:g}"
+                f"Lobes: there are {len(draws)} draws, expected at least {fewest} for a probability of {share:g}"
             )
         return np.quantile(draws, 1.0 - share, axis=0, method="lower")
 
@@ -157,7 +159,7 @@ class Lobes(Result):
         ValueError
             No draws, or depths whose shape does not match the speeds.
         """
-        draws = self._known_draws()
+        draws = self._required_draws()
         depths = _checks.unmasked("Lobes", "depth", depth, np.float64)
         if depths.ndim > 2 or (depths.ndim and depths.shape[-1] not in (1, self.speeds_rpm.size)):
             raise ValueError(
@@ -192,38 +194,38 @@ class Lobes(Result):
         ValueError
             As `best`.
         """
-        from scipy.signal import find_peaks
-
         depth, finite = self._finite(probability)
         order = np.argsort(self.speeds_rpm, kind="stable")
         depth = np.where(finite, depth, np.min(depth))[order]
         speeds, chatter = self.speeds_rpm[order], self.chatter_hz[order]
         height = np.log(np.maximum(depth, np.finfo(np.float64).tiny))
-        low = [height.min() - 2.0 * _PROMINENCE]
         # The padding makes maxima at the ends of the range count as peaks.
-        peaks = find_peaks(np.concatenate([low, height, low]), prominence=_PROMINENCE)[0] - 1
-        found = []
-        for top in sorted(peaks.tolist(), key=lambda i: -depth[i])[:count]:
-            first, last = _around(depth >= _SHOULDER * depth[top], top)
+        padded = np.pad(height, 1, constant_values=height.min() - 2.0 * _PROMINENCE)
+        peaks = local_maxima(padded, _PROMINENCE)[0] - 1
+        cuts = []
+        for peak in sorted(peaks.tolist(), key=lambda i: -depth[i])[:count]:
+            low = np.flatnonzero(depth < _SHOULDER * depth[peak])
+            first = int(low[low < peak].max(initial=-1)) + 1
+            last = int(low[low > peak].min(initial=depth.size)) - 1
             cut = StableCut(
-                speed_rpm=float(speeds[top]),
-                depth=float(depth[top]),
+                speed_rpm=float(speeds[peak]),
+                depth=float(depth[peak]),
                 probability=probability,
                 lowest_rpm=float(speeds[first]),
                 highest_rpm=float(speeds[last]),
-                chatter_hz=float(chatter[top]),
+                chatter_hz=float(chatter[peak]),
             )
-            found.append(cut)
-        return tuple(found)
+            cuts.append(cut)
+        return tuple(cuts)
 
     def tables(self) -> list[Table]:
         """Return the recommended speeds."""
         limits = dict(zip(self.speeds_rpm.tolist(), self.depth.tolist(), strict=True))
-        sure = "depth" if self.probability is None else f"stable with {100.0 * self.probability:g} %"
+        depth = "depth" if self.probability is None else f"stable with {100.0 * self.probability:g} %"
         columns = (
             "cut",
             Column("speed", "rpm", ".0f"),
-            Column(sure, "mm", ".3g"),
+            Column(depth, "mm", ".3g"),
             Column("limit", "mm", ".3g"),
             Column("90 % of depth", "rpm", ".0f"),
             Column("chatter frequency", "Hz", ".0f"),
@@ -231,37 +233,38 @@ class Lobes(Result):
         rows = [
             (
                 self.name,
-                best.speed_rpm,
-                1e3 * best.depth,
-                1e3 * limits[best.speed_rpm],
-                (best.lowest_rpm, best.highest_rpm),
-                best.chatter_hz,
+                cut.speed_rpm,
+                1e3 * cut.depth,
+                1e3 * limits[cut.speed_rpm],
+                (cut.lowest_rpm, cut.highest_rpm),
+                cut.chatter_hz,
             )
-            for best in self.best_cuts
+            for cut in self.best_cuts
         ]
         return [Table("Recommended speeds", columns, rows).without_empty()] if rows else []
 
     def sentences(self) -> list[str]:
         """Return a description of the cut, and the depth that is stable at every speed."""
         low, high = self.speeds_rpm.min(), self.speeds_rpm.max()
-        sure = "" if self.probability is None else f" with {100.0 * self.probability:g} %"
+        probability = "" if self.probability is None else f" with {100.0 * self.probability:g} %"
+        text = f"stable at any depth of cut from {low:.0f} to {high:.0f} rpm"
         if np.isfinite(self.certain_depth).any():
-            least = 1e3 * self.certain_depth.min()
-            found = f"stable{sure} at every speed from {low:.0f} to {high:.0f} rpm: {least:.3g} mm"
-        else:
-            found = f"stable at any depth of cut from {low:.0f} to {high:.0f} rpm"
-        return [self.title_of_cut(), f"  {found}"]
+            depth = 1e3 * self.certain_depth.min()
+            text = f"stable{probability} at every speed from {low:.0f} to {high:.0f} rpm: {depth:.3g} mm"
+        return [self.title_of_cut(), f"  {text}"]
 
     def title_of_cut(self) -> str:
         """Return a description of the cut: name, type and tips."""
-        across = self.tips.get("y") or "rigid"
-        tips = f"; x: {self.tips['x']}, y: {across}" if self.tips else ""
         if isinstance(self.cut, Milling):
-            how = "slot" if self.cut.immersion == 1.0 else f"{self.cut.feed}-milling, immersion {self.cut.immersion:g}"
-            words = f"{self.cut.teeth} teeth, {how}{tips}"
+            kind = "slot" if self.cut.immersion == 1.0 else f"{self.cut.feed}-milling, immersion {self.cut.immersion:g}"
+            text = f"{self.cut.teeth} teeth, {kind}"
         else:
-            words = f"turning{tips.partition(', y')[0]}"
-        return f"{self.name}: {words}" if self.name else words
+            text = "turning"
+        if self.tips:
+            text += f"; x: {self.tips['x']}"
+        if self.tips and isinstance(self.cut, Milling):
+            text += f", y: {self.tips.get('y') or 'rigid'}"
+        return f"{self.name}: {text}" if self.name else text
 
     def data(self) -> dict[str, Any]:
         """Return limits, bands and recommended speeds; depths in m."""
@@ -289,7 +292,7 @@ class Lobes(Result):
 
         return draw_lobes(self, ax)
 
-    def _known_draws(self) -> NDArray[np.float64]:
+    def _required_draws(self) -> NDArray[np.float64]:
         if self.draws is None:
             raise ValueError("Lobes: there are no draws, from which probabilities follow; give draws or cuts")
         return self.draws
@@ -332,7 +335,7 @@ class Stability(Results[Lobes]):
     def data(self) -> dict[str, Any]:
         """Return the cuts, and the fit from which the tips were predicted."""
         return {
-            "cuts": [{**one.data(), "notes": one.notes} for one in self.values()],
+            "cuts": [{**lobes.data(), "notes": lobes.notes} for lobes in self.values()],
             "identified": None if self.identified is None else self.identified.to_dict(),
         }
 
@@ -341,14 +344,6 @@ class Stability(Results[Lobes]):
         from receptance.stability.figure import draw_several_lobes
 
         return draw_several_lobes(self, ax)
-
-
-def _around(true: NDArray[np.bool_], index: int) -> tuple[int, int]:
-    """Return the first and the last index of the run of true values around an index."""
-    wrong = np.flatnonzero(~true)
-    place = int(np.searchsorted(wrong, index))
-    first = int(wrong[place - 1]) + 1 if place else 0
-    return first, (int(wrong[place]) if place < wrong.size else true.size) - 1
 
 
 def stability_lobes(
@@ -424,21 +419,19 @@ def stability_lobes(
     plain = Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, notes=_on_ends(lines, chatter))
     if draws is None and cuts is None:
         return plain
-    several = None
+    tips = None
     if draws is not None:
-        given = list(_checks.unmasked(owner, "draws", draws))
-        several = [_shaped(owner, f"draws[{i}]", one, lines.size, cut) for i, one in enumerate(given)]
+        arrays = list(_checks.unmasked(owner, "draws", draws))
+        tips = [_shaped(owner, f"draws[{i}]", array, lines.size, cut) for i, array in enumerate(arrays)]
     limits = [
-        limit_over_speed(teeth, speeds, lines, *critical_depths(own, lines, one))[0]
-        for own, one in ensemble(owner, cut, matrix, several, cuts)
+        limit_over_speed(teeth, speeds, lines, *critical_depths(drawn_cut, lines, tip))[0]
+        for drawn_cut, tip in ensemble(owner, cut, matrix, tips, cuts)
     ]
     return with_draws(plain, np.array(limits))
 
 
-def with_draws(lobes: Lobes, draws: NDArray[np.float64] | None) -> Lobes:
+def with_draws(lobes: Lobes, draws: NDArray[np.float64]) -> Lobes:
     """Return lobes with a band from the limits of each draw `(m, n)`."""
-    if draws is None:
-        return lobes
     low, high = (np.quantile(draws, q, axis=0, method="nearest") for q in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
     return replace(lobes, lower=low, upper=high, draws=draws)
 
@@ -460,9 +453,9 @@ def ensemble(
         raise ValueError(
             f"{owner}: there are {len(cuts)} cuts and {count} draws of the receptance, expected equal numbers"
         )
-    for i, own in enumerate(cuts or ()):
-        if type(own) is not type(cut) or getattr(own, "teeth", 1) != getattr(cut, "teeth", 1):
-            raise ValueError(f"{owner}: cuts[{i}] is {own!r}, expected the type and the number of teeth of {cut!r}")
+    for i, drawn in enumerate(cuts or ()):
+        if type(drawn) is not type(cut) or getattr(drawn, "teeth", 1) != getattr(cut, "teeth", 1):
+            raise ValueError(f"{owner}: cuts[{i}] is {drawn!r}, expected the type and the number of teeth of {cut!r}")
     return [(cut if cuts is None else cuts[i], tip if draws is None else draws[i]) for i in range(count)]
 
 
@@ -482,7 +475,7 @@ def _shaped(owner: str, name: str, values: ArrayLike, lines: int, cut: Milling |
 
 
 def _on_ends(lines: NDArray[np.float64], chatter: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return notes if the limit is determined by the ends of the lines, outside which it may be lower."""
+    """Return notes if the limit is determined by the ends of the lines; outside of them it may be lower."""
     step = np.median(np.diff(lines))
     at_end = np.isfinite(chatter) & ((chatter < lines[0] + step) | (chatter > lines[-1] - step))
     missing = ~np.isfinite(chatter)

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -22,8 +23,6 @@ from receptance.stability.lobes import Lobes, ensemble, with_draws
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.stability.tip import TipModes
 
 __all__ = ["floquet_multiplier", "semi_discretised_limit", "semi_discretised_lobes"]
@@ -31,16 +30,17 @@ __all__ = ["floquet_multiplier", "semi_discretised_limit", "semi_discretised_lob
 
 _STEPS_PER_WAVE = 20
 """Steps per period of the highest mode, for errors of the multipliers of about 1e-5."""
-_FEWEST = 24
+_FEWEST_STEPS, _MOST_STEPS = 24, 2000
+"""Smallest default and largest number of steps per tooth period."""
 _FEWEST_IN_CUT = 12
-_MOST = 2000
+"""Smallest number of steps while a set of teeth is in the cut."""
 _EVALUATIONS = 60
 """Largest number of evaluations for one limit."""
-_NEAR = 1.15
+_DEPTH_FACTOR = 1.15
 """Factor between the depths of the search for a crossing near a depth."""
-_CLOSE = 1e-3
+_DRAW_ACCURACY = 1e-3
 """Relative accuracy of the limits of draws, which scatter far more."""
-_LEAST = 1e-4
+_SMALLEST_DEPTH = 1e-4
 """Smallest depth of the search, as a share of the largest depth."""
 
 
@@ -96,8 +96,9 @@ def floquet_multiplier(
     depths = np.atleast_1d(_checks.unmasked("floquet_multiplier", "depth", depth, np.float64))
     if depths.ndim != 1 or not np.isfinite(depths).all() or (depths < 0.0).any():
         raise ValueError(f"floquet_multiplier: depth is {depth!r}, expected finite depths in m, zero or more")
-    pair = _Pair(cut, tip, speed, _steps(cut, tip, speed, steps))
-    return np.array([pair.extrapolated(one) if extrapolate else pair.coarse.largest(one) for one in depths])
+    maps = _Maps(cut, tip, speed, _steps(cut, tip, speed, steps))
+    multiplier = maps.extrapolated if extrapolate else maps.coarse.largest
+    return np.array([multiplier(depth) for depth in depths])
 
 
 def semi_discretised_limit(
@@ -138,86 +139,86 @@ def semi_discretised_limit(
     owner = "semi_discretised_limit"
     highest = _checks.positive(owner, "most", most, unit="m")
     share = _checks.positive(owner, "resolution", resolution)
-    close = _checks.positive(owner, "tolerance", tolerance)
+    accuracy = _checks.positive(owner, "tolerance", tolerance)
     speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
-    tried = np.asarray(highest * np.arange(1, int(np.ceil(1.0 / share)) + 1) * share, dtype=np.float64)
+    depths = np.asarray(highest * np.arange(1, int(np.ceil(1.0 / share)) + 1) * share, dtype=np.float64)
     limits = []
     for speed in speeds:
         rate = _checks.positive(owner, "speeds_rpm", speed, unit="rpm")
-        limits.append(_first_crossing(_Pair(cut, tip, rate, _steps(cut, tip, rate, steps)), tried, close))
+        limits.append(_first_crossing(_Maps(cut, tip, rate, _steps(cut, tip, rate, steps)), depths, accuracy))
     return np.array(limits)
 
 
-def limit_near(cut: Milling, tip: TipModes, speed_rpm: float, depth: float, most: float) -> float:
+def _limit_near(cut: Milling, tip: TipModes, speed_rpm: float, depth: float, most: float) -> float:
     """Return the limit of a draw: the crossing into instability nearest to the nominal limit `depth`.
 
     It is infinite if the draw is stable at `most`.
     """
-    map_ = _PassingMap(cut, tip, speed_rpm, _nodes(cut, _steps(cut, tip, speed_rpm, None)))
+    passing = _PassingMap(cut, tip, speed_rpm, _nodes(cut, _steps(cut, tip, speed_rpm, None)))
 
     def excess(depth: float) -> float:
-        return map_.largest(depth) - 1.0
+        return passing.largest(depth) - 1.0
 
     low = high = min(depth, most)
     if excess(low) > 0.0:
         while excess(low) > 0.0:
-            low, high = low / _NEAR, low
-            if low < _LEAST * most:
+            low, high = low / _DEPTH_FACTOR, low
+            if low < _SMALLEST_DEPTH * most:
                 return 0.0
     else:
         while excess(high) <= 0.0:
             if high >= most:
                 return float("inf")
-            low, high = high, min(high * _NEAR, most)
-    return float(brentq(excess, low, high, xtol=_CLOSE * high, maxiter=_EVALUATIONS))
+            low, high = high, min(high * _DEPTH_FACTOR, most)
+    return float(brentq(excess, low, high, xtol=_DRAW_ACCURACY * high, maxiter=_EVALUATIONS))
 
 
 def _steps(cut: Milling, tip: TipModes, speed: float, steps: int | None) -> int:
     if steps is None:
         period = 60.0 / (cut.teeth * speed)
-        steps = max(_FEWEST, int(np.ceil(_STEPS_PER_WAVE * period * tip.frequency_hz.max())))
-    if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 4 <= steps <= _MOST:
+        steps = max(_FEWEST_STEPS, int(np.ceil(_STEPS_PER_WAVE * period * tip.frequency_hz.max())))
+    if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 4 <= steps <= _MOST_STEPS:
         raise ValueError(
-            f"semi-discretisation at {speed:g} rpm: steps is {steps!r}, expected a whole number from 4 to {_MOST}; use "
-            "stability_lobes at such low speeds"
+            f"semi-discretisation at {speed:g} rpm: steps is {steps!r}, expected a whole number from 4 to "
+            f"{_MOST_STEPS}; use stability_lobes at such low speeds"
         )
     return int(steps)
 
 
-def _first_crossing(pair: _Pair, tried: NDArray[np.float64], close: float) -> float:
+def _first_crossing(maps: _Maps, depths: NDArray[np.float64], accuracy: float) -> float:
     """Return the smallest depth with a multiplier of one, bracketed with coarse steps and refined by extrapolation."""
-    stable = 0.0
-    for depth in tried:
-        if pair.coarse.largest(float(depth)) > 1.0:
-            unstable = float(depth)
+    spacing, stable = float(depths[0]), 0.0
+    for depth in depths.tolist():
+        if maps.coarse.largest(depth) > 1.0:
+            unstable = depth
             break
-        stable = float(depth)
+        stable = depth
     else:
         return float("inf")
 
     def excess(depth: float) -> float:
-        return pair.extrapolated(depth) - 1.0
+        return maps.extrapolated(depth) - 1.0
 
     # The extrapolated multiplier may shift the crossing beyond an end of the bracket.
     while excess(unstable) <= 0.0:
-        stable, unstable = unstable, unstable + tried[0]
-        if unstable > 2.0 * tried[-1]:
+        stable, unstable = unstable, unstable + spacing
+        if unstable > 2.0 * depths[-1]:
             return float("inf")
     while stable > 0.0 and excess(stable) > 0.0:
-        unstable, stable = stable, max(stable - float(tried[0]), 0.0)
+        unstable, stable = stable, max(stable - spacing, 0.0)
     # At zero depth the multiplier is below one only by the structural damping.
     if stable == 0.0:
         stable = 1e-9 * unstable
-    return float(brentq(excess, stable, unstable, xtol=close * unstable, maxiter=_EVALUATIONS))
+    return float(brentq(excess, stable, unstable, xtol=accuracy * unstable, maxiter=_EVALUATIONS))
 
 
-class _Pair:
+class _Maps:
     """Maps of a tooth period with a number of steps and with twice as many."""
 
     def __init__(self, cut: Milling, tip: TipModes, speed: float, steps: int) -> None:
         nodes = _nodes(cut, steps)
-        between = np.sort(np.concatenate([nodes, 0.5 * (nodes[1:] + nodes[:-1])]))
-        self.coarse, self.fine = _PassingMap(cut, tip, speed, nodes), _PassingMap(cut, tip, speed, between)
+        halved = np.sort(np.concatenate([nodes, 0.5 * (nodes[1:] + nodes[:-1])]))
+        self.coarse, self.fine = _PassingMap(cut, tip, speed, nodes), _PassingMap(cut, tip, speed, halved)
 
     def extrapolated(self, depth: float) -> float:
         """Return the largest multiplier after Richardson extrapolation."""
@@ -235,8 +236,8 @@ def _nodes(cut: Milling, steps: int) -> NDArray[np.float64]:
     middles = 0.5 * (ends[1:] + ends[:-1])
     width = 1e-6 * pitch
     idle = ~np.any(cut.directional_mean(middles - width, middles + width), axis=(1, 2))
-    for first, last, rests in zip(ends[:-1], ends[1:], idle, strict=True):
-        count = 1 if rests else max(_FEWEST_IN_CUT, round(steps * (last - first) / pitch))
+    for first, last, no_tooth in zip(ends[:-1], ends[1:], idle, strict=True):
+        count = 1 if no_tooth else max(_FEWEST_IN_CUT, round(steps * (last - first) / pitch))
         pieces.append(np.linspace(first, last, count + 1)[1:])
     return np.concatenate(pieces)
 
@@ -343,7 +344,7 @@ def semi_discretised_lobes(
     if not isinstance(cut, Milling):
         raise TypeError(f"{owner}: cut is {type(cut).__name__}, expected Milling; use stability_lobes for turning")
     speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
-    several = None if draws is None and cuts is None else ensemble(owner, cut, tip, draws, cuts)
+    pairs = None if draws is None and cuts is None else ensemble(owner, cut, tip, draws, cuts)
     depths, limits = [], []
     with ThreadPoolExecutor(_checks.worker_count(threads)) as pool:
         for number, speed in enumerate(speeds):
@@ -351,25 +352,16 @@ def semi_discretised_lobes(
                 progress(f"semi-discretisation at {speed:g} rpm, {number + 1} of {speeds.size}")
             depth = float(semi_discretised_limit(cut, tip, speeds_rpm=speed, most=most)[0])
             depths.append(depth)
-            if several is not None:
-                rows = [(own, one, float(speed), depth, most) for own, one in several]
-                limits.append(list(pool.map(lambda row: limit_near(*row), rows)))
-    return _lobes(cut, speeds, np.array(depths), np.array(limits).T if several is not None else None, most)
-
-
-def _lobes(
-    cut: Milling,
-    speeds: NDArray[np.float64],
-    depth: NDArray[np.float64],
-    draws: NDArray[np.float64] | None,
-    most: float,
-) -> Lobes:
-    unlimited = int(np.count_nonzero(~np.isfinite(depth)))
-    notes = (
-        ()
-        if not unlimited
-        else (f"at {unlimited} of {speeds.size} speeds all depths up to {1e3 * most:g} mm are stable",)
+            if pairs is not None:
+                rows = [(*pair, float(speed), depth, most) for pair in pairs]
+                limits.append(list(pool.map(lambda row: _limit_near(*row), rows)))
+    unlimited = int(np.count_nonzero(np.isinf(depths)))
+    text = f"at {unlimited} of {speeds.size} speeds all depths up to {1e3 * most:g} mm are stable"
+    lobes = Lobes(
+        speeds_rpm=speeds,
+        depth=np.array(depths),
+        chatter_hz=np.full(speeds.size, np.nan),
+        cut=cut,
+        notes=(text,) if unlimited else (),
     )
-    return with_draws(
-        Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=np.full(speeds.size, np.nan), cut=cut, notes=notes), draws
-    )
+    return lobes if pairs is None else with_draws(lobes, np.array(limits).T)

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import FRF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
 
     from receptance.modal import ModeEstimate
 
@@ -50,29 +49,24 @@ class TipModes:
     shapes: NDArray[np.float64]
 
     def __init__(self, *, frequency_hz: ArrayLike, damping_ratio: ArrayLike, shapes: ArrayLike) -> None:
-        frequency = np.atleast_1d(_checks.unmasked("TipModes", "frequency_hz", frequency_hz, np.float64).copy())
-        damping = np.atleast_1d(_checks.unmasked("TipModes", "damping_ratio", damping_ratio, np.float64).copy())
-        modes = np.atleast_2d(_checks.unmasked("TipModes", "shapes", shapes, np.float64).copy())
+        frequency = np.atleast_1d(_checks.unmasked("TipModes", "frequency_hz", frequency_hz, np.float64))
+        damping = np.atleast_1d(_checks.unmasked("TipModes", "damping_ratio", damping_ratio, np.float64))
+        modes = np.atleast_2d(_checks.unmasked("TipModes", "shapes", shapes, np.float64))
         if frequency.ndim != 1 or damping.shape != frequency.shape or modes.shape != (frequency.size, 2):
             raise ValueError(
                 f"TipModes: frequency_hz has shape {frequency.shape}, damping_ratio {damping.shape}, shapes "
                 f"{modes.shape}; expected (k,), (k,) and (k, 2)"
             )
-        for name, values, good in (
-            ("frequency_hz", frequency, frequency > 0.0),
-            ("damping_ratio", damping, (damping > 0.0) & (damping < 1.0)),
-            ("shapes", modes, np.ones(modes.shape, bool)),
+        for name, values, good, expected in (
+            ("frequency_hz", frequency, frequency > 0.0, "more than 0 Hz"),
+            ("damping_ratio", damping, (damping > 0.0) & (damping < 1.0), "between 0 and 1"),
+            ("shapes", modes, np.ones(modes.shape, bool), "finite"),
         ):
             wrong = np.argwhere(~(good & np.isfinite(values)))
             if wrong.size:
-                place = tuple(int(i) for i in wrong[0])
-                expected = {"frequency_hz": "more than 0 Hz", "damping_ratio": "between 0 and 1", "shapes": "finite"}[
-                    name
-                ]
-                raise ValueError(f"TipModes: {name}{list(place)} is {values[place]:g}, expected {expected}")
-        for name, values in (("frequency_hz", frequency), ("damping_ratio", damping), ("shapes", modes)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+                index = tuple(int(i) for i in wrong[0])
+                raise ValueError(f"TipModes: {name}{list(index)} is {values[index]:g}, expected {expected}")
+        _checks.set_fields(self, {"frequency_hz": frequency, "damping_ratio": damping, "shapes": modes})
 
     @classmethod
     def from_estimates(cls, x: Sequence[ModeEstimate], y: Sequence[ModeEstimate] = ()) -> TipModes:
@@ -84,8 +78,8 @@ class TipModes:
             A modal constant without a positive real part, which a drive point of a passive structure has.
         """
         shapes = []
-        for direction, estimates in enumerate((x, y)):
-            for estimate in estimates:
+        for direction, tips in enumerate((x, y)):
+            for estimate in tips:
                 constant = estimate.modal_constant.real
                 if not constant > 0.0:
                     raise ValueError(
@@ -94,10 +88,10 @@ class TipModes:
                     )
                 shapes.append([0.0, 0.0])
                 shapes[-1][direction] = constant**0.5
-        both = [*x, *y]
+        estimates = [*x, *y]
         return cls(
-            frequency_hz=[estimate.frequency_hz for estimate in both],
-            damping_ratio=[estimate.damping_ratio for estimate in both],
+            frequency_hz=[estimate.frequency_hz for estimate in estimates],
+            damping_ratio=[estimate.damping_ratio for estimate in estimates],
             shapes=shapes,
         )
 
@@ -114,40 +108,40 @@ class TipModes:
         ValueError
             A standard error that is not finite because the lines do not determine the mode; or as `from_estimates`.
         """
-        middle = cls.from_estimates(x, y)
-        both = [*x, *y]
+        nominal = cls.from_estimates(x, y)
+        estimates = [*x, *y]
         shares = np.array(
             [
                 [
-                    one.frequency_standard_error_hz / one.frequency_hz,
-                    one.damping_standard_error / one.damping_ratio,
-                    one.modal_constant_standard_error.real / one.modal_constant.real,
+                    estimate.frequency_standard_error_hz / estimate.frequency_hz,
+                    estimate.damping_standard_error / estimate.damping_ratio,
+                    estimate.modal_constant_standard_error.real / estimate.modal_constant.real,
                 ]
-                for one in both
+                for estimate in estimates
             ]
         )
         wrong = np.flatnonzero(~np.isfinite(shares).all(axis=1))
         if wrong.size:
             raise ValueError(
-                f"TipModes: the mode at {both[wrong[0]].frequency_hz:g} Hz has standard errors that are not finite: "
-                "the lines do not determine the mode"
+                f"TipModes: the mode at {estimates[wrong[0]].frequency_hz:g} Hz has standard errors that are not "
+                "finite: the lines do not determine the mode"
             )
         factors = np.exp(shares * np.random.default_rng(seed).standard_normal((draws, *shares.shape)))
         return tuple(
             cls(
-                frequency_hz=middle.frequency_hz * one[:, 0],
-                damping_ratio=np.minimum(middle.damping_ratio * one[:, 1], 0.99),
-                shapes=middle.shapes * np.sqrt(one[:, 2:]),
+                frequency_hz=nominal.frequency_hz * factor[:, 0],
+                damping_ratio=np.minimum(nominal.damping_ratio * factor[:, 1], 0.99),
+                shapes=nominal.shapes * np.sqrt(factor[:, 2:]),
             )
-            for one in factors
+            for factor in factors
         )
 
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptance `(n, 2, 2)` of the tip in x and y, in m/N, at lines `(n,)` in Hz."""
         w = 2.0 * np.pi * _checks.frequencies(frequency_hz)[:, None]
         w_r = 2.0 * np.pi * self.frequency_hz
-        each = 1.0 / (w_r**2 - w**2 + 2j * self.damping_ratio * w_r * w)
-        return np.asarray(np.einsum("nk,ki,kj->nij", each, self.shapes, self.shapes))
+        gain = 1.0 / (w_r**2 - w**2 + 2j * self.damping_ratio * w_r * w)
+        return np.asarray(np.einsum("nk,ki,kj->nij", gain, self.shapes, self.shapes))
 
 
 def receptance_matrix(
@@ -173,8 +167,8 @@ def receptance_matrix(
     ValueError
         No FRF, FRFs with several entries, or fewer than two common lines.
     """
-    lines, found = _shared(x, y, xy)
-    return lines, _matrix(lines.size, {name: entry.values for name, entry in found.items()})
+    lines, receptances = _on_common_lines(x, y, xy)
+    return lines, _matrix(lines.size, {name: frf.values[rows, 0, 0] for name, (frf, rows) in receptances.items()})
 
 
 def receptance_draws(
@@ -216,59 +210,41 @@ def receptance_draws(
     >>> receptance_draws(x, draws=50).shape
     (50, 200, 2, 2)
     """
-    lines, found = _shared(x, y, xy)
-    if isinstance(draws, bool) or not isinstance(draws, (int, np.integer)) or draws < 1:
-        raise ValueError(f"stability: draws is {draws!r}, expected a whole number of at least 1")
-    for name, entry in found.items():
-        if entry.variance is None or not np.isfinite(entry.variance).all():
+    lines, receptances = _on_common_lines(x, y, xy)
+    count = _checks.whole_number("stability", "draws", draws)
+    for name, (frf, rows) in receptances.items():
+        if frf.log_variance is None or not np.isfinite(frf.log_variance[rows]).all():
             raise ValueError(
-                f"stability: {name} has no variance{'' if entry.variance is None else ' on some lines'}, expected "
+                f"stability: {name} has no variance{'' if frf.log_variance is None else ' on some lines'}, expected "
                 "an FRF with log_variance"
             )
-    rng = np.random.default_rng(seed)
-    result = np.empty((int(draws), lines.size, 2, 2), np.complex128)
+    random = np.random.default_rng(seed)
+    result = np.empty((count, lines.size, 2, 2), np.complex128)
     for drawn in result:
-        drawn[:] = _matrix(lines.size, {name: entry.drawn(rng) for name, entry in found.items()})
+        drawn[:] = _matrix(lines.size, {name: _drawn(frf, rows, random) for name, (frf, rows) in receptances.items()})
     return result
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """A receptance `(n,)`, its variance, and the number of neighbouring lines with correlated errors."""
-
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    variance: NDArray[np.float64] | None
-    correlated: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, frf: FRF) -> _Entry:
-        variance = None if frf.log_variance is None else frf.log_variance[:, 0, 0]
-        return cls(frf.frequency_hz, frf.values[:, 0, 0], variance, np.rint(frf.correlated_lines).astype(np.intp))
-
-    def subset(self, keep: NDArray[np.bool_]) -> _Entry:
-        variance = None if self.variance is None else self.variance[keep]
-        return _Entry(self.frequency_hz[keep], self.values[keep], variance, self.correlated[keep])
-
-    def drawn(self, rng: np.random.Generator) -> NDArray[np.complex128]:
-        if self.variance is None:
-            return self.values
-        # Each line gets the mean of as many independent numbers as lines err correlated there, neighbours shared ones.
-        parts = rng.standard_normal((2, self.values.size + int(self.correlated.max()) - 1))
-        parts = np.cumsum(np.pad(parts, ((0, 0), (1, 0))), axis=1)
-        first = np.arange(self.values.size)
-        real, imaginary = (parts[:, first + self.correlated] - parts[:, first]) * np.sqrt(
-            self.variance / self.correlated
-        )
-        return np.asarray(self.values * np.exp(real + 1j * imaginary))
+def _drawn(frf: FRF, rows: NDArray[np.bool_], random: np.random.Generator) -> NDArray[np.complex128]:
+    """Return a draw of the first entry of an FRF on some of its lines."""
+    values, correlated = frf.values[rows, 0, 0], np.rint(frf.correlated_lines[rows]).astype(np.intp)
+    # Each line gets the mean of as many independent numbers as lines err correlated there, neighbours shared ones.
+    parts = random.standard_normal((2, values.size + int(correlated.max()) - 1))
+    parts = np.cumsum(np.pad(parts, ((0, 0), (1, 0))), axis=1)
+    first = np.arange(values.size)
+    deviation = np.sqrt(np.asarray(frf.log_variance)[rows, 0, 0] / correlated)
+    real, imaginary = (parts[:, first + correlated] - parts[:, first]) * deviation
+    return np.asarray(values * np.exp(real + 1j * imaginary))
 
 
-def _shared(x: FRF | None, y: FRF | None, xy: FRF | None) -> tuple[NDArray[np.float64], dict[str, _Entry]]:
-    """Return the common lines of the FRFs, and their receptances on these."""
+def _on_common_lines(
+    x: FRF | None, y: FRF | None, xy: FRF | None
+) -> tuple[NDArray[np.float64], dict[str, tuple[FRF, NDArray[np.bool_]]]]:
+    """Return the common lines of the FRFs, and for each FRF its receptance and the mask of these lines."""
     frfs = {name: frf for name, frf in (("x", x), ("y", y), ("xy", xy)) if frf is not None}
     if not {"x", "y"} & frfs.keys():
         raise ValueError("stability: x and y are both None, expected an FRF of at least one direction")
-    found = {}
+    receptances = {}
     for name, frf in frfs.items():
         if not isinstance(frf, FRF):
             raise TypeError(f"stability: {name} is {type(frf).__name__}, expected an FRF")
@@ -281,23 +257,24 @@ def _shared(x: FRF | None, y: FRF | None, xy: FRF | None) -> tuple[NDArray[np.fl
                 f"stability: {name} has an exponential window of {frf.decay_rate:g} 1/s, expected none; fit modes and "
                 "use TipModes"
             )
-        part = frf.masked().to("receptance")
-        found[name] = _Entry.of(part).subset(part.frequency_hz > 0.0)
-    lines = next(iter(found.values())).frequency_hz
-    for name, entry in found.items():
-        lines = lines[np.isin(lines, entry.frequency_hz)]
+        receptances[name] = frf.masked().to("receptance")
+    lines = next(iter(receptances.values())).frequency_hz
+    lines = lines[lines > 0.0]
+    for name, frf in receptances.items():
+        lines = lines[np.isin(lines, frf.frequency_hz)]
         if lines.size < 2:
-            own = entry.frequency_hz.size
-            what = f"shares {lines.size} lines with the other FRFs, expected at least 2; resample one"
-            if own < 2 or len(found) == 1:
-                what = f"has {own} usable lines, expected at least 2"
-            raise ValueError(f"stability: {name} {what}")
-    return lines, {name: entry.subset(np.isin(entry.frequency_hz, lines)) for name, entry in found.items()}
+            usable = int(np.count_nonzero(frf.frequency_hz > 0.0))
+            text = f"shares {lines.size} lines with the other FRFs, expected at least 2; resample one"
+            if usable < 2 or len(receptances) == 1:
+                text = f"has {usable} usable lines, expected at least 2"
+            raise ValueError(f"stability: {name} {text}")
+    return lines, {name: (frf, np.isin(frf.frequency_hz, lines)) for name, frf in receptances.items()}
 
 
 def _matrix(count: int, values: dict[str, NDArray[np.complex128]]) -> NDArray[np.complex128]:
     matrix = np.zeros((count, 2, 2), np.complex128)
-    for name, places in (("x", [(0, 0)]), ("y", [(1, 1)]), ("xy", [(0, 1), (1, 0)])):
-        for i, j in places if name in values else ():
-            matrix[:, i, j] = values[name]
+    entries = {"x": [(0, 0)], "y": [(1, 1)], "xy": [(0, 1), (1, 0)]}
+    for name, receptance in values.items():
+        for i, j in entries[name]:
+            matrix[:, i, j] = receptance
     return matrix

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.stability.cutting import Milling, Turning
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["critical_depths", "limit_over_speed"]
 
@@ -44,18 +40,17 @@ def critical_depths(
     if isinstance(cut, Turning):
         eigenvalues = -cut.k * cut.share * receptance[:, 0, 0][:, None]
     else:
-        turn = np.array([0.0]), np.array([2.0 * np.pi])
-        mean = cut.directional_mean(*turn)[0]
+        mean = cut.directional_mean(np.array([0.0]), np.array([2.0 * np.pi]))[0]
         # One product for all lines is faster than one per line.
         eigenvalues = _eigenvalues((receptance.reshape(-1, 2) @ mean).reshape(receptance.shape))
     # 1 = a (1 - e^{-i w T}) mu, with the eigenvalue mu of G A: 1/a is real where Re(1/mu) = (1 - cos wT) a.
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / eigenvalues
         depth = np.abs(inverse) ** 2 / (2.0 * inverse.real)
-        grows = np.isfinite(depth) & (depth > 0.0)
+        unstable = np.isfinite(depth) & (depth > 0.0)
         # a (1 - e^{-i psi}) = inverse.
         phase = np.mod(2.0 * np.arctan2(inverse.real, inverse.imag), 2.0 * np.pi)
-    return np.where(grows, depth, np.inf), np.where(grows, phase, np.nan)
+    return np.where(unstable, depth, np.inf), np.where(unstable, phase, np.nan)
 
 
 def _eigenvalues(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -72,10 +67,10 @@ def _eigenvalues(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
 def _continuous(pairs: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return the pairs in the order in which each column is continuous over the lines."""
     before, after = pairs[:-1], pairs[1:]
-    straight = np.abs(after - before).sum(axis=1)
-    crossed = np.abs(after[:, ::-1] - before).sum(axis=1)
-    turned = np.concatenate([[0], np.cumsum(crossed < straight)]) % 2 == 1
-    return np.where(turned[:, None], pairs[:, ::-1], pairs)
+    same_order = np.abs(after - before).sum(axis=1)
+    exchanged = np.abs(after[:, ::-1] - before).sum(axis=1)
+    reverse = np.concatenate([[0], np.cumsum(exchanged < same_order)]) % 2 == 1
+    return np.where(reverse[:, None], pairs[:, ::-1], pairs)
 
 
 def limit_over_speed(
@@ -104,16 +99,15 @@ def limit_over_speed(
         _apply_segments(inverse_limit, chatter, period, segments)
     limit = np.full(period.size, np.inf)
     np.divide(1.0, inverse_limit, out=limit, where=inverse_limit > 0.0)
-    back = np.empty_like(order)
-    back[order] = np.arange(order.size)
-    return limit[back], chatter[back]
+    inverse_order = np.argsort(order)
+    return limit[inverse_order], chatter[inverse_order]
 
 
 def _segments(
     frequency_hz: NDArray[np.float64], depth: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return segments `(n, 6)` between neighbouring lines that can chatter: frequency, waves, 1/depth at both ends."""
-    found = []
+    segments = []
     for column in range(depth.shape[1]):
         chatters = np.isfinite(depth[:, column])
         first = np.flatnonzero(chatters[:-1] & chatters[1:])
@@ -121,8 +115,8 @@ def _segments(
         # The phase is continuous along a branch; its step is less than half a turn.
         step = np.mod(share[first + 1] - share[first] + 0.5, 1.0) - 0.5
         ends = frequency_hz[first], frequency_hz[first + 1], share[first], share[first] + step
-        found.append(np.stack([*ends, 1.0 / depth[first, column], 1.0 / depth[first + 1, column]], axis=1))
-    return np.concatenate(found)
+        segments.append(np.stack([*ends, 1.0 / depth[first, column], 1.0 / depth[first + 1, column]], axis=1))
+    return np.concatenate(segments)
 
 
 def _apply_segments(
@@ -136,19 +130,19 @@ def _apply_segments(
     Segments with large 1/depth are applied first; the others matter only at periods where these are absent.
     """
     highest = segments[:, 4:].max(axis=1)
-    largest, rest = highest.max(), np.arange(period.size)
+    largest, remaining = highest.max(), np.arange(period.size)
     for share in (*_SHARES, 0.0):
         bound = share * largest
-        own = segments[highest >= bound]
-        if len(own):
-            times = period[rest]
-            lobes = np.arange(-1.0, np.ceil(own[:, 1].max() * times[-1]) + 1.0)
-            values = inverse_limit[rest], chatter[rest]
-            _apply_lobes(*values, times, lobes, own)
-            inverse_limit[rest], chatter[rest] = values
+        selected = segments[highest >= bound]
+        if len(selected):
+            times = period[remaining]
+            lobes = np.arange(-1.0, np.ceil(selected[:, 1].max() * times[-1]) + 1.0)
+            values = inverse_limit[remaining], chatter[remaining]
+            _apply_lobes(*values, times, lobes, selected)
+            inverse_limit[remaining], chatter[remaining] = values
         segments, highest = segments[highest < bound], highest[highest < bound]
-        rest = rest[inverse_limit[rest] < bound]
-        if not rest.size or not len(segments):
+        remaining = remaining[inverse_limit[remaining] < bound]
+        if not remaining.size or not len(segments):
             return
 
 
@@ -164,19 +158,17 @@ def _apply_lobes(
     low, high = times.min(axis=2), times.max(axis=2)
     begin, end = np.searchsorted(period, low, "left"), np.searchsorted(period, high, "right")
     count = np.where(high > 0.0, end - begin, 0).ravel()
-    passing = np.repeat(np.arange(count.size), count)
-    if not passing.size:
+    pair = np.repeat(np.arange(count.size), count)
+    if not pair.size:
         return
-    index = np.arange(passing.size) - np.repeat(np.cumsum(count) - count, count) + begin.ravel()[passing]
-    lobe, piece = lobes[passing // len(segments)], segments[passing % len(segments)]
+    index = np.arange(pair.size) - np.repeat(np.cumsum(count) - count, count) + begin.ravel()[pair]
+    lobe, segment = lobes[pair // len(segments)], segments[pair % len(segments)]
     # The zero of f T - share - lobe, which is linear along the segment.
-    rest = [piece[:, i] * period[index] - piece[:, 2 + i] - lobe for i in (0, 1)]
-    at = np.divide(rest[0], rest[0] - rest[1], out=np.zeros(index.size), where=rest[0] != rest[1]).clip(0.0, 1.0)
-    value = piece[:, 4] + at * (piece[:, 5] - piece[:, 4])
+    first, last = (segment[:, i] * period[index] - segment[:, 2 + i] - lobe for i in (0, 1))
+    at = np.divide(first, first - last, out=np.zeros(index.size), where=first != last).clip(0.0, 1.0)
+    value = segment[:, 4] + at * (segment[:, 5] - segment[:, 4])
     # In ascending order, so that the last assignment at a period is the largest value.
-    rising = np.argsort(value, kind="stable")
-    index, value = index[rising], value[rising]
-    better = value > inverse_limit[index]
-    index, rising = index[better], rising[better]
-    inverse_limit[index] = value[better]
-    chatter[index] = (piece[:, 0] + at * (piece[:, 1] - piece[:, 0]))[rising]
+    order = np.argsort(value, kind="stable")
+    order = order[value[order] > inverse_limit[index[order]]]
+    inverse_limit[index[order]] = value[order]
+    chatter[index[order]] = (segment[:, 0] + at * (segment[:, 1] - segment[:, 0]))[order]

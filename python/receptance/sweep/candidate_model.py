@@ -12,14 +12,13 @@ from math import tau
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.coordinates import as_coordinates
 from receptance.model.joints import PointJoint
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
@@ -35,7 +34,7 @@ _JOINT_S, _MODEL_S, _LINE_S = 5e-9, 1e-4, 5e-8
 _STIFF = 1e3
 """Ratio of the stiffness at which the rest of the assembly is evaluated to the stiffness of the joint."""
 _RIGID = {"k_y": 1e12, "k_theta": 1e9}
-"""Lower bounds of that stiffness. Relative to a stiff joint any other one adds compliance in series, without loss of
+"""Lower bounds of that stiffness. Relative to a stiff joint any other joint adds compliance in series, without loss of
 digits."""
 
 
@@ -44,7 +43,7 @@ class CandidateModel(ABC):
 
     Candidates are rows of values in SI units, one column per address. An infeasible candidate (an indefinite joint, a
     bore wider than the outer diameter, a singular interface) or one without a finite receptance has NaN in all results.
-    The results of a candidate depend neither on the others of a call nor on the number of threads.
+    The results of a candidate depend neither on the other candidates of a call nor on the number of threads.
 
     Attributes
     ----------
@@ -60,26 +59,18 @@ class CandidateModel(ABC):
 
     method: ClassVar[str]
 
-    def __init__(self, addresses: tuple[str, ...], lines: int, a_candidate_s: float) -> None:
+    def __init__(self, addresses: tuple[str, ...], lines: int, candidate_s: float) -> None:
         self.addresses = addresses
         self.lines = lines
-        self.per_call = max(int(_CALL_S / a_candidate_s), 1)
+        self.per_call = max(int(_CALL_S / candidate_s), 1)
 
     def receptance(self, values: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptances `(m, n_freq)` of candidates `(m, p)`."""
-        rows = self._rows(values)
-        out = np.empty((len(rows), self.lines), dtype=np.complex128)
-        for chunk in self._chunks(rows):
-            self._fill(rows[chunk], out[chunk])
-        return out
+        return self._filled(values, np.complex128)
 
     def magnitude(self, values: ArrayLike) -> NDArray[np.float64]:
         """Return the moduli of the receptances `(m, n_freq)` of candidates `(m, p)`."""
-        rows = self._rows(values)
-        out = np.empty((len(rows), self.lines))
-        for chunk in self._chunks(rows):
-            self._fill(rows[chunk], out[chunk])
-        return out
+        return self._filled(values, np.float64)
 
     def misfit(
         self,
@@ -105,6 +96,13 @@ class CandidateModel(ABC):
             raise ValueError("measured: a receptance of zero has no logarithm")
         parts = [self._misfit(rows[chunk], target, factor, residual == "logarithm") for chunk in self._chunks(rows)]
         return np.concatenate([np.empty(0), *parts])
+
+    def _filled(self, values: ArrayLike, dtype: type[np.complex128] | type[np.float64]) -> NDArray[Any]:
+        rows = self._rows(values)
+        out = np.empty((len(rows), self.lines), dtype)
+        for chunk in self._chunks(rows):
+            self._fill(rows[chunk], out[chunk])
+        return out
 
     def _rows(self, values: ArrayLike) -> NDArray[np.float64]:
         rows = np.ascontiguousarray(values, dtype=np.float64)
@@ -146,11 +144,11 @@ class _Joint(CandidateModel):
         threads: int,
     ) -> None:
         super().__init__(addresses, lines.size, _JOINT_S * lines.size)
-        own = np.array([assembly.get(f"{joint}.{field}") for field in PointJoint.columns_of])
         fields = PointJoint.columns_of
-        stiff: dict[str, Any] = dict(zip(fields, own.tolist(), strict=True))
-        stiff |= {name: max(_STIFF * stiff[name], least) for name, least in _RIGID.items()}
-        self._own = own
+        values = [assembly.get(f"{joint}.{field}") for field in fields]
+        stiff: dict[str, Any] = dict(zip(fields, values, strict=True))
+        stiff |= {name: max(_STIFF * stiff[name], bound) for name, bound in _RIGID.items()}
+        self._joint = np.array(values)
         self._columns = [fields.index(address.split(".", 1)[1]) for address in addresses]
         self._reduction = assembly.reduced_to_joint(
             joint, lines, response=points[0], excitation=points[1], at=PointJoint(**stiff), threads=threads
@@ -158,7 +156,7 @@ class _Joint(CandidateModel):
         self._threads = threads
 
     def _joints(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        joints = np.repeat(self._own[None], len(rows), axis=0)
+        joints = np.repeat(self._joint[None], len(rows), axis=0)
         joints[:, self._columns] = rows
         return joints
 
@@ -197,7 +195,7 @@ def candidate_model(
     excitation: Coordinate | None = None,
     threads: int | None = None,
 ) -> CandidateModel:
-    """Return an assembly as a function of some parameters, with the fastest method that applies.
+    """Return an assembly as a function of some parameters, with the fastest applicable method.
 
     Parameters
     ----------
@@ -234,7 +232,7 @@ def candidate_model(
 
 
 def _identity_map(count: int) -> NDArray[np.float64]:
-    """Return the map in which each address is an unknown of its own, in the form of `_core.Model.tied`."""
+    """Return the map in which each address is a separate unknown, in the form of `_core.Model.tied`."""
     table = np.zeros((count, 4 + 2 * count))
     table[:, 0] = np.arange(count)
     table[:, 1] = 1.0

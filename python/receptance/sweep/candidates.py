@@ -8,14 +8,12 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Candidates", "Distribution", "Grid", "Listed", "Sampled"]
 
@@ -85,8 +83,7 @@ class Grid(Candidates):
 
     def __init__(self, values: Mapping[str, ArrayLike]) -> None:
         axes = _columns("Grid", values)
-        object.__setattr__(self, "addresses", tuple(axes))
-        object.__setattr__(self, "axes", tuple(axes.values()))
+        _checks.set_fields(self, {"addresses": tuple(axes), "axes": tuple(axes.values())})
 
     @property
     def count(self) -> int:
@@ -95,8 +92,8 @@ class Grid(Candidates):
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
         """Return candidates `start` to `stop - 1`; see `Candidates`."""
-        places = np.unravel_index(np.arange(start, stop), [axis.size for axis in self.axes])
-        return np.column_stack([axis[place] for axis, place in zip(self.axes, places, strict=True)])
+        indices = np.unravel_index(np.arange(start, stop), [axis.size for axis in self.axes])
+        return np.column_stack([axis[index] for axis, index in zip(self.axes, indices, strict=True)])
 
     def describe(self) -> dict[str, Any]:
         """Return the values that define the candidates."""
@@ -132,10 +129,9 @@ class Listed(Candidates):
         columns = _columns("Listed", values)
         sizes = {name: column.size for name, column in columns.items()}
         if len(set(sizes.values())) > 1:
-            found = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise ValueError(f"Listed: the parameters have different numbers of values: {found}; expected the same")
-        object.__setattr__(self, "addresses", tuple(columns))
-        object.__setattr__(self, "table", np.column_stack(list(columns.values())))
+            numbers = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise ValueError(f"Listed: the parameters have different numbers of values: {numbers}; expected the same")
+        _checks.set_fields(self, {"addresses": tuple(columns), "table": np.column_stack(list(columns.values()))})
 
     @property
     def count(self) -> int:
@@ -199,27 +195,26 @@ class Sampled(Candidates):
         seed: int,
         method: Method = "random",
     ) -> None:
-        given = _named("Sampled", distributions)
-        for name, one in given.items():
-            if not callable(getattr(one, "ppf", None)):
+        by_address = _by_address("Sampled", distributions)
+        for name, distribution in by_address.items():
+            if not callable(getattr(distribution, "ppf", None)):
                 raise TypeError(
-                    f"Sampled: {name} is {one!r}, expected a distribution such as scipy.stats.loguniform(1e7, 1e9)"
+                    f"Sampled: {name} is {distribution!r}, expected a distribution such as scipy.stats.loguniform(1e7, "
+                    "1e9)"
                 )
-        for name, value, least in (("count", count, 1), ("seed", seed, 0)):
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-                raise ValueError(f"Sampled: {name} is {value!r}, expected a whole number of at least {least}")
+        number = _checks.whole_number("Sampled", "count", count)
+        seed = _checks.whole_number("Sampled", "seed", seed, least=0)
         if method not in get_args(Method):
             raise ValueError(f"Sampled: method is {method!r}, expected one of {', '.join(map(repr, get_args(Method)))}")
-        if method == "latin hypercube" and 8 * count * len(given) > _MOST_BYTES:
+        if method == "latin hypercube" and 8 * number * len(by_address) > _MOST_BYTES:
             raise ValueError(
-                f"Sampled: a Latin hypercube of {count:,} candidates of {len(given)} parameters takes "
-                f"{8e-9 * count * len(given):.1f} GB, expected at most {1e-9 * _MOST_BYTES:.1f}; use method='sobol'"
+                f"Sampled: a Latin hypercube of {number:,} candidates of {len(by_address)} parameters takes "
+                f"{8e-9 * number * len(by_address):.1f} GB, expected at most {1e-9 * _MOST_BYTES:.1f}; use "
+                "method='sobol'"
             )
-        object.__setattr__(self, "addresses", tuple(given))
-        object.__setattr__(self, "distributions", tuple(given.values()))
-        object.__setattr__(self, "number", int(count))
-        object.__setattr__(self, "seed", int(seed))
-        object.__setattr__(self, "method", method)
+        names, values = tuple(by_address), tuple(by_address.values())
+        fields = {"addresses": names, "distributions": values, "number": number, "seed": seed, "method": method}
+        _checks.set_fields(self, fields)
 
     @property
     def count(self) -> int:
@@ -231,13 +226,11 @@ class Sampled(Candidates):
         if self.method == "latin hypercube":
             shares = _latin_hypercube(len(self.addresses), self.number, self.seed)[start:stop]
         else:
-            shares = self._even(start, stop) if self.method == "sobol" else self._independent(start, stop)
+            shares = self._sobol(start, stop) if self.method == "sobol" else self._random(start, stop)
         # The quantiles of 0 and 1 may be infinite.
         shares = np.clip(shares, 2.0**-54, 1.0 - 2.0**-53)
-        drawn = [
-            np.asarray(one.ppf(share), np.float64) for one, share in zip(self.distributions, shares.T, strict=True)
-        ]
-        return np.column_stack(drawn)
+        pairs = zip(self.distributions, shares.T, strict=True)
+        return np.column_stack([np.asarray(distribution.ppf(share), np.float64) for distribution, share in pairs])
 
     def describe(self) -> dict[str, Any]:
         """Return the values that define the candidates."""
@@ -245,8 +238,8 @@ class Sampled(Candidates):
         # bits.
         shares = np.linspace(0.01, 0.99, 9)
         quantiles = {
-            name: [float(f"{value:.12g}") for value in np.asarray(one.ppf(shares), np.float64)]
-            for name, one in zip(self.addresses, self.distributions, strict=True)
+            name: [float(f"{value:.12g}") for value in np.asarray(distribution.ppf(shares), np.float64)]
+            for name, distribution in zip(self.addresses, self.distributions, strict=True)
         }
         return {
             "kind": "sample",
@@ -256,7 +249,7 @@ class Sampled(Candidates):
             "quantiles": quantiles,
         }
 
-    def _independent(self, start: int, stop: int) -> NDArray[np.float64]:
+    def _random(self, start: int, stop: int) -> NDArray[np.float64]:
         """Return probabilities; each candidate uses a whole number of steps of the counter."""
         steps = -(-len(self.addresses) // _PER_STEP)
         counter = np.random.Philox(key=self.seed)
@@ -264,7 +257,7 @@ class Sampled(Candidates):
         shares = np.random.Generator(counter).random((stop - start, steps * _PER_STEP))
         return shares[:, : len(self.addresses)]
 
-    def _even(self, start: int, stop: int) -> NDArray[np.float64]:
+    def _sobol(self, start: int, stop: int) -> NDArray[np.float64]:
         from scipy.stats import qmc
 
         sequence = qmc.Sobol(len(self.addresses), scramble=True, rng=np.random.default_rng(self.seed))
@@ -273,8 +266,7 @@ class Sampled(Candidates):
         with warnings.catch_warnings():
             # SciPy warns that a part of a sequence is not balanced.
             warnings.simplefilter("ignore", UserWarning)
-            shares: NDArray[np.float64] = sequence.random(stop - start)
-        return shares
+            return np.asarray(sequence.random(stop - start))
 
 
 @functools.lru_cache(maxsize=1)
@@ -287,15 +279,15 @@ def _latin_hypercube(parameters: int, count: int, seed: int) -> NDArray[np.float
     return shares
 
 
-def _named(owner: str, given: Any) -> dict[str, Any]:
-    if not isinstance(given, Mapping) or not given:
-        raise TypeError(f"{owner}: the argument is {given!r}, expected values by address, {{'joint.k_y': ...}}")
-    return {str(name): value for name, value in given.items()}
+def _by_address(owner: str, values: Any) -> dict[str, Any]:
+    if not isinstance(values, Mapping) or not values:
+        raise TypeError(f"{owner}: the argument is {values!r}, expected values by address, {{'joint.k_y': ...}}")
+    return {str(name): value for name, value in values.items()}
 
 
 def _columns(owner: str, values: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
     columns = {}
-    for name, value in _named(owner, values).items():
+    for name, value in _by_address(owner, values).items():
         array = np.atleast_1d(_checks.unmasked(owner, name, value))
         if array.dtype.kind not in "iuf" or array.ndim != 1 or not array.size:
             raise TypeError(f"{owner}: {name} is {value!r}, expected numbers in one dimension")

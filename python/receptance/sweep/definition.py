@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from receptance import _checks
 from receptance.identification.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
@@ -16,8 +18,6 @@ from receptance.sweep.fingerprints import digest
 from receptance.sweep.outputs import Output, Variable
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.campaign import Campaign
 
     Model = Assembly | Mapping[str, Assembly] | Campaign
@@ -28,9 +28,9 @@ CANDIDATE = "candidate"
 VALID = "valid"
 """Name of the variable that marks feasible candidates."""
 _ASSEMBLY = "assembly"
-_BLOCK_BYTES = 4e6
-_BLOCK_S = 0.25
-_LEAST, _MOST = 16, 16384
+_BLOCK_BYTES, _BLOCK_S = 4e6, 0.25
+"""Default size of the results of a block in bytes and largest duration of its evaluation in s."""
+_FEWEST, _MOST = 16, 16384
 """Bounds of the number of candidates in a block: progress needs small blocks, low overhead large ones."""
 
 Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
@@ -68,55 +68,51 @@ class Definition:
         assemblies, named = _assemblies(model)
         if not isinstance(candidates, Candidates):
             raise TypeError(f"sweep: candidates is {candidates!r}, expected Grid, Listed or Sampled")
-        several = (outputs,) if isinstance(outputs, Output) else tuple(outputs)
-        for index, one in enumerate(several):
-            if not isinstance(one, Output):
-                raise TypeError(f"sweep: outputs[{index}] is {one!r}, expected an Output such as Misfit(...)")
-        if not several:
-            raise ValueError("sweep: outputs is empty, expected at least one Output")
-        found = cls(assemblies, named, candidates, several)
-        found._check_addresses()
-        found._check_names()
-        return found
+        kind: Any = Output
+        checked = _checks.items("sweep: outputs", outputs, kind, text="Output such as Misfit(...)")
+        definition = cls(assemblies, named, candidates, checked)
+        definition._check_addresses()
+        definition._check_names()
+        return definition
 
     def _check_addresses(self) -> None:
-        every = [assembly for output in self.outputs for assembly in output.assemblies()]
+        assemblies = [assembly for output in self.outputs for assembly in output.assemblies()]
         if any(output.per_assembly for output in self.outputs):
-            every += list(self.assemblies.values())
+            assemblies += list(self.assemblies.values())
         for address in self.candidates.addresses:
-            if not any(covered(address, assembly) for assembly in every):
-                known = ", ".join(sorted({name for assembly in every for name in assembly.parameters}))
+            if not any(covered(address, assembly) for assembly in assemblies):
+                known = ", ".join(sorted({name for assembly in assemblies for name in assembly.parameters}))
                 raise ValueError(f"sweep: no assembly has the parameter {address!r}, expected one of {known}")
 
     def _check_names(self) -> None:
         names = [variable.name for output in self.outputs for variable in output.variables()]
         names += [*self.candidates.addresses, VALID, CANDIDATE, _ASSEMBLY]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"sweep: {', '.join(twice)} occurs twice; give outputs different names")
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            raise ValueError(f"sweep: {', '.join(repeated)} occurs twice; give outputs different names")
 
     def variables(self) -> list[Variable]:
         """Return the variables of the results, with the dimension `assembly` if there is one."""
-        taken: dict[str, NDArray[Any]] = {}
-        found = []
+        known: dict[str, NDArray[Any]] = {}
+        variables = []
         for output in self.outputs:
             for variable in output.variables():
-                own: dict[str, NDArray[Any]] = {}
+                dimensions: dict[str, NDArray[Any]] = {}
                 if self.named and output.per_assembly:
-                    own[_ASSEMBLY] = np.array(list(self.assemblies))
+                    dimensions[_ASSEMBLY] = np.array(list(self.assemblies))
                 for name, values in variable.dimensions.items():
-                    # Another output has this dimension with other values.
-                    same = name not in taken or np.array_equal(taken[name], values)
-                    own[name if same else f"{variable.name}_{name}"] = values
-                taken |= own
-                found.append(replace(variable, dimensions=own))
-        return found
+                    # Another output may have this dimension with other values.
+                    same = name not in known or np.array_equal(known[name], values)
+                    dimensions[name if same else f"{variable.name}_{name}"] = values
+                known |= dimensions
+                variables.append(replace(variable, dimensions=dimensions))
+        return variables
 
     def block_size(self) -> int:
         """Return the default number of candidates in a block."""
         bytes_each = max(np.dtype(v.dtype).itemsize * max(int(np.prod(v.shape)), 1) for v in self.variables())
         seconds_each = sum(o.candidate_s * (len(self.assemblies) if o.per_assembly else 1) for o in self.outputs)
-        return int(min(max(min(_BLOCK_BYTES / bytes_each, _BLOCK_S / max(seconds_each, 1e-9)), _LEAST), _MOST))
+        return int(min(max(min(_BLOCK_BYTES / bytes_each, _BLOCK_S / max(seconds_each, 1e-9)), _FEWEST), _MOST))
 
     def prepare(self, threads: int | None) -> Block:
         """Return the function from a range of candidates to their results; shared terms are evaluated here."""
@@ -124,20 +120,20 @@ class Definition:
         runs = []
         for output in self.outputs:
             models: Sequence[Assembly | None] = list(self.assemblies.values()) if output.per_assembly else [None]
-            runs.append((output, [output.prepare(one, addresses, threads) for one in models]))
+            runs.append((output, [output.prepare(model, addresses, threads) for model in models]))
 
         def block(start: int, stop: int) -> dict[str, NDArray[Any]]:
             values = self.candidates.values(start, stop)
-            kept: dict[str, NDArray[Any]] = {name: values[:, i].copy() for i, name in enumerate(addresses)}
+            results: dict[str, NDArray[Any]] = {name: values[:, i].copy() for i, name in enumerate(addresses)}
             valid = np.ones(stop - start, dtype=np.bool_)
-            for output, own in runs:
-                arrays, good = zip(*(run(values) for run in own), strict=True)
-                valid &= np.logical_and.reduce(good)
+            for output, evaluations in runs:
+                arrays, feasible = zip(*(evaluate(values) for evaluate in evaluations), strict=True)
+                valid &= np.logical_and.reduce(feasible)
                 stacked = self.named and output.per_assembly
-                for name in arrays[0]:
-                    kept[name] = np.stack([one[name] for one in arrays], axis=1) if stacked else arrays[0][name]
-            kept[VALID] = valid
-            return kept
+                for name, first in arrays[0].items():
+                    results[name] = np.stack([array[name] for array in arrays], axis=1) if stacked else first
+            results[VALID] = valid
+            return results
 
         return block
 
@@ -150,33 +146,33 @@ class Definition:
             A function or an output of the user contains an object without comparable content, such as a lock.
         """
         models = [[name, *_content(assembly)] for name, assembly in self.assemblies.items()]
-        kept: dict[str, Any] = {
+        contents: dict[str, Any] = {
             "model": models,
             # The code of a user's class is part of its content.
             "candidates": [type(self.candidates), self.candidates.describe()],
         }
         for output in self.outputs:
-            own = [type(output), output.describe(), [_content(one) for one in output.assemblies()]]
-            kept |= {f"output {variable.name}": [*own, variable.unit] for variable in output.variables()}
-        found = {}
-        for name, content in kept.items():
+            content = [type(output), output.describe(), [_content(assembly) for assembly in output.assemblies()]]
+            contents |= {f"output {variable.name}": [*content, variable.unit] for variable in output.variables()}
+        digests = {}
+        for name, content in contents.items():
             try:
-                found[name] = digest(content)
+                digests[name] = digest(content)
             except TypeError as error:
                 raise SweepError(
                     f"sweep: {name}: {error}, so a store cannot be compared with a later run; use functions that refer "
                     "to numbers, text, arrays and other functions only, or sweep without a store"
                 ) from error
-        return found
+        return digests
 
 
 def _assemblies(model: Any) -> tuple[dict[str, Assembly], bool]:
     if isinstance(model, Assembly):
         return {"": model}, False
-    found = model if isinstance(model, Mapping) else getattr(model, "assemblies", None)
-    if not isinstance(found, Mapping) or not found or not all(isinstance(one, Assembly) for one in found.values()):
+    named = model if isinstance(model, Mapping) else getattr(model, "assemblies", None)
+    if not isinstance(named, Mapping) or not named or not all(isinstance(item, Assembly) for item in named.values()):
         raise TypeError(f"sweep: model is {model!r}, expected an Assembly, several by name, or a campaign")
-    return {str(name): one for name, one in found.items()}, True
+    return {str(name): assembly for name, assembly in named.items()}, True
 
 
 def _content(assembly: Assembly) -> list[Any]:
@@ -184,6 +180,6 @@ def _content(assembly: Assembly) -> list[Any]:
     elements = {**assembly.elements, **assembly.attachments}
     values = [[address, assembly.get(address)] for address in assembly.parameters]
     flat = assembly.flat()
-    kinds = {name: type(one).__name__ for name, one in elements.items()}
+    kinds = {name: type(element).__name__ for name, element in elements.items()}
     tables = [array for _, part in flat.tabled for array in (part.frequency_hz, part.matrix)]
     return [assembly.motion, kinds, values, *flat.tables, *tables]

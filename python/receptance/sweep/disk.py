@@ -10,12 +10,10 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 __all__ = ["Chunks", "Lock", "SweepError", "fault", "flush", "renamed"]
 
@@ -33,10 +31,10 @@ def flush(files: Iterable[Path], root: Path) -> None:
         while folder not in folders:
             folders[folder] = None
             folder = folder.parent
-    for one in folders:
+    for folder in folders:
         # Some systems cannot open folders.
         with contextlib.suppress(OSError):
-            _flush(one, os.O_RDONLY)
+            _flush(folder, os.O_RDONLY)
 
 
 def _flush(path: Path, flags: int) -> None:
@@ -105,7 +103,7 @@ class Lock:
             except OSError:
                 os.close(handle)
                 raise SweepError(f"sweep: another run is writing to {path}; give another store") from None
-            # The previous owner may have removed the file after it was opened here.
+            # The previous process may have removed the file after it was opened here.
             if _same_file(handle, self._path):
                 self._handle = handle
             else:
@@ -132,15 +130,15 @@ _FLUSH_INTERVAL_S = 1.0
 """Interval in s between flushes to the disk, which limits the loss at a power failure."""
 _CHECKSUM = 4
 """Size of a checksum in bytes."""
-_MOST_WAITING = 4
+_LONGEST_QUEUE = 4
 """Largest number of blocks that wait for the disk; the sweep pauses beyond it, so that memory is bounded."""
 
 
 class Chunks:
-    """Chunks of a Zarr store, written by a thread of their own and checked by checksums.
+    """Chunks of a Zarr store, written by a separate thread and checked by checksums.
 
     A chunk is one file: the values of one block, little-endian, in C order, followed by their checksum (CRC-32C, Zarr's
-    codec `crc32c`). Writing through Zarr needed more processor time than the rest of the sweep besides the evaluation.
+    codec `crc32c`). Writing through Zarr needed more processor time than all other steps besides the evaluation.
     The chunk of `valid` is written last: a block with this chunk is finished, unless a checksum is wrong.
 
     Parameters
@@ -165,12 +163,8 @@ class Chunks:
         files = [self._file(name, number) for name in self._layout]
         if not files[-1].exists():
             return None
-        found = []
-        for file in files:
-            wrong = fault(_content(file))
-            if wrong:
-                found.append(f"{file.relative_to(self._path).as_posix()} {wrong}")
-        return found
+        faults = [(file, fault(_content(file))) for file in files]
+        return [f"{file.relative_to(self._path).as_posix()} {text}" for file, text in faults if text]
 
     def read(self, name: str, number: int) -> NDArray[Any]:
         """Return the values of a chunk, with the padding of the last chunk."""
@@ -180,7 +174,7 @@ class Chunks:
     def write(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Queue a block for writing; errors of earlier blocks are raised here or in `close`."""
         self._pending.append(self._thread.submit(self._write_block, number, arrays))
-        while len(self._pending) > _MOST_WAITING or (self._pending and self._pending[0].done()):
+        while len(self._pending) > _LONGEST_QUEUE or (self._pending and self._pending[0].done()):
             self._pending.popleft().result()
 
     def close(self) -> None:

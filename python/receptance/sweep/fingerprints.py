@@ -34,7 +34,7 @@ _BY_NAME = (
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), type(NotImplemented))
 
 
-def digest(what: Any) -> str:
+def digest(item: Any) -> str:
     """Return a digest of a value, an object, a function or nested lists and mappings of them.
 
     Raises
@@ -42,58 +42,60 @@ def digest(what: Any) -> str:
     TypeError
         An object without comparable content, such as an open file or a lock.
     """
-    found = _Digest()
+    result = _Digest()
     try:
-        found.add(what)
+        result.add(item)
     except RecursionError:
         raise TypeError("its values are nested too deeply to be compared with another run") from None
-    return found.sha.hexdigest()[:16]
+    return result.sha.hexdigest()[:16]
 
 
 class _Digest:
+    """Digest of nested items; each function, class and module is included once."""
+
     def __init__(self) -> None:
         self.sha = hashlib.sha256()
         self._code: dict[int, Any] = {}
-        """Functions, classes and modules that were included; each is included once."""
+        """Functions, classes and modules that were included."""
         self._open: list[int] = []
         """Objects that are being included, to end recursion of an object that contains itself."""
 
     def _add_text(self, text: str) -> None:
         self.sha.update(f"{len(text)}:{text};".encode("utf-8", "surrogatepass"))
 
-    def add(self, what: Any) -> None:
-        kind = type(what)
+    def add(self, item: Any) -> None:
+        kind = type(item)
         if kind in _PLAIN:
-            self._add_text(f"{kind.__name__}:{what!r}")
-        elif isinstance(what, (types.FunctionType, type, types.ModuleType)):
-            self._add_once(what)
-        elif id(what) in self._open:
-            self._add_text(f"again {len(self._open) - self._open.index(id(what))}")
+            self._add_text(f"{kind.__name__}:{item!r}")
+        elif isinstance(item, (types.FunctionType, type, types.ModuleType)):
+            self._add_once(item)
+        elif id(item) in self._open:
+            self._add_text(f"again {len(self._open) - self._open.index(id(item))}")
         else:
-            self._open.append(id(what))
-            self._add_parts(what)
+            self._open.append(id(item))
+            self._add_parts(item)
             self._open.pop()
 
-    def _add_once(self, what: Any) -> None:
-        if id(what) in self._code:
-            self._add_text(f"again {list(self._code).index(id(what))}")
+    def _add_once(self, item: Any) -> None:
+        if id(item) in self._code:
+            self._add_text(f"again {list(self._code).index(id(item))}")
             return
-        self._code[id(what)] = what
-        module = what.__name__ if isinstance(what, types.ModuleType) else what.__module__
+        self._code[id(item)] = item
+        module = item.__name__ if isinstance(item, types.ModuleType) else item.__module__
         version = _fixed(module)
-        if version is not None or isinstance(what, types.ModuleType):
+        if version is not None or isinstance(item, types.ModuleType):
             # The members of a user's module that a function uses are included with the function.
-            self._add_text(f"{module}.{getattr(what, '__qualname__', '')} {version}")
-        elif isinstance(what, type):
+            self._add_text(f"{module}.{getattr(item, '__qualname__', '')} {version}")
+        elif isinstance(item, type):
             self._add_text("class")
-            members = {name: value for name, value in vars(what).items() if name not in _NO_CODE}
-            self.add([what.__bases__, members])
+            members = {name: value for name, value in vars(item).items() if name not in _NO_CODE}
+            self.add([item.__bases__, members])
         else:
             self._add_text("function")
-            self.add([what.__code__, what.__defaults__, what.__kwdefaults__])
-            for cell in what.__closure__ or ():
+            self.add([item.__code__, item.__defaults__, item.__kwdefaults__])
+            for cell in item.__closure__ or ():
                 self._add_cell(cell)
-            for name, value in _globals_used(what):
+            for name, value in _globals_used(item):
                 self.add([name, value])
 
     def _add_cell(self, cell: Any) -> None:
@@ -102,56 +104,56 @@ class _Digest:
         except ValueError:
             self._add_text("empty cell")
 
-    def _add_parts(self, what: Any) -> None:
-        if type(what) is np.ndarray and not what.dtype.hasobject:
-            self._add_text(f"{what.dtype.str}{what.shape}")
-            self.sha.update(np.ascontiguousarray(what).tobytes())
-        elif isinstance(what, np.generic):
-            self.add(what.item() if not isinstance(what, (np.longdouble, np.clongdouble)) else repr(what))
-        elif type(what) in (dict, types.MappingProxyType):
-            self._add_text(f"mapping {len(what)}")
-            for key, value in what.items():
+    def _add_parts(self, item: Any) -> None:
+        if type(item) is np.ndarray and not item.dtype.hasobject:
+            self._add_text(f"{item.dtype.str}{item.shape}")
+            self.sha.update(np.ascontiguousarray(item).tobytes())
+        elif isinstance(item, np.generic):
+            self.add(item.item() if not isinstance(item, (np.longdouble, np.clongdouble)) else repr(item))
+        elif type(item) in (dict, types.MappingProxyType):
+            self._add_text(f"mapping {len(item)}")
+            for key, value in item.items():
                 self.add(key)
                 self.add(value)
-        elif type(what) in (list, tuple):
-            self._add_text(f"list {len(what)}")
-            for one in what:
-                self.add(one)
-        elif type(what) in (set, frozenset):
-            self._add_text(f"set {sorted(map(digest, what))}")
-        elif isinstance(what, types.CodeType):
+        elif type(item) in (list, tuple):
+            self._add_text(f"list {len(item)}")
+            for element in item:
+                self.add(element)
+        elif type(item) in (set, frozenset):
+            self._add_text(f"set {sorted(map(digest, item))}")
+        elif isinstance(item, types.CodeType):
             self._add_text(
-                f"code {what.co_argcount} {what.co_posonlyargcount} {what.co_kwonlyargcount} {what.co_flags}"
+                f"code {item.co_argcount} {item.co_posonlyargcount} {item.co_kwonlyargcount} {item.co_flags}"
             )
-            self.add([what.co_code, what.co_consts, what.co_names, what.co_exceptiontable])
-        elif isinstance(what, types.MethodType):
-            self.add([what.__func__, what.__self__])
-        elif isinstance(what, types.BuiltinMethodType) and not isinstance(
-            what.__self__, (types.ModuleType, type(None))
+            self.add([item.co_code, item.co_consts, item.co_names, item.co_exceptiontable])
+        elif isinstance(item, types.MethodType):
+            self.add([item.__func__, item.__self__])
+        elif isinstance(item, types.BuiltinMethodType) and not isinstance(
+            item.__self__, (types.ModuleType, type(None))
         ):
-            self.add([what.__name__, what.__self__])
-        elif isinstance(what, _BY_NAME):
-            self._add_text(f"{getattr(what, '__module__', '')}.{getattr(what, '__qualname__', what.__name__)}")
-        elif isinstance(what, property):
-            self.add([what.fget, what.fset, what.fdel])
-        elif isinstance(what, functools.cached_property):
-            self.add(what.func)
-        elif isinstance(what, (staticmethod, classmethod)):
-            self.add(what.__func__)
-        elif callable(inner := getattr(what, "__wrapped__", None) or getattr(what, "py_func", None)):
+            self.add([item.__name__, item.__self__])
+        elif isinstance(item, _BY_NAME):
+            self._add_text(f"{getattr(item, '__module__', '')}.{getattr(item, '__qualname__', item.__name__)}")
+        elif isinstance(item, property):
+            self.add([item.fget, item.fset, item.fdel])
+        elif isinstance(item, functools.cached_property):
+            self.add(item.func)
+        elif isinstance(item, (staticmethod, classmethod)):
+            self.add(item.__func__)
+        elif callable(inner := getattr(item, "__wrapped__", None) or getattr(item, "py_func", None)):
             # A wrapper of a function: a cache, or a compiled function.
-            self.add([type(what).__qualname__, inner])
+            self.add([type(item).__qualname__, inner])
         else:
-            self._add_reduced(what)
+            self._add_reduced(item)
 
-    def _add_reduced(self, what: Any) -> None:
+    def _add_reduced(self, item: Any) -> None:
         """Include an object by the values from which it is pickled."""
         try:
-            reduced = what.__reduce_ex__(4)
+            reduced = item.__reduce_ex__(4)
         except Exception as error:
-            raise TypeError(f"{what!r} has no content that can be compared with another run") from error
+            raise TypeError(f"{item!r} has no content that can be compared with another run") from error
         if isinstance(reduced, str):
-            self._add_text(f"{getattr(what, '__module__', '')}.{reduced}")
+            self._add_text(f"{getattr(item, '__module__', '')}.{reduced}")
             return
         self.add(list(reduced[:3]))
         for items in reduced[3:5]:
@@ -163,12 +165,11 @@ def _fixed(module: str | None) -> str | None:
     root = str(module).partition(".")[0]
     if root in _FIXED:
         return ""
-    found = sys.modules.get(root)
+    package = sys.modules.get(root)
+    file = (getattr(package, "__file__", None) or "").replace("\\", "/")
     # A script is the user's code, also one that an installed program such as pytest runs.
-    if root != "__main__" and any(
-        place in (getattr(found, "__file__", None) or "").replace("\\", "/") for place in _INSTALLED
-    ):
-        return str(getattr(found, "__version__", "installed"))
+    if root != "__main__" and any(folder in file for folder in _INSTALLED):
+        return str(getattr(package, "__version__", "installed"))
     return None
 
 
@@ -184,9 +185,9 @@ def _globals_used(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
 
 def _of_module(path: str, value: Any, names: set[str]) -> Iterator[tuple[str, Any]]:
     if isinstance(value, types.ModuleType) and _fixed(value.__name__) is None:
-        own: Mapping[str, Any] = vars(value)
-        for name in sorted(names & own.keys()):
-            inner = own[name]
+        members: Mapping[str, Any] = vars(value)
+        for name in sorted(names & members.keys()):
+            inner = members[name]
             yield f"{path}.{name}", inner
             if isinstance(inner, types.ModuleType) and inner.__name__.startswith(f"{value.__name__}."):
                 yield from _of_module(f"{path}.{name}", inner, names)

@@ -8,21 +8,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.mapping import ParameterMap
+from receptance.identification.observations import as_observations
 from receptance.identification.problem import Observed, Unit, residuals_at
 from receptance.identification.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
 from receptance.stability.zeroth_order import limit_over_speed
-from receptance.sweep.candidate_model import candidate_model
+from receptance.sweep.candidate_model import CandidateModel, candidate_model
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = [
@@ -34,10 +34,7 @@ __all__ = [
     "Output",
     "StableDepth",
     "Variable",
-    "own_parameters",
-    "shared_candidates",
 ]
-
 
 _LINE_S, _MODES_S = 5e-9, 2e-4
 """Approximate time in s for one line of a joint, and for the natural frequencies of a model."""
@@ -86,7 +83,7 @@ class Output(ABC):
     """
 
     per_assembly = True
-    """Whether it is evaluated for each assembly of the sweep, or once for assemblies of its own."""
+    """Whether it is evaluated for each assembly of the sweep, or once for the assemblies of the output."""
 
     @property
     def candidate_s(self) -> float:
@@ -98,7 +95,7 @@ class Output(ABC):
         """Return the variables of the results."""
 
     def assemblies(self) -> tuple[Assembly, ...]:
-        """Return the output's own assemblies, whose parameters a sweep may vary as well."""
+        """Return the assemblies of the output itself, whose parameters a sweep may vary as well."""
         return ()
 
     @abstractmethod
@@ -168,20 +165,18 @@ class FrequencyResponse(Output):
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""
-        found, columns = shared_candidates(
-            assembly, addresses, self.frequency_hz, self.response, self.excitation, threads
-        )
-        evaluated = found.magnitude if self.magnitude else found.receptance
+        model, columns = _prepared(assembly, addresses, self.frequency_hz, self.response, self.excitation, threads)
+        evaluate = model.magnitude if self.magnitude else model.receptance
 
         def run(values: NDArray[np.float64]) -> Evaluated:
-            h = evaluated(np.ascontiguousarray(values[:, columns]))
-            good = np.isfinite(h).all(axis=1)
+            h = evaluate(values[:, columns])
+            feasible = np.asarray(np.isfinite(h).all(axis=1))
             if self.reduce is None:
-                return {self.name: h}, good
-            kept = np.full(len(h), np.nan)
-            if good.any():
-                kept[good] = _checked_reduction(self, np.asarray(self.reduce(h[good])), int(good.sum()))
-            return {self.name: kept}, good
+                return {self.name: h}, feasible
+            reduced = np.full(len(h), np.nan)
+            if feasible.any():
+                reduced[feasible] = _checked_reduction(self, np.asarray(self.reduce(h[feasible])), int(feasible.sum()))
+            return {self.name: reduced}, feasible
 
         return run
 
@@ -210,8 +205,7 @@ class NaturalFrequencies(Output):
 
     def __post_init__(self) -> None:
         _checks.positive("NaturalFrequencies", "upper_hz", self.upper_hz, unit="Hz")
-        if isinstance(self.modes, bool) or not isinstance(self.modes, (int, np.integer)) or self.modes < 1:
-            raise ValueError(f"NaturalFrequencies: modes is {self.modes!r}, expected a whole number of at least one")
+        _checks.whole_number("NaturalFrequencies", "modes", self.modes)
 
     @property
     def candidate_s(self) -> float:
@@ -225,19 +219,21 @@ class NaturalFrequencies(Output):
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""
         assert assembly is not None
-        columns, own = own_parameters(assembly, addresses)
+        columns = _columns(assembly, addresses)
+        varied = [addresses[i] for i in columns]
 
         def run(values: NDArray[np.float64]) -> Evaluated:
-            kept = np.full((len(values), self.modes), np.nan)
-            good = np.zeros(len(values), dtype=np.bool_)
+            frequencies = np.full((len(values), self.modes), np.nan)
+            feasible = np.zeros(len(values), dtype=np.bool_)
             for i, row in enumerate(values[:, columns].tolist()):
                 try:
-                    found = assembly.replace(dict(zip(own, row, strict=True))).natural_frequencies(self.upper_hz)
+                    candidate = assembly.replace(dict(zip(varied, row, strict=True)))
+                    lowest = candidate.natural_frequencies(self.upper_hz)[: self.modes]
                 except (ValueError, ReceptanceError):
                     continue
-                kept[i, : found.size] = found[: self.modes]
-                good[i] = True
-            return {self.name: kept}, good
+                frequencies[i, : lowest.size] = lowest
+                feasible[i] = True
+            return {self.name: frequencies}, feasible
 
         return run
 
@@ -297,16 +293,16 @@ class StableDepth(Output):
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""
-        found, columns = shared_candidates(assembly, addresses, self.frequency_hz, None, None, threads)
+        model, columns = _prepared(assembly, addresses, self.frequency_hz, None, None, threads)
 
         def run(values: NDArray[np.float64]) -> Evaluated:
-            h = found.receptance(np.ascontiguousarray(values[:, columns]))
-            good = np.isfinite(h).all(axis=1)
+            h = model.receptance(values[:, columns])
+            feasible = np.asarray(np.isfinite(h).all(axis=1))
             shape = () if self.speeds_rpm is None else self.speeds_rpm.shape
-            kept = np.full((len(h), *shape), np.nan)
-            for i in np.flatnonzero(good):
-                kept[i] = self._depth(h[i])
-            return {self.name: kept}, good
+            depths = np.full((len(h), *shape), np.nan)
+            for i in np.flatnonzero(feasible):
+                depths[i] = self._depth(h[i])
+            return {self.name: depths}, feasible
 
         return run
 
@@ -327,21 +323,24 @@ class StableDepth(Output):
         return [self.name, repr(self.cut), self.frequency_hz, self.speeds_rpm, self.directions]
 
 
-def own_parameters(assembly: Assembly, addresses: Sequence[str]) -> tuple[list[int], list[str]]:
-    """Return columns and addresses of the parameters of an assembly."""
-    columns = [i for i, address in enumerate(addresses) if covered(address, assembly)]
-    return columns, [addresses[i] for i in columns]
+def _columns(assembly: Assembly, addresses: Sequence[str]) -> list[int]:
+    """Return the columns of the candidates that are parameters of an assembly."""
+    return [i for i, address in enumerate(addresses) if covered(address, assembly)]
 
 
-def shared_candidates(
-    assembly: Assembly | None, addresses: Sequence[str], lines: ArrayLike, response: Coordinate | None,
-    excitation: Coordinate | None, threads: int | None,
-) -> tuple[Any, list[int]]:  # fmt: skip
-    """Return the model of the candidates of an assembly, and the columns of the assembly's parameters."""
+def _prepared(
+    assembly: Assembly | None,
+    addresses: Sequence[str],
+    lines: ArrayLike,
+    response: Coordinate | None,
+    excitation: Coordinate | None,
+    threads: int | None,
+) -> tuple[CandidateModel, list[int]]:
+    """Return the model of the candidates of an assembly, and the columns of the parameters of the assembly."""
     assert assembly is not None
-    columns, own = own_parameters(assembly, addresses)
-    found = candidate_model(assembly, tuple(own), lines, response=response, excitation=excitation, threads=threads)
-    return found, columns
+    columns = _columns(assembly, addresses)
+    model = candidate_model(assembly, [addresses[i] for i in columns], lines, response, excitation, threads)
+    return model, columns
 
 
 def _checked_reduction(output: FrequencyResponse, reduced: NDArray[Any], count: int) -> NDArray[np.float64]:
@@ -371,23 +370,20 @@ class Misfit(Output):
     per_assembly = False
 
     def __init__(
-        self, observations: MeasuredFRF | MeasuredFrequencies | Sequence[MeasuredFRF | MeasuredFrequencies],
-        *, name: str = "misfit",
-    ) -> None:  # fmt: skip
-        several = tuple(observations) if isinstance(observations, Sequence) else (observations,)
-        if not several:
-            raise ValueError("Misfit: observations is empty, expected at least one")
-        for one in several:
-            if not hasattr(one, "assembly") or not hasattr(one, "frequency_hz"):
-                raise TypeError(f"Misfit: observations contains {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
-        self.observations = several
+        self,
+        observations: MeasuredFRF | MeasuredFrequencies | Sequence[MeasuredFRF | MeasuredFrequencies],
+        *,
+        name: str = "misfit",
+    ) -> None:
+        self.observations = as_observations(observations)
         self.name = name
 
     @property
     def candidate_s(self) -> float:
         """Approximate time per candidate; see `Output`."""
         return sum(
-            _LINE_S * one.frequency_hz.size if isinstance(one, MeasuredFRF) else _MODES_S for one in self.observations
+            _LINE_S * observation.frequency_hz.size if isinstance(observation, MeasuredFRF) else _MODES_S
+            for observation in self.observations
         )
 
     def variables(self) -> tuple[Variable, ...]:
@@ -396,60 +392,52 @@ class Misfit(Output):
 
     def assemblies(self) -> tuple[Assembly, ...]:
         """Return the assemblies of the observations."""
-        return tuple(one.assembly for one in self.observations)
+        return tuple(observation.assembly for observation in self.observations)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
         """Return the function from candidates to results."""
-        parts = [
-            _frf_misfit(one, addresses, threads) if isinstance(one, MeasuredFRF) else _frequency_misfit(one, addresses)
-            for one in self.observations
+        misfits = [
+            _frf_misfit(observation, addresses, threads)
+            if isinstance(observation, MeasuredFRF)
+            else _frequency_misfit(observation, addresses)
+            for observation in self.observations
         ]
 
         def run(values: NDArray[np.float64]) -> Evaluated:
-            kept = np.zeros(len(values))
-            for part in parts:
-                kept += part(values)
-            return {self.name: kept}, np.isfinite(kept)
+            total = np.zeros(len(values))
+            for misfit in misfits:
+                total += misfit(values)
+            return {self.name: total}, np.isfinite(total)
 
         return run
 
     def describe(self) -> list[Any]:
         """Return the values that define the results."""
-        found: list[Any] = [self.name]
-        for one in self.observations:
-            found += [one.frequency_hz]
-            if isinstance(one, MeasuredFRF):
-                found += [one.receptance, one.standard_deviation, repr(one.response), repr(one.excitation), one.force]
+        content: list[Any] = [self.name]
+        for item in self.observations:
+            content.append(item.frequency_hz)
+            if isinstance(item, MeasuredFRF):
+                points = [repr(item.response), repr(item.excitation)]
+                content += [item.receptance, item.standard_deviation, *points, item.force]
             else:
-                found += [list(one.modes), one.standard_deviation_hz]
-        return found
+                content += [list(item.modes), item.standard_deviation_hz]
+                content += [item.damping_ratio, item.standard_deviation_damping] if item.damped.size else []
+        return content
 
 
 def _frf_misfit(
     frf: MeasuredFRF, addresses: Sequence[str], threads: int | None
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    found, columns = shared_candidates(
-        frf.assembly, addresses, frf.frequency_hz, frf.response, frf.excitation, threads
-    )  # fmt: skip
-    weights = None if frf.standard_deviation is None else 1.0 / frf.standard_deviation
     if frf.force is not None:
         raise ValueError(f"{frf!r} has a stepped force, which sweeps do not support; give the level of the joint")
-
-    def run(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        result: NDArray[np.float64] = found.misfit(np.ascontiguousarray(values[:, columns]), frf.receptance, weights)
-        return result
-
-    return run
+    model, columns = _prepared(frf.assembly, addresses, frf.frequency_hz, frf.response, frf.excitation, threads)
+    weights = None if frf.standard_deviation is None else 1.0 / frf.standard_deviation
+    return lambda values: model.misfit(values[:, columns], frf.receptance, weights)
 
 
 def _frequency_misfit(
     measured: MeasuredFrequencies, addresses: Sequence[str]
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     unit: Unit = "relative" if measured.standard_deviation_hz is None else "standard deviations"
-    one = Observed(measured, ParameterMap.plain(measured.assembly, addresses), unit)
-
-    def run(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        found: NDArray[np.float64] = np.sum(residuals_at(one, values) ** 2, axis=1)
-        return found
-
-    return run
+    observed = Observed(measured, ParameterMap.plain(measured.assembly, addresses), unit)
+    return lambda values: np.asarray(np.sum(residuals_at(observed, values) ** 2, axis=1))

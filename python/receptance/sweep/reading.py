@@ -49,16 +49,15 @@ class CheckedStore(LocalStore):
         """Return the content of a file; see `zarr.abc.store.Store.get`."""
         return self._checked(key, super().get_sync(key, prototype=prototype, byte_range=byte_range), byte_range)
 
-    def _checked(self, key: str, found: Buffer | None, byte_range: ByteRequest | None) -> Buffer | None:
-        name, chunk, place = key.partition("/c/")
-        if not chunk or byte_range is not None:
-            return found
-        if name in self._blocked and not (self.root / self._last / "c" / place.partition("/")[0]).exists():
+    def _checked(self, key: str, content: Buffer | None, byte_range: ByteRequest | None) -> Buffer | None:
+        name, separator, chunk = key.partition("/c/")
+        if not separator or byte_range is not None:
+            return content
+        if name in self._blocked and not (self.root / self._last / "c" / chunk.partition("/")[0]).exists():
             return None
-        wrong = fault(None if found is None else found.to_bytes())
-        if wrong:
+        if wrong := fault(None if content is None else content.to_bytes()):
             remedy = "run the same sweep with this store again to evaluate the block"
             if name not in self._blocked:
                 remedy = "remove the store and run the sweep again"
             raise SweepError(f"{self.root}: the chunk {key} {wrong}; {remedy}")
-        return found
+        return content

@@ -11,23 +11,24 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from receptance import _checks
 from receptance.sweep.definition import Block, Definition
 from receptance.sweep.disk import SweepError
-from receptance.sweep.store import target
+from receptance.sweep.store import destination
 
 if TYPE_CHECKING:
     import os
 
     import xarray as xr
-    from numpy.typing import NDArray
 
     from receptance.campaign import Campaign
     from receptance.model.assembly import Assembly
     from receptance.sweep.candidates import Candidates
     from receptance.sweep.outputs import Output
 
-__all__ = ["SweepProgress", "Waiting", "sweep"]
+__all__ = ["PendingBlocks", "SweepProgress", "sweep"]
 
 
 def sweep(
@@ -100,22 +101,21 @@ def sweep(
     True
     """
     definition = Definition.of(model, candidates, outputs)
-    if block is not None and (isinstance(block, bool) or not isinstance(block, (int, np.integer)) or block < 1):
-        raise ValueError(f"sweep: block is {block!r}, expected a whole number of at least one")
-    with target(store, definition, None if block is None else int(block)) as kept:
-        count, size = candidates.count, kept.block
-        missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~kept.finished).tolist()]
+    size = None if block is None else _checks.whole_number("sweep", "block", block)
+    with destination(store, definition, size) as results:
+        count, size = candidates.count, results.block
+        missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~results.finished).tolist()]
         done = resumed = count - sum(stop - start for _, start, stop in missing)
         start_s = time.perf_counter()
         run = _in_process(definition, missing, threads) if client is None else _on_workers(client, definition, missing)
         for number, arrays in run:
-            kept.write(number, arrays)
+            results.write(number, arrays)
             done += len(next(iter(arrays.values())))
             if progress is not None:
                 progress(SweepProgress(done=done, count=count, resumed=resumed, seconds=time.perf_counter() - start_s))
         if done < count:
             raise SweepError(f"sweep: {count - done} candidates were not returned by the workers; run the sweep again")
-    return kept.dataset()
+    return results.dataset()
 
 
 def _in_process(
@@ -169,7 +169,7 @@ class SweepProgress:
         return text
 
 
-_AHEAD = 3
+_TASKS_PER_THREAD = 3
 """Submitted tasks per thread of the workers: enough to keep all threads busy, few enough to bound the memory."""
 _TASK_S, _TASK_BYTES = 0.5, 16e6
 """Largest duration and result size of a task. Several blocks share a task because the scheduler and this process
@@ -192,60 +192,67 @@ def _on_workers(client: Any, definition: Definition, blocks: Sequence[BlockRange
     # A task is recomputed when its worker dies; data sent with `scatter` would be lost.
     shared = client.submit(_identity, pickle.dumps(definition), pure=False)
     threads = sum(client.nthreads().values()) or 1
-    waiting = Waiting(blocks, _AHEAD * threads)
+    pending = PendingBlocks(blocks, _TASKS_PER_THREAD * threads)
     running: dict[Any, tuple[list[BlockRange], int]] = {}
 
-    def submit(own: list[BlockRange], tries: int = 0) -> Any:
-        future = client.submit(_run, shared, [block[1:] for block in own], pure=False)
-        running[future] = own, tries
+    def submit(task: list[BlockRange], tries: int = 0) -> Any:
+        future = client.submit(_run, shared, [block[1:] for block in task], pure=False)
+        running[future] = task, tries
         return future
 
     # The default loop may belong to another client.
-    done = as_completed((submit(own) for own in waiting.first()), loop=client.loop)
+    done = as_completed((submit(task) for task in pending.first_tasks()), loop=client.loop)
     try:
         for future in done:
-            own, tries = running.pop(future)
+            task, tries = running.pop(future)
             try:
                 seconds, results = future.result()
             except KilledWorker:
                 if tries + 1 >= _TRIES:
                     raise
-                done.add(submit(own, tries + 1))
+                done.add(submit(task, tries + 1))
                 continue
-            waiting.learn(seconds, results)
-            yield from zip((block[0] for block in own), results, strict=True)
-            following = waiting.take()
-            if following:
+            pending.adapt(seconds, results)
+            yield from zip((block[0] for block in task), results, strict=True)
+            if following := pending.next_task():
                 done.add(submit(following))
     finally:
         client.cancel([*running, shared])
 
 
-class Waiting:
+class PendingBlocks:
     """Blocks that are not submitted yet.
 
     Tasks have one block until the duration of a block is known, and again when few blocks are left.
+
+    Parameters
+    ----------
+    blocks : sequence of (int, int, int)
+        Number, first candidate and last candidate plus 1 of each block.
+    tasks : int
+        Number of tasks that are submitted at the same time.
     """
 
-    def __init__(self, blocks: Sequence[BlockRange], under_way: int) -> None:
+    def __init__(self, blocks: Sequence[BlockRange], tasks: int) -> None:
         self._blocks = deque(blocks)
-        self._under_way = under_way
-        self._most = 1
+        self._tasks = tasks
+        self._blocks_per_task = 1
 
-    def first(self) -> Iterator[list[BlockRange]]:
+    def first_tasks(self) -> Iterator[list[BlockRange]]:
         """Yield the blocks of the first tasks."""
-        for _ in range(min(self._under_way, len(self._blocks))):
-            yield self.take()
+        for _ in range(min(self._tasks, len(self._blocks))):
+            yield self.next_task()
 
-    def take(self) -> list[BlockRange]:
+    def next_task(self) -> list[BlockRange]:
         """Return the blocks of the next task; empty if none is left."""
-        count = min(self._most, -(-len(self._blocks) // self._under_way))
+        count = min(self._blocks_per_task, -(-len(self._blocks) // self._tasks))
         return [self._blocks.popleft() for _ in range(count)]
 
-    def learn(self, seconds: float, results: list[Arrays]) -> None:
+    def adapt(self, seconds: float, results: list[Arrays]) -> None:
         """Adapt the number of blocks of a task to the duration and result size of a finished one."""
         size = sum(values.nbytes for arrays in results for values in arrays.values())
-        self._most = max(int(len(results) * min(_TASK_S / max(seconds, 1e-6), _TASK_BYTES / max(size, 1))), 1)
+        factor = min(_TASK_S / max(seconds, 1e-6), _TASK_BYTES / max(size, 1))
+        self._blocks_per_task = max(int(len(results) * factor), 1)
 
 
 def _identity(definition: bytes) -> bytes:
@@ -255,8 +262,8 @@ def _identity(definition: bytes) -> bytes:
 @functools.lru_cache(maxsize=2)
 def _prepared(definition: bytes) -> Block:
     """Return the prepared definition, which the threads of a process share."""
-    found: Definition = pickle.loads(definition)
-    return found.prepare(threads=1)
+    unpickled: Definition = pickle.loads(definition)
+    return unpickled.prepare(threads=1)
 
 
 def _run(definition: bytes, ranges: list[tuple[int, int]]) -> tuple[float, list[Arrays]]:

@@ -10,9 +10,10 @@ import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
@@ -20,11 +21,10 @@ from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
     from receptance.sweep.outputs import Variable
 
-__all__ = ["Memory", "Store", "Target", "as_grid", "open_sweep"]
+__all__ = ["Memory", "Store", "as_grid", "destination", "open_sweep"]
 
 _RECORD = "receptance_sweep"
 _FORMAT = 2
@@ -34,29 +34,19 @@ _MOST_BYTES = 2 * 2**30
 _EXPECTED = "expected a store written by a sweep, or a new name"
 
 
-class Target(Protocol):
-    """Destination of blocks."""
-
-    block: int
-    """Number of candidates in a block."""
-    finished: NDArray[np.bool_]
-    """Mask of finished blocks."""
-
-    def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a block."""
-
-    def close(self) -> None:
-        """Complete all writes."""
-
-    def dataset(self) -> xr.Dataset:
-        """Return the results."""
-
-
 class Memory:
-    """Results in memory."""
+    """Results in memory.
+
+    Attributes
+    ----------
+    block : int
+        Number of candidates in a block.
+    finished : ndarray
+        Mask of finished blocks.
+    """
 
     def __init__(self, definition: Definition, block: int | None) -> None:
-        self._layout = layout(definition)
+        self._layout = _layout(definition)
         self._definition = definition
         count = definition.candidates.count
         size = sum(np.dtype(dtype).itemsize * count * int(np.prod(shape)) for dtype, shape in self._layout.values())
@@ -84,17 +74,17 @@ class Memory:
         import xarray as xr
 
         variables = {v.name: v for v in self._definition.variables()}
-        found = xr.Dataset()
+        results = xr.Dataset()
         for name, values in self._arrays.items():
             dims = (CANDIDATE, *(variables[name].dimensions if name in variables else ()))
-            found[name] = xr.DataArray(values, dims=dims, attrs=_attributes(variables.get(name)))
+            results[name] = xr.DataArray(values, dims=dims, attrs=_attributes(variables.get(name)))
             if name in variables:
-                found = found.assign_coords(dict(variables[name].dimensions))
-        return _labelled(found, record(self._definition, self.block))
+                results = results.assign_coords(dict(variables[name].dimensions))
+        return _labelled(results, _record(self._definition, self.block))
 
 
 class Store:
-    """Results in a Zarr store, which is created or, if it holds the same sweep, completed."""
+    """Results in a Zarr store, which is created or, if it holds the same sweep, completed; attributes as `Memory`."""
 
     def __init__(self, path: str | os.PathLike[str], definition: Definition, block: int | None) -> None:
         self._definition = definition
@@ -110,7 +100,7 @@ class Store:
                 _create(self._path, definition, block or definition.block_size())
             self.block = _checked(self._named, definition, block)
             rows = min(self.block, definition.candidates.count)
-            self._chunks = Chunks(self._path, layout(definition), rows)
+            self._chunks = Chunks(self._path, _layout(definition), rows)
             self.finished = self._sound_blocks()
         except BaseException:
             self._lock.close()
@@ -118,29 +108,27 @@ class Store:
 
     def _sound_blocks(self) -> NDArray[np.bool_]:
         """Return the mask of finished blocks; blocks with a damaged or missing chunk do not count."""
-        blocks = -(-self._definition.candidates.count // self.block)
-        checked = [self._chunks.check(number) for number in range(blocks)]
-        damaged = [wrong for found in checked for wrong in found or ()]
+        count = self._definition.candidates.count
+        faults = [self._chunks.check(number) for number in range(-(-count // self.block))]
+        damaged = [text for texts in faults for text in texts or ()]
         if damaged:
             more = f", and {len(damaged) - 1:,} more" if len(damaged) > 1 else ""
-            again = _count_in(
-                np.array([i for i, found in enumerate(checked) if found]), self.block, self._definition.candidates.count
-            )
+            repeated = _count_in(np.array([i for i, texts in enumerate(faults) if texts]), self.block, count)
             warnings.warn(
-                f"{self._named}: the chunk {damaged[0]}{more}; {again:,} candidates are evaluated again",
+                f"{self._named}: the chunk {damaged[0]}{more}; {repeated:,} candidates are evaluated again",
                 ReceptanceWarning,
                 stacklevel=5,
             )
-        finished = np.array([found == [] for found in checked], dtype=np.bool_)
-        for number in {*np.flatnonzero(finished)[:1].tolist(), *np.flatnonzero(finished)[-1:].tolist()}:
+        finished = np.array([texts == [] for texts in faults], dtype=np.bool_)
+        for number in set(np.flatnonzero(finished)[[0, -1]].tolist() if finished.any() else ()):
             self._check_candidates(number)
         return finished
 
     def _check_candidates(self, number: int) -> None:
         """Raise if the store has other candidates although their description is the same."""
-        first = number * self.block
-        own = self._definition.candidates.values(first, min(first + self.block, self._definition.candidates.count))
-        for address, expected in zip(self._definition.candidates.addresses, own.T, strict=True):
+        first, candidates = number * self.block, self._definition.candidates
+        values = candidates.values(first, min(first + self.block, candidates.count))
+        for address, expected in zip(candidates.addresses, values.T, strict=True):
             stored = self._chunks.read(address, number)[: len(expected)]
             other = np.flatnonzero(~np.isclose(stored, expected, rtol=_SAME, atol=0.0, equal_nan=True))
             if other.size:
@@ -167,15 +155,15 @@ class Store:
         return open_sweep(self._named)
 
 
-def layout(definition: Definition) -> dict[str, tuple[str, tuple[int, ...]]]:
+def _layout(definition: Definition) -> dict[str, tuple[str, tuple[int, ...]]]:
     """Return data type and shape of one candidate for all variables of the store."""
-    found: dict[str, tuple[str, tuple[int, ...]]] = dict.fromkeys(definition.candidates.addresses, ("float64", ()))
-    found |= {v.name: (v.dtype, v.shape) for v in definition.variables()}
-    found[VALID] = ("bool", ())
-    return found
+    layout: dict[str, tuple[str, tuple[int, ...]]] = dict.fromkeys(definition.candidates.addresses, ("float64", ()))
+    layout |= {v.name: (v.dtype, v.shape) for v in definition.variables()}
+    layout[VALID] = ("bool", ())
+    return layout
 
 
-def record(definition: Definition, block: int) -> dict[str, Any]:
+def _record(definition: Definition, block: int) -> dict[str, Any]:
     """Return the metadata of a store."""
     described = definition.candidates.describe()
     grid = {name: len(values) for name, values in described["values"].items()} if described["kind"] == "grid" else None
@@ -227,7 +215,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     finished = {file.name for file in Path(path, VALID, "c").glob("*")}
     unfinished = np.array([i for i in range(-(-count // size)) if str(i) not in finished], dtype=np.int64)
     with _reading(path):
-        found = xr.open_zarr(_checked_store(Path(path), metadata), consolidated=True, chunks=None)
+        results = xr.open_zarr(_checked_store(Path(path), metadata), consolidated=True, chunks=None)
     if unfinished.size:
         missing = _count_in(unfinished, size, count)
         warnings.warn(
@@ -236,7 +224,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
             ReceptanceWarning,
             stacklevel=2,
         )
-    return _labelled(found, metadata)
+    return _labelled(results, metadata)
 
 
 def as_grid(results: xr.Dataset) -> xr.Dataset:
@@ -257,27 +245,24 @@ def as_grid(results: xr.Dataset) -> xr.Dataset:
     axes = {}
     for i, name in enumerate(names):
         axes[name] = np.moveaxis(results[name].values.reshape(shape), i, -1).reshape(-1, shape[i])[0]
-    kept = {}
+    variables = {}
     for name, variable in results.data_vars.items():
         values = variable.values.reshape(*shape, *variable.shape[1:])
-        kept[name] = xr.DataArray(values, dims=(*names, *variable.dims[1:]), attrs=variable.attrs)
+        variables[name] = xr.DataArray(values, dims=(*names, *variable.dims[1:]), attrs=variable.attrs)
     others = {str(name): c for name, c in results.coords.items() if CANDIDATE not in c.dims}
-    return xr.Dataset(kept, coords={**axes, **others}, attrs=results.attrs)
+    return xr.Dataset(variables, coords={**axes, **others}, attrs=results.attrs)
 
 
-def _labelled(found: xr.Dataset, metadata: dict[str, Any]) -> xr.Dataset:
-    found = found.set_coords(metadata["addresses"]).assign_coords(metadata["labels"])
+def _labelled(results: xr.Dataset, metadata: dict[str, Any]) -> xr.Dataset:
+    """Return results with the parameters as coordinates and the metadata of the sweep as attributes."""
+    results = results.set_coords(metadata["addresses"]).assign_coords(metadata["labels"])
     attributes = {
         "receptance": metadata["receptance"],
         "addresses": json.dumps(metadata["addresses"]),
         "candidates": json.dumps(metadata["candidates"]),
         "grid": json.dumps(metadata["grid"]),
     }
-    return (
-        found.assign_attrs(attributes)
-        if _RECORD not in found.attrs
-        else found.drop_attrs(deep=False).assign_attrs(attributes)
-    )
+    return results.drop_attrs(deep=False).assign_attrs(attributes)
 
 
 def _attributes(variable: Variable | None) -> dict[str, Any]:
@@ -298,8 +283,8 @@ def _create(path: Path, definition: Definition, block: int) -> None:
     variables = {v.name: v for v in definition.variables()}
     with renamed(path) as temporary:
         group = zarr.open_group(temporary, mode="w")
-        for name, (dtype, shape) in layout(definition).items():
-            own = variables.get(name)
+        for name, (dtype, shape) in _layout(definition).items():
+            variable = variables.get(name)
             group.create_array(
                 name,
                 shape=(count, *shape),
@@ -308,8 +293,8 @@ def _create(path: Path, definition: Definition, block: int) -> None:
                 # Values that were not written are NaN.
                 fill_value={"float64": np.nan, "complex128": complex(np.nan, np.nan), "bool": False}[dtype],
                 compressors=Crc32cCodec(),
-                dimension_names=(CANDIDATE, *(own.dimensions if own else ())),
-                attributes=_attributes(own),
+                dimension_names=(CANDIDATE, *(variable.dimensions if variable else ())),
+                attributes=_attributes(variable),
             )
         for variable in variables.values():
             for name, values in variable.dimensions.items():
@@ -323,8 +308,8 @@ def _create(path: Path, definition: Definition, block: int) -> None:
                         # Otherwise a missing chunk would mean zeros.
                         config={"write_empty_chunks": True},
                     )
-        blocked = list(layout(definition))
-        group.attrs[_RECORD] = {**record(definition, block), "blocked": blocked, "fingerprints": fingerprints}
+        blocked = list(_layout(definition))
+        group.attrs[_RECORD] = {**_record(definition, block), "blocked": blocked, "fingerprints": fingerprints}
         with warnings.catch_warnings():
             # Zarr warns that consolidated metadata are not in the specification; other readers ignore them.
             warnings.simplefilter("ignore")
@@ -377,39 +362,40 @@ def _checked(path: Path, definition: Definition, block: int | None) -> int:
     """Return the block size of a store after checking that it holds this sweep."""
     import zarr
 
-    metadata, own = _metadata(path), definition.fingerprints()
+    metadata, fingerprints = _metadata(path), definition.fingerprints()
     if metadata["receptance"] != version("receptance"):
         raise SweepError(
             f"{path} was started with receptance {metadata['receptance']}, and this is {version('receptance')}, whose "
             "results may differ; continue with that version, or give another store (`open_sweep` reads any version)"
         )
-    if metadata["fingerprints"] != own:
-        other = [
-            name for name in {**metadata["fingerprints"], **own} if metadata["fingerprints"].get(name) != own.get(name)
-        ]
+    stored = metadata["fingerprints"]
+    if stored != fingerprints:
+        other = [name for name in {**stored, **fingerprints} if stored.get(name) != fingerprints.get(name)]
         # Bytecode differs between versions of Python.
-        mine, its = (".".join(text.split(".")[:2]) for text in (platform.python_version(), metadata["python"]))
-        python = f" (it was started with Python {its}, and this is {mine}: functions cannot be compared)"
+        this, before = (".".join(text.split(".")[:2]) for text in (platform.python_version(), metadata["python"]))
+        python = f" (it was started with Python {before}, and this is {this}: functions cannot be compared)"
         raise SweepError(
-            f"{path} holds a different sweep: it differs in {', '.join(other)}{python if mine != its else ''}; give "
+            f"{path} holds a different sweep: it differs in {', '.join(other)}{python if this != before else ''}; give "
             "another store or remove it"
         )
     if block is not None and block != metadata["block"]:
         raise SweepError(f"{path} was started with blocks of {metadata['block']} candidates, not {block}; omit block")
     with _reading(path):
         group = zarr.open_group(_checked_store(path, metadata), mode="r")
-        own_axes = {name for variable in definition.variables() for name in variable.dimensions}
+        axes = {name for variable in definition.variables() for name in variable.dimensions}
         for name, array in group.arrays():
-            if name in own_axes:
-                array[:]
+            if name in axes:
+                array[:]  # raises an error for a damaged chunk
     return int(metadata["block"])
 
 
 @contextlib.contextmanager
-def target(path: str | os.PathLike[str] | None, definition: Definition, block: int | None) -> Iterator[Memory | Store]:
+def destination(
+    path: str | os.PathLike[str] | None, definition: Definition, block: int | None
+) -> Iterator[Memory | Store]:
     """Open the destination of the results; it is closed in any case, and finished blocks are kept."""
-    found = Memory(definition, block) if path is None else Store(path, definition, block)
+    results = Memory(definition, block) if path is None else Store(path, definition, block)
     try:
-        yield found
+        yield results
     finally:
-        found.close()
+        results.close()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, NORMAL_95, add_legend, finished, set_up, surface
+from receptance.report.figure import COLOURS, NORMAL_95, add_legend, add_room, finished, set_up, surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,25 +15,42 @@ if TYPE_CHECKING:
 
     from receptance.taper import ForceSeries
 
-__all__ = ["axis_unit", "draw_force_series", "draw_over_levels", "draw_with_law"]
+__all__ = ["draw_force_series", "draw_over_levels", "draw_with_law"]
 
-_RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
-_LAWS = {"constant": "constant", "linear": "K\u2080 + a F", "power": "K\u2080 + a F\u207f"}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+_LAWS = {"constant": "constant", "linear": "K0 + a F", "power": "K0 + a F^n"}
 
 
 def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:
     """Draw a parameter over force with 95 % error bars and its law, in the units of the series."""
     figure = surface(ax, 7.1, 4.9)
-    factor, label = axis_unit("", series)
-    draw_with_law(figure.subplots(), series, factor, "force", label)
+    draw_with_law(figure.subplots(), series, "force", "")
     return finished(figure)
 
 
-def draw_with_law(axes: Axes, series: ForceSeries, factor: float, over: str, label: str) -> None:
-    """Draw a parameter over its levels and its law, with titles and a legend."""
+def draw_with_law(axes: Axes, series: ForceSeries, over: str, unit: str) -> None:
+    """Draw a parameter over its levels and its law, with titles and a legend.
+
+    Parameters
+    ----------
+    axes : Axes
+        Empty axes.
+    series : ForceSeries
+        The parameter.
+    over : str
+        Label of the axis of the levels.
+    unit : str
+        Unit of the values.
+    """
+    factor, label = _axis_unit(unit, series)
     set_up(axes, series.name, over, label)
     draw_over_levels(axes, series, factor, COLOURS[0] if ".k_" in series.name else COLOURS[1], "identified, 95 %")
-    _add_law(axes, series)
+    low, high = series.exponent_interval
+    law = _LAWS[series.law.name]
+    if series.law.name == "power":
+        law += f", n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})"
+    add_room(axes, 0.3)
+    add_legend(axes, loc="upper left", title=law, title_fontsize=9, alignment="left")
 
 
 def draw_over_levels(
@@ -41,8 +58,8 @@ def draw_over_levels(
 ) -> None:
     """Draw a parameter over its levels with error bars, and its law."""
     if law:
-        fine = np.linspace(float(series.force[0]), float(series.force[-1]), 200)
-        axes.plot(fine, factor * series.law.at(fine), color=colour, alpha=0.45, linewidth=1.4)
+        force = np.linspace(float(series.force[0]), float(series.force[-1]), 200)
+        axes.plot(force, factor * series.law.at(force), color=colour, alpha=0.45, linewidth=1.4)
     axes.errorbar(
         series.force,
         factor * series.values,
@@ -56,18 +73,9 @@ def draw_over_levels(
     )
 
 
-def axis_unit(unit: str, series: ForceSeries) -> tuple[float, str]:
+def _axis_unit(unit: str, series: ForceSeries) -> tuple[float, str]:
     """Return the factor of the values on the axis, and the unit with its power of ten."""
     power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
     if -3 < power <= 3:
         return 1.0, unit
-    return 10.0**-power, f"10{str(power).translate(_RAISED)} {unit}"
-
-
-def _add_law(axes: Axes, series: ForceSeries) -> None:
-    low, high = series.exponent_interval
-    law = _LAWS[series.law.name]
-    text = f"{law}, n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})" if series.law.name == "power" else law
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.3 * (top - bottom))
-    add_legend(axes, loc="upper left", title=text, title_fontsize=9, alignment="left")
+    return 10.0**-power, f"10{str(power).translate(_SUPERSCRIPTS)} {unit}"

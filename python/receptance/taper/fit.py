@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Floor, MeasuredFRF, Unknown, identify
@@ -16,20 +17,18 @@ from receptance.identification.covariance import confidence_multiplier
 from receptance.taper.holder import BodyModel, Contact, Holder
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.frf import FRF
     from receptance.identification import Identification
     from receptance.measurement import Hits
     from receptance.model.assembly import Assembly
 
-__all__ = ["TaperFit", "fit_axial", "fit_radial", "relative_errors", "without_each"]
+__all__ = ["TaperFit", "fit_axial", "fit_radial", "without_each"]
 
-
-AXIAL = {"k_z1": "taper.k_y", "c_z1": "taper.c_y"}
-RADIAL = {"k_x1": "big_end.k_y", "k_x2": "small_end.k_y", "c_x1": "big_end.c_y", "c_x2": "small_end.c_y"}
-"""Symbols of the paper and addresses of the assembly."""
+_AXIAL = {"k_z1": "taper.k_y", "c_z1": "taper.c_y"}
+_RADIAL = {"k_x1": "big_end.k_y", "k_x2": "small_end.k_y", "c_x1": "big_end.c_y", "c_x2": "small_end.c_y"}
+"""Addresses of the parameters by their symbols in the paper."""
 _BOUNDS = {"k": (1e6, 1e13), "c": (1e-1, 1e7)}
+"""Bounds of stiffnesses in N/m and of dampings in N s/m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +87,7 @@ def fit_axial(
     floor : float or Floor, optional
         As in `MeasuredFRF.from_frf`.
     start : mapping of str to float, optional
-        Start values; by default found in stages from the peaks.
+        Start values; by default they are determined in stages from the peaks.
     left_out : sequence of FRF, optional
         FRFs without one of the hits each, from `without_each`. Standard errors and intervals are then those of the
         jackknife, with one degree of freedom less than hits, instead of those from the variance of the FRF.
@@ -108,7 +107,7 @@ def fit_axial(
     values = {"k_z1": 1e9, "c_z1": 1e3} | dict(start or {})
     assembly = holder.axial(**values, body=body, contact=contact)
     observed = [MeasuredFRF.from_frf(assembly, frf, low_hz=low_hz, high_hz=high_hz, floor=floor)]
-    return _fit(observed, AXIAL, values, start is None, [(0, 0)], left_out)
+    return _fit(observed, _AXIAL, values, start is None, [(0, 0)], left_out)
 
 
 def fit_radial(
@@ -130,15 +129,15 @@ def fit_radial(
     """
     values = {"k_x1": 1e9, "k_x2": 1e9, "c_x1": 1e3, "c_x2": 1e3} | dict(start or {})
     assembly = holder.radial(**values, body=body, contact=contact)
-    _, outs, ins = frf.shape
-    entries = [(i, j) for i in range(outs) for j in range(ins)]
+    _, responses, excitations = frf.shape
+    entries = [(i, j) for i in range(responses) for j in range(excitations)]
     observed = [
         MeasuredFRF.from_frf(
             assembly, frf.select(responses=i, excitations=j), low_hz=low_hz, high_hz=high_hz, floor=floor
         )
         for i, j in entries
     ]
-    return _fit(observed, RADIAL, values, start is None, entries, left_out)
+    return _fit(observed, _RADIAL, values, start is None, entries, left_out)
 
 
 def _fit(
@@ -153,23 +152,23 @@ def _fit(
         Unknown(address=address, lower=_BOUNDS[name[0]][0], upper=_BOUNDS[name[0]][1], start=values[name])
         for name, address in addresses.items()
     ]
-    found = identify(observed, unknowns, strategy="staged" if staged else "direct", starts=1)
-    own = {name: found.values[address] for name, address in addresses.items()}
-    errors = {name: found.standard_errors[address] for name, address in addresses.items()}
-    intervals = {name: found.interval(address) for name, address in addresses.items()}
+    fit = identify(observed, unknowns, strategy="staged" if staged else "direct", starts=1)
+    fitted = {name: fit.values[address] for name, address in addresses.items()}
+    errors = {name: fit.standard_errors[address] for name, address in addresses.items()}
+    intervals = {name: fit.interval(address) for name, address in addresses.items()}
     if left_out:
-        relative = relative_errors(found, observed, entries, addresses, left_out)
-        errors = {name: own[name] * error for name, error in relative.items()}
-        reach = confidence_multiplier(0.95, len(left_out) - 1)
-        factors = {name: math.exp(reach * error) for name, error in relative.items()}
-        intervals = {name: (own[name] / factor, own[name] * factor) for name, factor in factors.items()}
+        relative = _relative_errors(fit, observed, entries, addresses, left_out)
+        errors = {name: fitted[name] * error for name, error in relative.items()}
+        multiplier = confidence_multiplier(0.95, len(left_out) - 1)
+        factors = {name: math.exp(multiplier * error) for name, error in relative.items()}
+        intervals = {name: (fitted[name] / factor, fitted[name] * factor) for name, factor in factors.items()}
     return TaperFit(
-        values=own,
+        values=fitted,
         standard_errors=errors,
         intervals=intervals,
-        rms=found.rms,
-        assembly=found.assemblies[0],
-        identification=found,
+        rms=fit.rms,
+        assembly=fit.assemblies[0],
+        identification=fit,
     )
 
 
@@ -196,12 +195,12 @@ def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
         # The estimate from all hits has given these warnings already.
         warnings.simplefilter("ignore", ReceptanceWarning)
         # Only the values are used, so the variance is not pooled.
-        own = {"pooled_lines": 1, **settings}
-        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
+        settings = {"pooled_lines": 1, **settings}
+        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **settings) for hit in hits.kept)
 
 
-def relative_errors(
-    found: Identification,
+def _relative_errors(
+    fit: Identification,
     observed: Sequence[MeasuredFRF],
     entries: Sequence[tuple[int, int]],
     addresses: Mapping[str, str],
@@ -215,7 +214,7 @@ def relative_errors(
 
     Parameters
     ----------
-    found : Identification
+    fit : Identification
         The fit.
     observed : sequence of MeasuredFRF
         Fitted observations.
@@ -228,21 +227,20 @@ def relative_errors(
     """
     slopes: list[NDArray[np.float64]] = []
     changes: list[NDArray[np.float64]] = []
-    values = np.array([found.values[address] for address in addresses.values()])
-    for one, assembly, (response, excitation) in zip(observed, found.assemblies, entries, strict=True):
+    values = np.array([fit.values[address] for address in addresses.values()])
+    receptances = [frf.to("receptance") for frf in left_out]
+    for observation, assembly, (response, excitation) in zip(observed, fit.assemblies, entries, strict=True):
+        lines = observation.frequency_hz
+        deviation = np.ones(lines.size) if observation.standard_deviation is None else observation.standard_deviation
         h, slope = assembly.derivatives(
-            one.frequency_hz, list(addresses.values()), response=one.response, excitation=one.excitation
+            lines, list(addresses.values()), response=observation.response, excitation=observation.excitation
         )
-        deviation = np.ones(h.size) if one.standard_deviation is None else one.standard_deviation
         weighted = slope * values / h[:, None] / deviation[:, None]
         slopes.append(np.concatenate([weighted.real, weighted.imag]))
-        own = []
-        for frf in left_out:
-            receptance = frf.to("receptance")
-            rows = np.searchsorted(receptance.frequency_hz, one.frequency_hz.real - 1e-9)
-            change = np.log(receptance.values[rows, response, excitation] / one.receptance) / deviation
-            own.append(np.concatenate([change.real, change.imag]))
-        changes.append(np.stack(own, axis=1))
+        rows = [np.searchsorted(frf.frequency_hz, lines.real - 1e-9) for frf in receptances]
+        estimates = [frf.values[row, response, excitation] for frf, row in zip(receptances, rows, strict=True)]
+        change = np.log(np.stack(estimates, axis=1) / observation.receptance[:, None]) / deviation[:, None]
+        changes.append(np.concatenate([change.real, change.imag]))
     change_of_fit = np.linalg.lstsq(np.concatenate(slopes), np.concatenate(changes), rcond=None)[0]
     n = len(left_out)
     variance = (n - 1) / n * np.sum((change_of_fit - change_of_fit.mean(axis=1, keepdims=True)) ** 2, axis=1)

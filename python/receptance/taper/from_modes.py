@@ -11,28 +11,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance.identification.covariance import confidence_multiplier
 from receptance.taper.rigid import AxialJoint, Body, RadialJoint
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "AxialSolution",
-    "Choice",
     "RadialSolution",
     "RadialSolutions",
     "Shape",
     "axial_from_mode",
-    "choose",
     "radial_from_modes",
     "rotation_alone",
 ]
-
 
 Interval = tuple[float, float]
 
@@ -141,51 +136,52 @@ def radial_from_modes(
     >>> from receptance.taper import Body, RadialJoint, radial_from_modes
     >>> body = Body(mass=4.5, inertia=0.01)
     >>> true = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=5e8)
-    >>> found = radial_from_modes(body, 0.02, -0.08, true.undamped_modes().frequency_hz)
-    >>> [f"{s.joint.k_x1:.3g} and {s.joint.k_x2:.3g} N/m" for s in found.solutions]
+    >>> solutions = radial_from_modes(body, 0.02, -0.08, true.undamped_modes().frequency_hz)
+    >>> [f"{s.joint.k_x1:.3g} and {s.joint.k_x2:.3g} N/m" for s in solutions.solutions]
     ['1.64e+09 and 3.04e+08 N/m', '1e+09 and 5e+08 N/m']
     """
     f = _pair("frequency_hz", frequency_hz, positive=True)
     zeta = _pair("damping_ratio", damping_ratio)
-    of_f = (
-        None
-        if frequency_standard_error_hz is None
-        else _pair("frequency_standard_error_hz", frequency_standard_error_hz)
+    f_error, zeta_error = (
+        None if values is None else _pair(name, values)
+        for name, values in (
+            ("frequency_standard_error_hz", frequency_standard_error_hz),
+            ("damping_standard_error", damping_standard_error),
+        )
     )
-    of_zeta = None if damping_standard_error is None else _pair("damping_standard_error", damping_standard_error)
     if not f[0] < f[1]:
         raise ValueError(f"radial_from_modes: frequency_hz is {f.tolist()}, expected two ascending frequencies")
-    frame = _Frame(body, _checks.number("z1", "z1", z1, unit="m"), _checks.number("z2", "z2", z2, unit="m"))
-    from receptance.identification.covariance import confidence_multiplier
-
-    reach = confidence_multiplier(level, None)
-    discriminant, slope = frame.discriminant(f)
-    error = float(np.hypot(*(slope * of_f))) if of_f is not None else float("nan")
-    around = frame.around(f, of_f * reach) if of_f is not None else None
+    owner = "radial_from_modes"
+    equations = _Equations(body, _checks.number(owner, "z1", z1, unit="m"), _checks.number(owner, "z2", z2, unit="m"))
+    multiplier = confidence_multiplier(level, None)
+    discriminant, slope = equations.discriminant(f)
+    error = float("nan") if f_error is None else float(np.hypot(*(slope * f_error)))
+    ellipse = None if f_error is None else equations.stiffnesses_in_ellipse(f, multiplier * f_error)
     if discriminant < 0.0:
-        return _without_solution(discriminant, error, around, level)
-    found = []
-    for branch, (k1, k2) in enumerate(frame.stiffnesses(f)):
-        joint, notes = frame.damped(k1, k2, f, zeta)
-        # If the noise reaches the double root, the two solutions are connected there.
-        joined = around is not None and np.isnan(around).any()
-        intervals = {} if around is None else _ends(around.reshape(-1, 2) if joined else around[branch])
-        if of_f is not None and of_zeta is not None:
-            intervals |= frame.damping_intervals(branch, f, zeta, reach * of_f, reach * of_zeta)
-        found.append(RadialSolution(joint=joint, exact=frame.exact(joint, f, zeta), intervals=intervals, notes=notes))
+        return _without_solution(discriminant, error, ellipse, level)
+    solutions = []
+    for branch, (k1, k2) in enumerate(equations.stiffnesses(f)):
+        joint, notes = equations.damped(k1, k2, f, zeta)
+        intervals: dict[str, Interval] = {}
+        if ellipse is not None:
+            # If the noise reaches the double root, the two solutions are connected there.
+            connected = np.isnan(ellipse).any()
+            intervals = _stiffness_ranges(ellipse.reshape(-1, 2) if connected else ellipse[branch])
+        if f_error is not None and zeta_error is not None:
+            intervals |= equations.damping_intervals(branch, f, zeta, multiplier * f_error, multiplier * zeta_error)
+        exact = equations.exact(joint, f, zeta)
+        solutions.append(RadialSolution(joint=joint, exact=exact, intervals=intervals, notes=notes))
+    nearest, of_neither = None, False
+    text = "2 joints have these frequencies; measure a mode shape at two points to choose between them"
     if discriminant == 0.0:
-        found = found[:1]
-    text = f"{len(found)} joints have these frequencies; measure a mode shape at two points to choose between them"
-    if len(found) == 1:
+        solutions, nearest = solutions[:1], 0
         text = "one joint has these frequencies: the quadratic has a double root"
-    nearest, of_neither = 0 if len(found) == 1 else None, False
-    if shape is not None and len(found) == 2:
-        nearest, choice, text = choose([one.joint for one in found], shape)
-        of_neither = choice == "neither"
-        if choice == "clear":
-            found, nearest = [found[nearest]], 0
+    elif shape is not None:
+        nearest, selected, of_neither, text = _compare_shapes([solution.joint for solution in solutions], shape)
+        if selected:
+            solutions, nearest = [solutions[nearest]], 0
     return RadialSolutions(
-        solutions=tuple(found),
+        solutions=tuple(solutions),
         discriminant=discriminant,
         discriminant_standard_error=error,
         within_noise={},
@@ -196,44 +192,44 @@ def radial_from_modes(
 
 
 def _pair(name: str, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
-    found = _checks.unmasked("radial_from_modes", name, values, np.float64)
-    if found.shape != (2,) or not np.isfinite(found).all() or (positive and np.any(found <= 0.0)):
+    pair = _checks.unmasked("radial_from_modes", name, values, np.float64)
+    if pair.shape != (2,) or not np.isfinite(pair).all() or (positive and np.any(pair <= 0.0)):
         kind = "positive " if positive else ""
         raise ValueError(f"radial_from_modes: {name} is {values!r}, expected two {kind}finite numbers")
-    return found
+    return pair
 
 
-def _ends(stiffnesses: NDArray[np.float64]) -> dict[str, Interval]:
+def _stiffness_ranges(stiffnesses: NDArray[np.float64]) -> dict[str, Interval]:
     low, high = np.nanmin(stiffnesses, axis=0), np.nanmax(stiffnesses, axis=0)
     return {name: (float(low[i]), float(high[i])) for i, name in enumerate(("k_x1", "k_x2"))}
 
 
 def _without_solution(
-    discriminant: float, error: float, around: NDArray[np.float64] | None, level: float
+    discriminant: float, error: float, ellipse: NDArray[np.float64] | None, level: float
 ) -> RadialSolutions:
-    within: dict[str, Interval] = {}
-    if around is None:
+    within_noise: dict[str, Interval] = {}
+    if ellipse is None:
         text = "no real joint has these frequencies; give their standard errors to see whether noise explains this"
-    elif np.isnan(around).all():
+    elif np.isnan(ellipse).all():
         text = (
             f"no real joint has these frequencies, not even within their noise at {100 * level:g} %: the holder is not "
             "rigid, or its mass, its inertia or the positions of the springs are wrong"
         )
     else:
-        within = _ends(around.reshape(-1, 2))
-        spans = ", ".join(f"{name} from {low:.3g} to {high:.3g} N/m" for name, (low, high) in within.items())
-        text = f"no real joint has exactly these frequencies; joints within the noise have {spans}"
+        within_noise = _stiffness_ranges(ellipse.reshape(-1, 2))
+        ranges = ", ".join(f"{name} from {low:.3g} to {high:.3g} N/m" for name, (low, high) in within_noise.items())
+        text = f"no real joint has exactly these frequencies; joints within the noise have {ranges}"
     return RadialSolutions(
         solutions=(),
         discriminant=discriminant,
         discriminant_standard_error=error,
-        within_noise=within,
+        within_noise=within_noise,
         nearest=None,
         statement=text,
     )
 
 
-class _Frame:
+class _Equations:
     """Equations between springs and modes for a body and two positions."""
 
     def __init__(self, body: Body, z1: float, z2: float) -> None:
@@ -243,33 +239,32 @@ class _Frame:
         self.a = np.array([1.0 / body.mass + z * z / body.inertia for z in (z1, z2)])
         self.b = (z1 - z2) ** 2 / (body.mass * body.inertia)
         # a1 a2 / b - 1, written as a square to avoid a difference of nearly equal numbers.
-        root = np.sqrt(body.inertia / body.mass)
-        self.excess = ((root + z1 * z2 / root) / (z1 - z2)) ** 2
+        gyration = np.sqrt(body.inertia / body.mass)
+        self.excess = ((gyration + z1 * z2 / gyration) / (z1 - z2)) ** 2
 
     def discriminant(self, f: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """Return the relative discriminant and its derivatives with respect to the frequencies."""
         x, y = f[0] ** 2, f[1] ** 2
         value = ((y - x) ** 2 - 4.0 * self.excess * x * y) / (x + y) ** 2
         # d/dx of (y - x)^2 - 4 g x y over (x + y)^2; the ratio is of degree zero, so x d/dx = -y d/dy.
-        by_log_x = -4.0 * (1.0 + self.excess) * x * y * (y - x) / (x + y) ** 3
-        return float(value), np.array([2.0 * by_log_x / f[0], -2.0 * by_log_x / f[1]])
+        log_slope = -4.0 * (1.0 + self.excess) * x * y * (y - x) / (x + y) ** 3
+        return float(value), np.array([2.0 * log_slope / f[0], -2.0 * log_slope / f[1]])
 
     def stiffnesses(self, f: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the stiffnesses `(2 solutions, ..., 2)` for frequencies `(2, ...)`; NaN without a solution."""
         x, y = (2.0 * np.pi * f[0]) ** 2, (2.0 * np.pi * f[1]) ** 2
-        inside = (y - x) ** 2 - 4.0 * self.excess * x * y
+        radicand = (y - x) ** 2 - 4.0 * self.excess * x * y
         with np.errstate(invalid="ignore"):
-            large = 0.5 * (x + y + np.sqrt(inside))
+            large = 0.5 * (x + y + np.sqrt(radicand))
         small = (1.0 + self.excess) * x * y / large
-        return np.array(
-            [np.stack([one / self.a[0], other / self.a[1]], -1) for one, other in ((large, small), (small, large))]
-        )
+        roots = ((large, small), (small, large))
+        return np.array([np.stack([first / self.a[0], second / self.a[1]], -1) for first, second in roots])
 
-    def around(self, f: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stiffnesses_in_ellipse(self, f: NDArray[np.float64], half_axes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the stiffnesses `(2, n, 2)` for frequencies in the ellipse with these half axes."""
         radius, angle = np.meshgrid(np.linspace(0.0, 1.0, 41), np.linspace(0.0, 2.0 * np.pi, 241))
         circle = np.stack([(radius * np.cos(angle)).ravel(), (radius * np.sin(angle)).ravel()])
-        return self.stiffnesses(f[:, None] + reach[:, None] * circle)
+        return self.stiffnesses(f[:, None] + half_axes[:, None] * circle)
 
     def damped(
         self, k1: float, k2: float, f: NDArray[np.float64], zeta: NDArray[np.float64]
@@ -331,34 +326,31 @@ class _Frame:
         branch: int,
         f: NDArray[np.float64],
         zeta: NDArray[np.float64],
-        reach_f: NDArray[np.float64],
-        reach_zeta: NDArray[np.float64],
+        f_half_width: NDArray[np.float64],
+        zeta_half_width: NDArray[np.float64],
     ) -> dict[str, Interval]:
         """Return intervals of the dampings, to first order in all four errors."""
 
         def dampings(change: NDArray[np.float64]) -> NDArray[np.float64]:
-            moved = f + change[:2]
-            k1, k2 = self.stiffnesses(moved)[branch]
+            frequency_hz = f + change[:2]
+            k1, k2 = self.stiffnesses(frequency_hz)[branch]
             if not np.isfinite(k1 + k2):
                 return np.full(2, np.nan)
-            joint, _ = self.damped(k1, k2, moved, zeta + change[2:])
+            joint, _ = self.damped(k1, k2, frequency_hz, zeta + change[2:])
             return np.array([joint.c_x1, joint.c_x2])
 
-        steps = 1e-3 * np.concatenate([reach_f, reach_zeta])
+        steps = 1e-3 * np.concatenate([f_half_width, zeta_half_width])
         slopes = [(dampings(e * steps) - dampings(-e * steps)) / 2e-3 for e in np.eye(4)]
-        half = np.sqrt(np.sum(np.square(slopes), axis=0))
-        middle = dampings(np.zeros(4))
-        if not np.isfinite(half).all():
+        half_width = np.sqrt(np.sum(np.square(slopes), axis=0))
+        if not np.isfinite(half_width).all():
             return {}
-        return {
-            name: (float(middle[i] - half[i]), float(middle[i] + half[i])) for i, name in enumerate(("c_x1", "c_x2"))
-        }
+        value = dampings(np.zeros(4))
+        low, high = (value - half_width).tolist(), (value + half_width).tolist()
+        return {"c_x1": (low[0], high[0]), "c_x2": (low[1], high[1])}
 
-
-Choice = Literal["clear", "open", "neither"]
 
 _CLEAR = 10.83
-"""Difference of the squared distances in standard errors from which one joint is chosen: p = 0.001."""
+"""Difference of the squared distances in standard errors from which one joint is selected: p = 0.001."""
 _IMPOSSIBLE = 27.6
 """Squared distance of two angles from which the shape contradicts a joint: p = 1e-6."""
 
@@ -392,49 +384,28 @@ class Shape:
             raise ValueError(f"Shape: first and second are both {self.first:g} m, expected two points")
 
 
-def choose(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, Choice, str]:
-    """Return the index of the joint with the nearer shape, the certainty of the choice, and a sentence on it.
+def _compare_shapes(joints: Sequence[RadialJoint], shape: Shape) -> tuple[int, bool, bool, str]:
+    """Return the index of the joint with the nearer shape, whether it is selected or both are rejected, and the reason.
 
     Shapes are compared by the angle atan(ratio), which is regular for a node at either point.
     """
     measured = np.array(shape.ratio)
-    angle = np.arctan(measured.real)
-    own = [joint.undamped_modes().ratio(shape.first, shape.second).real for joint in joints]
-    apart = [np.mod(angle - np.arctan(one) + 0.5 * np.pi, np.pi) - 0.5 * np.pi for one in own]
-    texts = [", ".join(f"{value:.2f}" for value in one) for one in (measured.real, *own)]
-    if shape.standard_error is None:
-        distances = [float(np.sum(one**2)) for one in apart]
-        best = int(np.argmin(distances))
-        other = 1 - best
-        return (
-            best,
-            "clear",
-            f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}",
-        )
-    errors = np.array(shape.standard_error) / (1.0 + measured.real**2)
-    distances = [float(np.sum((one / errors) ** 2)) for one in apart]
+    ratios = [joint.undamped_modes().ratio(shape.first, shape.second).real for joint in joints]
+    angles = np.arctan(measured.real) - np.arctan(ratios)
+    errors = np.ones(2) if shape.standard_error is None else np.array(shape.standard_error) / (1.0 + measured.real**2)
+    distances = np.sum(((np.mod(angles + 0.5 * np.pi, np.pi) - 0.5 * np.pi) / errors) ** 2, axis=1)
     best = int(np.argmin(distances))
-    other = 1 - best
-    if distances[other] - distances[best] < _CLEAR:
-        return (
-            best,
-            "open",
-            f"the mode shape ({texts[0]}) does not decide between the joints ({texts[1]} and {texts[2]})",
+    first, *calculated = (", ".join(f"{value:.2f}" for value in ratio) for ratio in (measured.real, *ratios))
+    subject, both = f"the mode shape ({first})", f"({calculated[0]} and {calculated[1]})"
+    if shape.standard_error is not None and distances[1 - best] - distances[best] < _CLEAR:
+        return best, False, False, f"{subject} does not decide between the joints {both}"
+    if shape.standard_error is not None and distances[best] > _IMPOSSIBLE:
+        text = (
+            f"{subject} contradicts both joints {both}, by at least {np.sqrt(distances[best]):.0f} standard errors: "
+            "this is not a rigid holder on two springs"
         )
-    if distances[best] > _IMPOSSIBLE:
-        return (
-            best,
-            "neither",
-            (
-                f"the mode shape ({texts[0]}) contradicts both joints ({texts[1]} and {texts[2]}), by at least "
-                f"{np.sqrt(distances[best]):.0f} standard errors: this is not a rigid holder on two springs"
-            ),
-        )
-    return (
-        best,
-        "clear",
-        f"the mode shape ({texts[0]}) chooses the joint with {texts[1 + best]}, not {texts[1 + other]}",
-    )
+        return best, False, True, text
+    return best, True, False, f"{subject} selects the joint with {calculated[best]}, not {calculated[1 - best]}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -468,8 +439,6 @@ def axial_from_mode(
     >>> f"{joint.k_z1:.4g} N/m, {joint.c_z1:.0f} N s/m"
     '4.897e+09 N/m, 1484 N s/m'
     """
-    from receptance.identification.covariance import confidence_multiplier
-
     f = _checks.positive("axial_from_mode", "frequency_hz", frequency_hz, unit="Hz")
     zeta = _checks.not_negative("axial_from_mode", "damping_ratio", damping_ratio)
     if zeta >= 1.0:
@@ -477,13 +446,13 @@ def axial_from_mode(
     w = 2.0 * np.pi * f
     joint = AxialJoint(body=body, k_z1=body.mass * w**2, c_z1=2.0 * body.mass * w * zeta)
     intervals: dict[str, Interval] = {}
-    reach = confidence_multiplier(level, None)
+    multiplier = confidence_multiplier(level, None)
     if frequency_standard_error_hz is not None:
-        share = reach * frequency_standard_error_hz / f
+        share = multiplier * frequency_standard_error_hz / f
         intervals["k_z1"] = (joint.k_z1 * (1.0 - share) ** 2, joint.k_z1 * (1.0 + share) ** 2)
         if damping_standard_error is not None:
-            half = float(np.hypot(joint.c_z1 * share, 2.0 * body.mass * w * reach * damping_standard_error))
-            intervals["c_z1"] = (joint.c_z1 - half, joint.c_z1 + half)
+            half_width = float(np.hypot(joint.c_z1 * share, 2.0 * body.mass * w * multiplier * damping_standard_error))
+            intervals["c_z1"] = (joint.c_z1 - half_width, joint.c_z1 + half_width)
     return AxialSolution(joint=joint, intervals=intervals)
 
 
@@ -500,6 +469,6 @@ def rotation_alone(
     k_theta, c_theta : ndarray
         Stiffness in N m/rad and damping in N m s/rad for each mode.
     """
-    f = _checks.unmasked("", "frequency_hz", frequency_hz, np.float64)
-    zeta = _checks.unmasked("", "damping_ratio", damping_ratio, np.float64)
+    f = _checks.unmasked("rotation_alone", "frequency_hz", frequency_hz, np.float64)
+    zeta = _checks.unmasked("rotation_alone", "damping_ratio", damping_ratio, np.float64)
     return 4.0 * np.pi**2 * body.inertia * f**2, 4.0 * np.pi * body.inertia * f * zeta

@@ -20,6 +20,7 @@ Contact = Literal["spread", "fading", "ends"]
 _BONDED = 1e16
 """Stiffness in N/m of a bonded taper, far above that of any section of a holder."""
 _POINTS = 12
+"""Number of points of the springs along the taper."""
 _FADING = tuple(
     tuple(((i + 0.5) / _POINTS) ** 2 for i in order) for order in (range(_POINTS - 1, -1, -1), range(_POINTS))
 )
@@ -135,24 +136,17 @@ class Holder:
             Each spring uniform over its half of the taper, as in figure 15 of the paper; over the whole taper, weighted
             with the square of the distance from the other end; or at the end only.
         """
-        whole = self.small_end - self.big_end
-        part = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[_checked("contact", contact, Contact)]
-        places = (self.big_end, self.small_end - part * whole)
+        share = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[_checked("contact", contact, Contact)]
+        length = share * (self.small_end - self.big_end)
         # Fading springs share their points; the other two divide the points between them.
         count = _POINTS if contact == "fading" else _POINTS // 2
         weights = _FADING if contact == "fading" else [(1.0,) * count] * 2
-        stiffness, damping = (k_x1, k_x2), (c_x1, c_x2)
         springs = [
-            GroundSpring(
-                k_y=stiffness[i],
-                c_y=damping[i],
-                part=self._name,
-                position=places[i],
-                length=part * whole,
-                weights=weights[i],
-                name=name,
+            GroundSpring(k_y=k, c_y=c, part=self._name, position=start, length=length, weights=shares, name=name)
+            for name, k, c, start, shares in (
+                ("big_end", k_x1, c_x1, self.big_end, weights[0]),
+                ("small_end", k_x2, c_x2, self.small_end - length, weights[1]),
             )
-            for i, name in enumerate(("big_end", "small_end"))
         ]
         return Assembly([self._part(body)], springs)
 

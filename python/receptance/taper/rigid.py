@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.model.beams import Part
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["AxialJoint", "Body", "RadialJoint", "RigidModes", "as_rigid", "body_of"]
 
@@ -104,8 +101,8 @@ class RadialJoint:
         return mass, self._spring_matrix(self.c_x1, self.c_x2), self._spring_matrix(self.k_x1, self.k_x2)
 
     def _spring_matrix(self, first: float, second: float) -> NDArray[np.float64]:
-        both = first * self.z1 + second * self.z2
-        return np.array([[first + second, both], [both, first * self.z1**2 + second * self.z2**2]])
+        coupling = first * self.z1 + second * self.z2
+        return np.array([[first + second, coupling], [coupling, first * self.z1**2 + second * self.z2**2]])
 
     def printed_matrices(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return mass, damping and stiffness as eqs. 2 to 4 are printed, for comparison.
@@ -113,12 +110,12 @@ class RadialJoint:
         The matrices violate reciprocity because they are not symmetric, and the lower right entry can be zero or
         negative. The library does not use them.
         """
-        first, second = self.z1, -self.z2
-        found = []
-        for a, b in ((self.c_x1, self.c_x2), (self.k_x1, self.k_x2)):
-            upper = [a + b, a * first + b * second]
-            found.append(np.array([upper, [a * first - b * second, a * first**2 - b * second**2]]))
-        return self.matrices()[0], found[0], found[1]
+        l1, l2 = self.z1, -self.z2
+        damping, stiffness = (
+            np.array([[a + b, a * l1 + b * l2], [a * l1 - b * l2, a * l1**2 - b * l2**2]])
+            for a, b in ((self.c_x1, self.c_x2), (self.k_x1, self.k_x2))
+        )
+        return self.matrices()[0], damping, stiffness
 
     def state_matrix(self) -> NDArray[np.float64]:
         """Return A `(4, 4)` of u' = A u with u = (X_c, theta, X_c', theta'): eq. 11 with the corrected matrices."""
@@ -179,11 +176,12 @@ class AxialJoint:
     c_z1: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "k_z1", _checks.positive("AxialJoint", "k_z1", self.k_z1, unit="N/m"))
-        object.__setattr__(self, "c_z1", _checks.number("AxialJoint", "c_z1", self.c_z1, unit="N s/m"))
+        stiffness = _checks.positive("AxialJoint", "k_z1", self.k_z1, unit="N/m")
+        damping = _checks.number("AxialJoint", "c_z1", self.c_z1, unit="N s/m")
+        _checks.set_fields(self, {"k_z1": stiffness, "c_z1": damping})
 
     def modes(self) -> RigidModes:
-        """Return the mode."""
+        """Return the axial mode."""
         w = np.sqrt(self.k_z1 / self.body.mass)
         ratio = self.c_z1 / (2.0 * np.sqrt(self.k_z1 * self.body.mass))
         return RigidModes(np.array([w / (2.0 * np.pi)]), np.array([ratio]), np.ones((1, 1), dtype=np.complex128))
@@ -223,9 +221,10 @@ class Body:
     centre: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", _checks.positive("Body", "mass", self.mass, unit="kg"))
-        object.__setattr__(self, "inertia", _checks.positive("Body", "inertia", self.inertia, unit="kg m2"))
-        object.__setattr__(self, "centre", _checks.number("Body", "centre", self.centre, unit="m"))
+        mass = _checks.positive("Body", "mass", self.mass, unit="kg")
+        inertia = _checks.positive("Body", "inertia", self.inertia, unit="kg m2")
+        centre = _checks.number("Body", "centre", self.centre, unit="m")
+        _checks.set_fields(self, {"mass": mass, "inertia": inertia, "centre": centre})
 
     def position(self, x: float) -> float:
         """Distance z in m from the centre of gravity towards the tip of a point x m from the tip-side end."""
@@ -245,11 +244,11 @@ def as_rigid(part: Part) -> Part:
     """
     stiff = [
         replace(
-            one,
-            material=replace(one.material, youngs_modulus=_RIGID * one.material.youngs_modulus),
-            core=one.core and replace(one.core, youngs_modulus=_RIGID * one.core.youngs_modulus),
+            segment,
+            material=replace(segment.material, youngs_modulus=_RIGID * segment.material.youngs_modulus),
+            core=segment.core and replace(segment.core, youngs_modulus=_RIGID * segment.core.youngs_modulus),
         )
-        for one in part.segments
+        for segment in part.segments
     ]
     return Part(stiff, name=part.name)
 
@@ -268,7 +267,7 @@ def body_of(part: Part) -> Body:
     >>> body_of(rod).centre
     0.1
     """
-    masses, middles, own = [], [], []
+    masses, middles, squared_radii = [], [], []
     start = 0.0
     for segment in part.segments:
         core = segment.core.density if segment.core else 0.0
@@ -278,9 +277,9 @@ def body_of(part: Part) -> Body:
         gyration = (ring * (outer**2 - inner**2) + core * inner**2) / (ring * (outer - inner) + core * inner) / 16.0
         masses.append(segment.mass)
         middles.append(start + 0.5 * segment.length)
-        own.append(segment.length**2 / 12.0 + gyration)
+        squared_radii.append(segment.length**2 / 12.0 + gyration)
         start += segment.length
     mass = sum(masses)
     centre = sum(m * x for m, x in zip(masses, middles, strict=True)) / mass
-    inertia = sum(m * (r + (x - centre) ** 2) for m, x, r in zip(masses, middles, own, strict=True))
+    inertia = sum(m * (r + (x - centre) ** 2) for m, x, r in zip(masses, middles, squared_radii, strict=True))
     return Body(mass=mass, inertia=inertia, centre=centre)

@@ -7,14 +7,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance.identification.covariance import confidence_multiplier
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
 
     from receptance.report.table import Cell
 
@@ -23,9 +24,12 @@ __all__ = ["ForceLaw", "ForceSeries", "Trend", "fit_laws"]
 Direction = Literal["rises", "falls", "not determined"]
 LawName = Literal["constant", "linear", "power"]
 
+_PARAMETERS: dict[LawName, int] = {"constant": 1, "linear": 2, "power": 3}
+"""Number of fitted parameters of each law."""
 _EXPONENTS = (0.05, 8.0)
 """Range of the exponents; steeper laws are steps."""
 _GRID = 400
+"""Number of exponents of the search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +63,7 @@ class ForceLaw:
     criterion: float
 
     def at(self, force: ArrayLike) -> NDArray[np.float64]:
-        """Return the values of the law at some forces."""
+        """Return the values of the law at forces in the unit of `reference`."""
         x = _checks.unmasked("", "force", force, np.float64) / self.reference
         if self.name == "constant":
             return np.full(x.shape, self.start)
@@ -88,7 +92,7 @@ class Trend:
     p_value: float
 
     @property
-    def rarity(self) -> str:
+    def significance(self) -> str:
         """The p-value as text."""
         return "p < 0.001" if self.p_value < 1e-3 else f"p = {self.p_value:.2g}"
 
@@ -145,11 +149,10 @@ class ForceSeries(Result):
     def __post_init__(self) -> None:
         owner = f"ForceSeries {self.name!r}"
         for quantity in ("force", "values", "standard_errors"):
-            found = np.array(getattr(self, quantity), dtype=np.float64)
-            if found.ndim != 1 or found.size < 6 or not np.isfinite(found).all():
-                raise ValueError(f"{owner}: {quantity} has shape {found.shape}, expected at least six finite numbers")
-            found.setflags(write=False)
-            object.__setattr__(self, quantity, found)
+            values = np.array(getattr(self, quantity), dtype=np.float64)
+            if values.ndim != 1 or values.size < 6 or not np.isfinite(values).all():
+                raise ValueError(f"{owner}: {quantity} has shape {values.shape}, expected at least six finite numbers")
+            _checks.set_fields(self, {quantity: values})
         if not self.force.size == self.values.size == self.standard_errors.size:
             raise ValueError(f"{owner}: force, values and standard_errors have different lengths")
         if np.any(np.diff(self.force) <= 0.0) or self.force[0] < 0.0:
@@ -161,8 +164,7 @@ class ForceSeries(Result):
     def scatter(self) -> float:
         """Ratio of the scatter about the best law to the standard errors; above 1 it widens the intervals."""
         law = self.law
-        parameters = {"constant": 1, "linear": 2, "power": 3}[law.name]
-        return float(np.sqrt(law.chi_squared / (self.force.size - parameters)))
+        return float(np.sqrt(law.chi_squared / (self.force.size - _PARAMETERS[law.name])))
 
     @cached_property
     def laws(self) -> tuple[ForceLaw, ...]:
@@ -178,21 +180,20 @@ class ForceSeries(Result):
     def exponent_interval(self) -> tuple[float, float]:
         """95 % profile likelihood interval of n in K0 + a F^n, limited to 0.05 to 8."""
         from scipy.optimize import brentq
-        from scipy.stats import chi2
 
         best = self.laws[2]
-        limit = best.chi_squared + chi2.ppf(0.95, 1) * max(self.scatter, 1.0) ** 2
+        limit = best.chi_squared + (confidence_multiplier(0.95, None) * max(self.scatter, 1.0)) ** 2
 
-        def above(exponents: ArrayLike) -> NDArray[np.float64]:
+        def excess(exponents: ArrayLike) -> NDArray[np.float64]:
             return _linear(self.force, self.values, self.standard_errors, exponents)[2] - limit
 
         ends = []
         for end in _EXPONENTS:
             # The search goes outwards from the best exponent, to find the nearest crossing.
             steps = np.geomspace(best.exponent, end, _GRID) if best.exponent != end else np.array([end])
-            outside = np.flatnonzero(above(steps) > 0.0)
+            outside = np.flatnonzero(excess(steps) > 0.0)
             first = int(outside[0]) if outside.size else 0
-            crossing = brentq(lambda n: float(above(n)), steps[first - 1], steps[first]) if first else end
+            crossing = brentq(lambda n: float(excess(n)), steps[first - 1], steps[first]) if first else end
             ends.append(float(crossing))
         return ends[0], ends[1]
 
@@ -207,24 +208,23 @@ class ForceSeries(Result):
     def _trend(self, degree: int, level: float) -> Trend:
         from scipy.stats import t as student
 
-        level = _checks.positive("ForceSeries", "level", level)
         x = (self.force - self.force[0]) / np.ptp(self.force)
         design = np.vander(x, degree + 1, increasing=True) / self.standard_errors[:, None]
         inverse = np.linalg.inv(design.T @ design)
-        found = inverse @ design.T @ (self.values / self.standard_errors)
-        left = self.values / self.standard_errors - design @ found
+        coefficients = inverse @ design.T @ (self.values / self.standard_errors)
+        residuals = self.values / self.standard_errors - design @ coefficients
         freedom = x.size - degree - 1
         # Deviations from the line beyond the noise widen the interval.
-        scale = max(float(left @ left) / freedom, 1.0)
+        scale = max(float(residuals @ residuals) / freedom, 1.0)
         # The slope of the parabola changes from b to b + 2 c.
         factor = float(degree)
-        change, error = factor * float(found[-1]), factor * float(np.sqrt(scale * inverse[-1, -1]))
-        half = float(student.ppf(0.5 + 0.5 * level, freedom)) * error
+        change, error = factor * float(coefficients[-1]), factor * float(np.sqrt(scale * inverse[-1, -1]))
+        half_width = confidence_multiplier(level, freedom) * error
         p = 2.0 * float(student.sf(abs(change) / error, freedom))
         direction: Direction = "not determined"
-        if abs(change) > half:
+        if abs(change) > half_width:
             direction = "rises" if change > 0.0 else "falls"
-        return Trend(direction=direction, change=change, interval=(change - half, change + half), p_value=p)
+        return Trend(direction=direction, change=change, interval=(change - half_width, change + half_width), p_value=p)
 
     def tables(self) -> list[Table]:
         """Return trend, trend of the slope, best law and exponent."""
@@ -239,11 +239,11 @@ class ForceSeries(Result):
             Column("95 % interval", form=".2f"),
             Column("scatter", form=".1f"),
         )
-        whole, slope = self.trend(), self.slope_trend()
+        trend, slope = self.trend(), self.slope_trend()
         row: tuple[Cell, ...] = (
             self.name,
-            whole.direction,
-            whole.p_value,
+            trend.direction,
+            trend.p_value,
             slope.direction,
             slope.p_value,
             self.law.name,
@@ -282,24 +282,24 @@ class ForceSeries(Result):
     def sentence(self) -> str:
         """Return a sentence on trends, best law and exponent."""
         low, high = self.exponent_interval
-        side = "consistent with a straight line (n = 1)"
+        meaning = "consistent with a straight line (n = 1)"
         if low > 1.0:
-            side = "above 1: the slope increases with force"
+            meaning = "above 1: the slope increases with force"
         elif high < 1.0:
-            side = "below 1: the slope decreases with force"
+            meaning = "below 1: the slope decreases with force"
         ends = f"n between {low:.2f} and {high:.2f}"
         if low == _EXPONENTS[0] or high == _EXPONENTS[1]:
             ends += " (open)"
-        whole, slope = self.trend(), self.slope_trend()
+        trend, slope = self.trend(), self.slope_trend()
         share = 100.0 / float(np.mean(self.values))
-        text = f"{self.name} {whole.direction}"
-        if whole.direction != "not determined":
-            text += f" by {abs(share * whole.change):.2g} % of its mean ({whole.rarity})"
+        text = f"{self.name} {trend.direction}"
+        if trend.direction != "not determined":
+            text += f" by {abs(share * trend.change):.2g} % of its mean ({trend.significance})"
         text += f", its slope {slope.direction if slope.direction != 'not determined' else 'is not determined'}"
-        text += f" ({slope.rarity})"
+        text += f" ({slope.significance})"
         law = self.law
         best = law.name if law.name != "power" else f"K0 + a F^n, n = {law.exponent:.2f}"
-        return f"{text}; best law {best}; in K0 + a F^n {ends}, {side}"
+        return f"{text}; best law {best}; in K0 + a F^n {ends}, {meaning}"
 
 
 def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) -> tuple[ForceLaw, ForceLaw, ForceLaw]:
@@ -309,56 +309,53 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
     neighbours, which needs no start value. Laws are compared by the corrected Akaike criterion (Hurvich and Tsai 1989);
     if the scatter about the power law exceeds the standard errors, these are scaled to it.
     """
-    arrays = {"force": force, "values": values, "standard_errors": standard_errors}
-    x, y, e = (_checks.unmasked("", name, one, np.float64) for name, one in arrays.items())
     from scipy.optimize import minimize_scalar
 
+    arrays = {"force": force, "values": values, "standard_errors": standard_errors}
+    x, y, e = (_checks.unmasked("fit_laws", name, values, np.float64) for name, values in arrays.items())
     mean = float(np.sum(y / e**2) / np.sum(1.0 / e**2))
     grid = np.geomspace(*_EXPONENTS, _GRID)
     profile = _linear(x, y, e, grid)[2]
     best = int(np.argmin(profile))
-    ends = (grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)])
-    found = minimize_scalar(
-        lambda n: float(_linear(x, y, e, n)[2]), bounds=ends, method="bounded", options={"xatol": 1e-6}
+    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)])
+    refined = minimize_scalar(
+        lambda n: float(_linear(x, y, e, n)[2]), bounds=bounds, method="bounded", options={"xatol": 1e-6}
     )
-    exponent = float(found.x) if found.fun < profile[best] else float(grid[best])
-    rows: list[tuple[LawName, float, float, float, float]] = [
-        ("constant", mean, 0.0, 0.0, float(np.sum(((y - mean) / e) ** 2)))
-    ]
-    names: tuple[LawName, LawName] = ("linear", "power")
-    for name, n_of in zip(names, (1.0, exponent), strict=True):
-        start, change, chi = (float(one) for one in _linear(x, y, e, n_of))
-        rows.append((name, start, change, n_of, chi))
+    exponent = float(refined.x) if refined.fun < profile[best] else float(grid[best])
+    starts, changes, squares = _linear(x, y, e, [1.0, exponent])
     n = x.size
-    scale = max(rows[2][4] / max(n - 3, 1), 1.0)
-    laws = []
-    for parameters, (name, start, change, exponent, chi) in enumerate(rows, 1):
-        criterion = chi / scale + 2.0 * parameters + 2.0 * parameters * (parameters + 1.0) / max(n - parameters - 1, 1)
-        laws.append(
-            ForceLaw(
-                name=name,
-                start=start,
-                change=change,
-                exponent=exponent,
-                reference=float(x[-1]),
-                chi_squared=chi,
-                criterion=criterion,
-            )
+    scale = max(float(squares[1]) / max(n - 3, 1), 1.0)
+
+    def law(name: LawName, start: float, change: float, exponent: float, chi_squared: float) -> ForceLaw:
+        p = _PARAMETERS[name]
+        return ForceLaw(
+            name=name,
+            start=float(start),
+            change=float(change),
+            exponent=exponent,
+            reference=float(x[-1]),
+            chi_squared=float(chi_squared),
+            criterion=float(chi_squared / scale + 2.0 * p + 2.0 * p * (p + 1.0) / max(n - p - 1, 1)),
         )
-    return laws[0], laws[1], laws[2]
+
+    return (
+        law("constant", mean, 0.0, 0.0, np.sum(((y - mean) / e) ** 2)),
+        law("linear", starts[0], changes[0], 1.0, squares[0]),
+        law("power", starts[1], changes[1], exponent, squares[1]),
+    )
 
 
 def _linear(
     force: NDArray[np.float64], values: NDArray[np.float64], errors: NDArray[np.float64], exponents: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return K0, the change at the highest force, and the weighted sum of squares for some exponents."""
+    """Return K0, the change at the highest force, and the weighted sum of squares for each exponent."""
     shape = (force / force[-1]) ** np.asarray(exponents, dtype=np.float64)[..., None]
     weights = 1.0 / errors**2
     total = weights.sum()
     mean_shape = (shape @ weights) / total
     mean = float(values @ weights) / total
     # Centred on the weighted means to avoid differences of large sums.
-    centred, rest = shape - mean_shape[..., None], values - mean
-    change = (centred * rest) @ weights / (centred**2 @ weights)
-    left = rest - change[..., None] * centred
-    return mean - change * mean_shape, change, left**2 @ weights
+    centred, deviation = shape - mean_shape[..., None], values - mean
+    change = (centred * deviation) @ weights / (centred**2 @ weights)
+    residual = deviation - change[..., None] * centred
+    return mean - change * mean_shape, change, residual**2 @ weights

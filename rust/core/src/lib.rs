@@ -39,13 +39,12 @@ pub use joint::reduction::{Form, JointReduction, reduce_joint};
 pub use joint::sweep::{JointSweep, Misfit};
 pub use line::amplitude::receptance;
 pub use line::response::instruction_set;
-pub use model::assembly::{
-    GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, SPRING_COLUMNS, Spring, TABLES, Table, Tables,
-};
+pub use model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, TABLES, Table, Tables};
 pub use model::frequencies::{Frequencies, OwnedFrequencies};
 pub use model::request::{Coordinate, Parameter, Request, Response};
 pub use model::section::Motion;
 pub use model::slip::SLIP_COLUMNS;
+pub use model::spring::{SPRING_COLUMNS, Spring};
 pub use model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, modal_sum};
 pub use model::{overlap, section};
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};

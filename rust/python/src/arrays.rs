@@ -64,7 +64,7 @@ pub fn response_and_excitation(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[C
         .map_err(|_| PyValueError::new_err("points: expected two rows, response and excitation"))
 }
 
-/// The seven columns of a joint.
+/// The columns of a joint.
 pub fn spring(name: &str, array: &PyReadonlyArray1<'_, f64>) -> PyResult<[f64; SPRING_COLUMNS]> {
     let values = contiguous(name, array.as_slice())?;
     <[f64; SPRING_COLUMNS]>::try_from(values).map_err(|_| {

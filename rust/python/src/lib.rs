@@ -18,7 +18,7 @@ mod _core {
     #[pymodule_export]
     use super::errors::{GrossSlipError, ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
-    use super::model::{ByLine, Lines, Model, instruction_set, modal_receptance};
+    use super::model::{ByLine, Lines, Model, instruction_set, joint_stiffness, modal_receptance};
     #[pymodule_export]
     use super::problem::{Ends, Problem, Records};
     #[pymodule_export]

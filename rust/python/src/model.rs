@@ -1,6 +1,6 @@
 //! Frequency lines, and models: receptances, natural frequencies, reductions to one joint.
 
-use crate::arrays::{contiguous, coordinates, index, optional, parameter, parameters, shaped, table};
+use crate::arrays::{contiguous, coordinates, index, optional, parameter, parameters, shaped, spring, table};
 use crate::errors::{CoreError, detached};
 use crate::sweeps::{JointReduction, TiedModel};
 use num_complex::Complex64;
@@ -12,8 +12,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
     Factor, Form, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, MODE_COLUMNS, Mode, Motion,
-    OwnedFrequencies, Rate, Request, SLIP_COLUMNS, Sector, TABLES, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Table,
-    Tables, Tied, overlap, section,
+    OwnedFrequencies, Rate, Request, SLIP_COLUMNS, Sector, Spring, TABLES, TERMINAL_COLUMNS,
+    TERMINAL_ENTRIES, Table, Tables, Tied, overlap, section,
 };
 
 /// Name of the instruction set that the kernels use on this machine.
@@ -40,6 +40,20 @@ pub fn modal_receptance<'py>(
     let lines = lines.frequencies(&read)?;
     let found = detached(py, || receptance_core::modal_sum(&modes, &lines))?.map_err(CoreError::from)?;
     Ok(shaped(Array2::from_shape_vec((lines.len(), TERMINAL_ENTRIES), found))?.into_pyarray(py))
+}
+
+/// The dynamic stiffness of a joint on some lines, (n_freq, 3): y over y, theta over theta, y over theta.
+#[pyfunction]
+pub fn joint_stiffness<'py>(
+    py: Python<'py>,
+    joint: PyReadonlyArray1<'py, f64>,
+    lines: &Lines,
+) -> PyResult<Bound<'py, PyArray2<Complex64>>> {
+    let joint = Spring::new(&spring("joint", &joint)?);
+    let read = lines.read(py)?;
+    let lines = lines.frequencies(&read)?;
+    let found = lines.iter().flat_map(|line| joint.at(line)).collect();
+    Ok(shaped(Array2::from_shape_vec((lines.len(), 3), found))?.into_pyarray(py))
 }
 
 /// Frequency lines, real or complex; times `scale` they are angular frequencies in rad/s. The array is not copied.

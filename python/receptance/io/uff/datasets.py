@@ -16,17 +16,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.io.build import complex_values
-from receptance.io.errors import FileFormatError, placed
+from receptance.io.errors import FileFormatError, error_location
 from receptance.io.limits import check_time
 from receptance.io.text import excerpt
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = [
     "Axis",
@@ -53,21 +51,26 @@ _IN_NUMBERS = b"0123456789+-.EeDd "
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a file, without its line ending."""
+    """A line of a file, without its line ending; lines behind binary data have no number."""
 
     content: bytes
     number: int | None
     byte: int
 
+    @property
+    def location(self) -> dict[str, Any]:
+        """Line number, or the first byte without a number, as arguments of `FileFormatError`."""
+        return {"byte": self.byte} if self.number is None else {"line": self.number}
+
     def error(self, problem: str) -> FileFormatError:
-        """Return an error at this line, or at its first byte behind binary data."""
-        return FileFormatError(problem, line=self.number, byte=self.byte if self.number is None else None)
+        """Return an error at this line."""
+        return FileFormatError(problem, **self.location)
 
-    def placed(self) -> AbstractContextManager[None]:
-        """Return a context that adds this line to errors without a place."""
-        return placed(line=self.number, byte=self.byte if self.number is None else None)
+    def error_location(self) -> AbstractContextManager[None]:
+        """Return a context that adds this line to errors without a location."""
+        return error_location(**self.location)
 
-    def shown(self) -> str:
+    def excerpt(self) -> str:
         """Return the beginning of the line for a message."""
         return excerpt(self.content.decode("latin-1"))
 
@@ -92,20 +95,20 @@ class Cursor:
             self.number += 1
         return line
 
-    def expect(self, what: str) -> Line:
+    def expect(self, name: str) -> Line:
         """Return the next line, or raise at the end of the file."""
         line = self.next()
         if line is None:
-            self.fail(f"the file ends here, expected {what}")
+            raise self.error(f"the file ends here, expected {name}")
         return line
 
     def jump(self, byte: int) -> None:
         """Advance to a byte behind binary data, after which lines have no numbers."""
         self.byte, self.number = byte, None
 
-    def fail(self, problem: str) -> NoReturn:
-        """Raise an error at this position."""
-        raise FileFormatError(problem, line=self.number, byte=self.byte if self.number is None else None)
+    def error(self, problem: str) -> FileFormatError:
+        """Return an error at this position."""
+        return Line(b"", self.number, self.byte).error(problem)
 
 
 def is_delimiter(line: bytes) -> bool:
@@ -124,30 +127,30 @@ def columns_of_text(content: bytes) -> str:
         return content.decode("latin-1")
 
 
-def integer(line: Line, start: int, width: int, what: str) -> int:
+def integer(line: Line, start: int, width: int, name: str) -> int:
     """Return the whole number in a range of columns; blanks are zero, as in Fortran."""
     field = line.content[start : start + width].strip()
     if not field:
         return 0
     if not _INTEGER.fullmatch(field):
         raise line.error(
-            f"{what} is {field.decode('latin-1')!r}, expected a whole number in columns {start + 1} to {start + width}"
+            f"{name} is {field.decode('latin-1')!r}, expected a whole number in columns {start + 1} to {start + width}"
         )
     return int(field)
 
 
-def real(line: Line, start: int, width: int, what: str) -> float:
+def real(line: Line, start: int, width: int, name: str) -> float:
     """Return the number in a range of columns; blanks are zero, as in Fortran."""
     field = line.content[start : start + width].strip()
-    return _number(line, field, what, start, width) if field else 0.0
+    return _number(line, field, name, start, width) if field else 0.0
 
 
-def _number(line: Line, field: bytes, what: str, start: int, width: int) -> float:
+def _number(line: Line, field: bytes, name: str, start: int, width: int) -> float:
     match = _REAL.fullmatch(field)
     value = float(b"E".join(part for part in match.groups() if part)) if match else np.nan
     if not np.isfinite(value):
         raise line.error(
-            f"{what} is {field.decode('latin-1')!r}, expected a finite number in columns {start + 1} to {start + width}"
+            f"{name} is {field.decode('latin-1')!r}, expected a finite number in columns {start + 1} to {start + width}"
         )
     return value
 
@@ -167,10 +170,10 @@ def text_values(cursor: Cursor, widths: tuple[int, ...], count: int, declared: L
     except FileFormatError as problem:
         cursor.byte, cursor.number = start, number
         try:
-            free = _line_by_line(cursor, (), count, declared)
+            values = _line_by_line(cursor, (), count, declared)
         except FileFormatError:
             raise problem from None
-        return free, "the numbers are not in the columns of the format; they were read as separated by blanks"
+        return values, "the numbers are not in the columns of the format; they were read as separated by blanks"
 
 
 def _full_lines(cursor: Cursor, widths: tuple[int, ...], count: int) -> NDArray[np.float64] | None:
@@ -217,12 +220,12 @@ def _line_by_line(cursor: Cursor, widths: Sequence[int], count: int, declared: L
     The latter are equally many in all lines but the last.
     """
     values: list[float] = []
-    in_line = 0
+    per_line = 0
     expected = f"{count} numbers declared in line {declared.number}"
     while len(values) < count:
         line = cursor.next()
         if line is None:
-            cursor.fail(f"the file ends after {len(values)} of the {expected}")
+            raise cursor.error(f"the file ends after {len(values)} of the {expected}")
         if is_delimiter(line.content):
             raise line.error(f"the data set ends after {len(values)} of the {expected}")
         content = line.content.rstrip()
@@ -232,9 +235,9 @@ def _line_by_line(cursor: Cursor, widths: Sequence[int], count: int, declared: L
             fields = [(content[start : start + width].strip(), start, width) for start, width in columns]
         else:
             fields = [(field, 0, 0) for field in content.split()]
-            in_line = in_line or len(fields)
-            if not fields or len(fields) != min(in_line, count - len(values)):
-                raise line.error(f"there are {len(fields)} numbers, expected {in_line}")
+            per_line = per_line or len(fields)
+            if not fields or len(fields) != min(per_line, count - len(values)):
+                raise line.error(f"there are {len(fields)} numbers, expected {per_line}")
         for field, start, width in fields[: count - len(values)]:
             values.append(_number(line, field, f"number {len(values) + 1} of {count}", start, width))
     return np.array(values)
@@ -251,8 +254,8 @@ class Point:
     @property
     def label(self) -> str:
         """Label such as "22:+3", with an entity name "tool 22:+3"; empty without a node and a name."""
-        where = f"{self.node}:{self.direction:+d}" if self.direction else f"{self.node}" if self.node else ""
-        return f"{self.name} {where}".strip()
+        number = f"{self.node}:{self.direction:+d}" if self.direction else f"{self.node}" if self.node else ""
+        return f"{self.name} {number}".strip()
 
 
 @dataclass(frozen=True)
@@ -349,19 +352,19 @@ def data_sets(data: bytes) -> Iterator[Function | Other]:
     """
     cursor = Cursor(data)
     units: UnitSystem | None = None
-    known = False
+    is_universal = False
     while (opening := cursor.next()) is not None:
         if not opening.content.strip(b" \t\r\n\x1a\x00"):
             continue
         if not is_delimiter(opening.content):
             # Text before the first data set is not quoted, because the file may be anything.
-            found = opening.shown() if known else "text"
-            raise opening.error(f"found {found}, expected a line with -1 in columns 5 and 6 before a data set")
+            text = opening.excerpt() if is_universal else "text"
+            raise opening.error(f"found {text}, expected a line with -1 in columns 5 and 6 before a data set")
         identity = cursor.expect("the number of a data set")
         if is_delimiter(identity.content):
-            raise identity.error("found -1, expected the number of a data set: one -1 too many or too few before")
+            raise identity.error("found -1, expected the number of a data set: a -1 is missing or repeated before")
         kind = integer(identity, 0, 6, "the number of the data set")
-        known = True
+        is_universal = True
         if kind == 58:
             yield _function(cursor, identity, units)
         elif kind == 164:
@@ -375,7 +378,7 @@ def data_sets(data: bytes) -> Iterator[Function | Other]:
 
 def _unit_system(cursor: Cursor) -> UnitSystem:
     first = cursor.expect("the code of the units")
-    described = columns_of_text(first.content)[10:30].strip()
+    description = columns_of_text(first.content)[10:30].strip()
     code = integer(first, 0, 10, "the code of the units")
     factors: list[float] = []
     line = first
@@ -387,7 +390,7 @@ def _unit_system(cursor: Cursor) -> UnitSystem:
     length, force = factors[:2]
     if length <= 0.0 or force <= 0.0:
         raise first.error(f"the factors of length and force are {length:g} and {force:g}, expected more than zero")
-    return UnitSystem(length, force, described or f"units code {code}")
+    return UnitSystem(length, force, description or f"units code {code}")
 
 
 def _function(cursor: Cursor, identity: Line, units: UnitSystem | None) -> Function:
@@ -397,7 +400,7 @@ def _function(cursor: Cursor, identity: Line, units: UnitSystem | None) -> Funct
             raise record.error(f"the data set ends here, expected record {k} of the 11 before the data")
     binary = identity.content[6:7] in (b"b", b"B")
     if identity.content[6:].strip() and not binary:
-        raise identity.error(f"found {identity.shown()}, expected 58, or 58b with the layout of binary data")
+        raise identity.error(f"found {identity.excerpt()}, expected 58, or 58b with the layout of binary data")
     points = records[5]
     kind = integer(points, 0, 5, "the function type")
     response = _point(points, 30, "response")
@@ -414,7 +417,7 @@ def _function(cursor: Cursor, identity: Line, units: UnitSystem | None) -> Funct
         notes.append("the file ends without the -1 that closes the data set")
     elif not is_delimiter(closing.content):
         raise closing.error(
-            f"found {closing.shown()} after {form.describe()}, expected the -1 that closes the data set"
+            f"found {closing.excerpt()} after {form.describe()}, expected the -1 that closes the data set"
         )
     texts = tuple(columns_of_text(record.content).strip() for record in records[:5])
     return Function(
@@ -433,15 +436,15 @@ def _function(cursor: Cursor, identity: Line, units: UnitSystem | None) -> Funct
     )
 
 
-def _point(line: Line, start: int, what: str) -> Point:
+def _point(line: Line, start: int, end: str) -> Point:
     # A multi-byte character in an entity name shifts the bytes of the following numbers.
     text = columns_of_text(line.content)
     shifted = Line(text.encode("latin-1", "replace"), line.number, line.byte)
     name = text[start + 1 : start + 11].strip()
-    node = integer(shifted, start + 11, 10, f"the {what}'s node")
-    direction = integer(shifted, start + 21, 4, f"the {what}'s direction")
+    node = integer(shifted, start + 11, 10, f"the {end}'s node")
+    direction = integer(shifted, start + 21, 4, f"the {end}'s direction")
     if abs(direction) > 6:
-        raise line.error(f"the {what}'s direction is {direction}, expected -6 to 6")
+        raise line.error(f"the {end}'s direction is {direction}, expected -6 to 6")
     return Point("" if name == "NONE" else name, node, direction)
 
 
@@ -478,10 +481,10 @@ def _binary_identity(line: Line) -> tuple[str, int]:
     return ("<" if order == 1 else ">"), integer(line, 31, 12, "the number of binary bytes")
 
 
-def _axis(line: Line, what: str) -> Axis:
-    kind = integer(line, 0, 10, f"the {what}'s specific data type")
-    for start, name in ((10, "length"), (15, "force"), (20, "temperature")):
-        integer(line, start, 5, f"the {what}'s {name} exponent")
+def _axis(line: Line, name: str) -> Axis:
+    kind = integer(line, 0, 10, f"the {name}'s specific data type")
+    for start, quantity in ((10, "length"), (15, "force"), (20, "temperature")):
+        integer(line, start, 5, f"the {name}'s {quantity} exponent")
     text = columns_of_text(line.content)
     if text[25:26].strip() or text[46:47].strip():
         # Columns are counted in bytes here: then the blanks between the labels are in their columns.

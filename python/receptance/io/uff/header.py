@@ -67,11 +67,11 @@ def values_line(values: Mapping[str, Any]) -> str:
 
 def stored_coordinates(texts: Sequence[str]) -> tuple[Coordinate, Coordinate] | None:
     """Return response and excitation from the ID lines; None for lines of other programs and damaged ones."""
-    places = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
-    if not isinstance(places, list) or len(places) != 2:
+    ends = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(_MARK) else None
+    if not isinstance(ends, list) or len(ends) != 2:
         return None
     try:
-        return coordinate_from_list(places[0]), coordinate_from_list(places[1])
+        return coordinate_from_list(ends[0]), coordinate_from_list(ends[1])
     except ValueError:
         return None
 
@@ -127,19 +127,19 @@ _UNIT_TOLERANCE = 1e-4
 def expect_abscissa(function: Function, kind: int) -> None:
     """Raise if the abscissa is not time in s (17) or frequency in Hz (18), as expected."""
     axis = function.axes[0]
-    wanted, unit = _ABSCISSAE[kind]
+    quantity, unit = _ABSCISSAE[kind]
     if axis.unit:
         try:
-            known = parse_unit(axis.unit)
+            declared = parse_unit(axis.unit)
         except UnitError as error:
             if axis.kind == kind:
                 # Text that is not a unit; the data type is sufficient.
                 return
             raise FileFormatError(f"the abscissa's unit: {error}") from None
-        if (known.dimension, known.factor) != (parse_unit(unit).dimension, 1.0):
+        if declared != parse_unit(unit):
             raise FileFormatError(f"the abscissa is in {axis.unit!r}, expected {unit}")
     elif axis.kind != kind:
-        raise FileFormatError(f"the abscissa's specific data type is {axis.kind}, expected {kind} ({wanted})")
+        raise FileFormatError(f"the abscissa's specific data type is {axis.kind}, expected {kind} ({quantity})")
 
 
 def declared_form(function: Function) -> Form | None:
@@ -252,8 +252,8 @@ def _check_label_unit(text: str, name: str, quantity: str, system: float | None)
     except UnitError:
         # Other units, such as volts and counts, are kept.
         return
-    known = channel_kind(unit)
-    if quantity and (known is None or known[0] != quantity):
+    kind = channel_kind(unit)
+    if quantity and (kind is None or kind[0] != quantity):
         raise FileFormatError(
             f"the file contradicts itself: channel {name!r} is declared as {quantity}, but its unit is {text!r}; "
             "give unit= for it"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import make, make_frf, missing_phase_notes, sampling, to_si
@@ -26,8 +27,6 @@ from receptance.io.uff.header import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.units import Form
 
 __all__ = ["read_uff"]
@@ -50,7 +49,7 @@ _FUNCTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """One FRF of one response and one excitation, in SI."""
+    """An entry of an FRF: one response, one excitation, in SI."""
 
     function: Function
     form: Form
@@ -78,30 +77,31 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
     functions = [item for item in items if isinstance(item, Function)]
     by_kind = {kind: [f for f in functions if f.kind == kind] for kind in (_TIME, _FRF, _COHERENCE)}
     if not any(by_kind.values()):
-        held = ", ".join(dict.fromkeys(_describe_item(item) for item in items)) or "no data set at all"
+        contents = ", ".join(dict.fromkeys(_describe_item(item) for item in items)) or "no data set"
         raise FileFormatError(
             "there is no time series, FRF or coherence in the file (data set 58 of function type 1, 4 or 6); "
-            f"it holds {held}",
+            f"it holds {contents}",
             line=items[0].line.number if items else 1,
         )
     others = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
     notes = [f"not read: {name} ({count} in the file)" for name, count in others.items()]
-    found: list[Measurement] = []
-    coherences: dict[_Key, list[Function]] = {}  # the first one in the file is last
+    coherences: dict[_Key, list[Function]] = {}  # the first in the file is last
     for function in reversed(by_kind[_COHERENCE]):
         coherences.setdefault(_key(function), []).append(function)
-    for matrix in _matrices([_entry(function, options) for function in by_kind[_FRF]]):
-        found.append(_frf(matrix, coherences, notes, options))
-    if not (options.ignore_coherence and found):
-        left = {id(function) for functions in coherences.values() for function in functions}
-        alone = [
+    measurements: list[Measurement] = [
+        _frf(matrix, coherences, notes, options)
+        for matrix in _matrices([_entry(function, options) for function in by_kind[_FRF]])
+    ]
+    if not (options.ignore_coherence and measurements):
+        unassigned = {id(function) for functions in coherences.values() for function in functions}
+        entries = [
             _Entry(function, "receptance", ("y", "y"), _real(function), function.notes)
             for function in by_kind[_COHERENCE]
-            if id(function) in left
+            if id(function) in unassigned
         ]
-        found.extend(_coherence(matrix, notes) for matrix in _matrices(alone))
-    found.extend(_time_series(cycle, notes, options) for cycle in _sampling_groups(by_kind[_TIME]))
-    return found
+        measurements.extend(_coherence(matrix, notes) for matrix in _matrices(entries))
+    measurements.extend(_time_series(channels, notes, options) for channels in _sampling_groups(by_kind[_TIME]))
+    return measurements
 
 
 def _describe_item(item: Function | Other) -> str:
@@ -111,8 +111,8 @@ def _describe_item(item: Function | Other) -> str:
 
 
 def _entry(function: Function, options: ReadOptions) -> _Entry:
-    """Return one FRF in SI."""
-    with function.line.placed():
+    """Return an entry of an FRF in SI."""
+    with function.line.error_location():
         expect_abscissa(function, 18)
         form = declared_form(function)
         resolved = resolve_frf(
@@ -145,9 +145,9 @@ def _matrices(entries: Sequence[_Entry]) -> list[list[list[_Entry]]]:
         matrices_on_lines[position][entry.pair] = entry
     matrices: list[list[list[_Entry]]] = []
     for group in order:
-        out, into = (list(dict.fromkeys(pair[side] for pair in group)) for side in (0, 1))
-        if len(group) == len(out) * len(into) and _directions_agree(group):
-            matrices.append([[group[row, column] for column in into] for row in out])
+        responses, references = (list(dict.fromkeys(pair[side] for pair in group)) for side in (0, 1))
+        if len(group) == len(responses) * len(references) and _directions_agree(group):
+            matrices.append([[group[row, column] for column in references] for row in responses])
         else:
             matrices.extend([[entry]] for entry in group.values())
     return matrices
@@ -182,21 +182,19 @@ def _frf(
     """Return the FRF of a matrix; its coherences are removed from those of the file."""
     first = matrix[0][0].function
     values = np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1)
-    coherence = _taken_coherence(matrix, coherences)
+    coherence = _pop_coherence(matrix, coherences)
     rows, columns = [row[0] for row in matrix], matrix[0]
     labels = tuple(e.function.response.label for e in rows), tuple(e.function.reference.label for e in columns)
-    known = stored_values(first.texts)
-    known.pop("sample_rate_hz", None)
-    lines = _lines(first, known.pop("lines", None))
-    labelled = known.pop("labels", 1) and (any(labels[0]) or any(labels[1]))
+    fields = stored_values(first.texts)
+    fields.pop("sample_rate_hz", None)
+    lines = _lines(first, fields.pop("lines", None))
+    labelled = fields.pop("labels", 1) and (any(labels[0]) or any(labels[1]))
     for name, side, entries in (("responses", 0, rows), ("excitations", 1, columns)):
-        places = [stored_coordinates(entry.function.texts) for entry in entries]
-        if all(
-            place is not None and place[side].direction == e.directions[side]
-            for place, e in zip(places, entries, strict=True)
-        ):
-            known[name] = tuple(place[side] for place in places if place is not None)
-    with first.line.placed():
+        stored = [stored_coordinates(entry.function.texts) for entry in entries]
+        coordinates = [pair[side] for pair in stored if pair is not None]
+        if [coordinate.direction for coordinate in coordinates] == [entry.directions[side] for entry in entries]:
+            fields[name] = tuple(coordinates)
+    with first.line.error_location():
         return make_frf(
             frequency_hz=lines,
             values=values,
@@ -207,7 +205,7 @@ def _frf(
             label=first.texts[0],
             notes=[*dict.fromkeys(note for row in matrix for entry in row for note in entry.notes), *notes],
             options=options,
-            **known,
+            **fields,
         )
 
 
@@ -220,13 +218,13 @@ def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.
     return function.abscissa
 
 
-def _taken_coherence(matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]]) -> NDArray[np.float64] | None:
+def _pop_coherence(matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]]) -> NDArray[np.float64] | None:
     """Remove the coherences of all entries from those of the file and return them; None if one is missing."""
     keys = [_key(entry.function) for row in matrix for entry in row]
     if any(len(coherences.get(key, ())) < count for key, count in Counter(keys).items()):
         return None
-    taken = [coherences[key].pop() for key in keys]
-    return np.stack([_real(f) for f in taken], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
+    functions = [coherences[key].pop() for key in keys]
+    return np.stack([_real(function) for function in functions], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
 
 
 def _real(function: Function) -> NDArray[np.float64]:
@@ -241,8 +239,8 @@ def _real(function: Function) -> NDArray[np.float64]:
 def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
     first = matrix[0][0].function
     labels = tuple(row[0].pair[0] for row in matrix), tuple(entry.pair[1] for entry in matrix[0])
-    remarks = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
-    with first.line.placed():
+    entry_notes = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
+    with first.line.error_location():
         expect_abscissa(first, 18)
         return make(
             Coherence,
@@ -250,7 +248,7 @@ def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
             values=np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1),
             labels=labels if any(labels[0]) or any(labels[1]) else None,
             label=first.texts[0],
-            notes=(*remarks, *notes),
+            notes=(*entry_notes, *notes),
         )
 
 
@@ -262,33 +260,33 @@ def _sampling_groups(functions: Sequence[Function]) -> list[list[Function]]:
             groups[-1].append(function)
         else:
             groups.append([function])
-    found: list[list[Function]] = []
+    records: list[list[Function]] = []
     for group in groups:
         names = [function.response.label for function in group]
         count = len(names)
         periods = (k for k in range(1, count) if count % k == 0 and names == names[:k] * (count // k))
         period = next(periods, count) if all(names) else count
-        found.extend(group[k : k + period] for k in range(0, count, period))
-    return found
+        records.extend(group[k : k + period] for k in range(0, count, period))
+    return records
 
 
 def _time_series(functions: Sequence[Function], notes: Sequence[str], options: ReadOptions) -> TimeSeries:
     """Return a time series of channels that were sampled together."""
     names, first = _names(functions), functions[0]
-    with first.line.placed():
+    with first.line.error_location():
         given = options.channel_units(names)
     units: list[tuple[str, float]] = []
-    remarks = list(notes)
+    notes = list(notes)
     for function, name, unit_in_options in zip(functions, names, given, strict=True):
-        with function.line.placed():
+        with function.line.error_location():
             expect_abscissa(function, 17)
             unit, factor, note = channel_unit(function, name, unit_in_options)
         units.append((unit, factor))
-        remarks.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
+        notes.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
         if np.iscomplexobj(function.ordinate):
             raise function.line.error(f"the time series {name!r} is complex, expected real numbers")
     exact: float | None = stored_values(first.texts).get("sample_rate_hz")
-    with first.line.placed():
+    with first.line.error_location():
         # A single sample has no time step.
         step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
         rate, start = sampling(first.abscissa, options, step=step)
@@ -302,7 +300,7 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
             sample_rate_hz=rate,
             start_s=start,
             label=first.texts[0],
-            notes=remarks,
+            notes=notes,
         )
 
 

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.frf import FRF
+from receptance.io.description import QUALITY, arrays_of
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.uff.datasets import Axis, Function, Point
 from receptance.io.uff.header import MOTION_CODES, WIDTH, code_of, coordinates_line, values_line
-from receptance.model.coordinates import Coordinate, Unplaced
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from receptance.model.coordinates import Coordinate, UnknownPosition
 
 __all__ = ["uff_bytes"]
 
@@ -56,13 +54,13 @@ def _entries(measurement: FRF | Coherence, lost: list[str]) -> Iterator[Function
     frf = measurement if isinstance(measurement, FRF) else None
     coherence = frf.coherence if frf is not None else measurement.values
     label = _short(measurement.label, WIDTH, "the label", lost)
-    sides = measurement.labels or (None, None)
-    places = (frf.responses, frf.excitations) if frf is not None else (None, None)
+    labels = measurement.labels or (None, None)
+    coordinates = (frf.responses, frf.excitations) if frf is not None else (None, None)
     counts = measurement.values.shape[1:]
-    numbers: dict[object, int] = {}
-    points = [_points(sides[k], places[k], counts[k], numbers, lost) for k in (0, 1)]
+    nodes: dict[object, int] = {}
+    points = [_points(labels[k], coordinates[k], counts[k], nodes, lost) for k in (0, 1)]
     values_text = "" if frf is None else _values_text(frf, lost)
-    frequency, nothing = Axis(18, "Frequency", "Hz"), Axis(0, "", "")
+    frequency, empty = Axis(18, "Frequency", "Hz"), Axis(0, "", "")
     for row, column in np.ndindex(*counts):
         ends = points[0][row], points[1][column]
         if frf is not None:
@@ -72,22 +70,15 @@ def _entries(measurement: FRF | Coherence, lost: list[str]) -> Iterator[Function
             axes = (frequency, numerator, Axis(13, "", load.strip("()")))
             yield Function(4, *ends, frf.frequency_hz, frf.values[:, row, column], axes, texts)
         if coherence is not None:
-            axes = (frequency, Axis(0, "Coherence", "1"), nothing)
+            axes = (frequency, Axis(0, "Coherence", "1"), empty)
             lines = measurement.frequency_hz
             yield Function(6, *ends, lines, coherence[:, row, column], axes, (label, "", "", "", ""))
 
 
 def _values_text(frf: FRF, lost: list[str]) -> str:
     """Return ID line 5 of an FRF."""
-    for name, held in (
-        ("log_variance", frf.log_variance is None),
-        ("degrees_of_freedom", frf.degrees_of_freedom is None),
-        ("correlated_lines", bool(np.all(frf.correlated_lines == 1.0))),
-        ("usable", frf.usable is None),
-        ("notes", not frf.notes),
-    ):
-        if not held:
-            lost.append(name)
+    lost += [name for name in QUALITY if name in arrays_of(frf)]
+    lost += ["notes"] if frf.notes else []
     values = {
         "averages": frf.averages,
         "decay_rate": frf.decay_rate or None,
@@ -99,7 +90,7 @@ def _values_text(frf: FRF, lost: list[str]) -> str:
 
 def _coordinates_text(response: Coordinate, excitation: Coordinate, lost: list[str]) -> str:
     """Return ID line 4 of an FRF; empty without positions."""
-    if isinstance(response, Unplaced) and isinstance(excitation, Unplaced):
+    if isinstance(response, UnknownPosition) and isinstance(excitation, UnknownPosition):
         return ""
     line = coordinates_line(response, excitation)
     if line is None:
@@ -133,22 +124,23 @@ def _points(
     labels: Sequence[str] | None,
     coordinates: Sequence[Coordinate] | None,
     count: int,
-    numbers: dict[object, int],
+    nodes: dict[object, int],
     lost: list[str],
 ) -> list[Point]:
     """Return a unique point for each response or excitation; equal positions have equal nodes on both sides."""
     points: list[Point] = []
     for index in range(count):
-        place = coordinates[index] if coordinates is not None else Unplaced()
-        rotation = place.direction == "theta"
+        coordinate = coordinates[index] if coordinates is not None else UnknownPosition()
+        rotation = coordinate.direction == "theta"
         point = _point_of_label(labels[index]) if labels is not None else None
         if point is None or point in points or (point.direction and rotation != (abs(point.direction) > 3)):
             if labels is not None:
                 lost.append("labels that are not like '22:+3' or at most 10 characters")
-            key: object = object() if isinstance(place, Unplaced) else (place.part, place.position)
-            point = Point("", numbers.setdefault(key, len(numbers) + 1), 6 if rotation else 2)
+            is_known = not isinstance(coordinate, UnknownPosition)
+            key: object = (coordinate.part, coordinate.position) if is_known else object()
+            point = Point("", nodes.setdefault(key, len(nodes) + 1), 6 if rotation else 2)
             if point in points:
-                point = Point("", numbers.setdefault(object(), len(numbers) + 1), point.direction)
+                point = Point("", nodes.setdefault(object(), len(nodes) + 1), point.direction)
         points.append(point)
     return points
 
@@ -165,10 +157,10 @@ def _point_of_label(label: str) -> Point | None:
     return None
 
 
-def _short(text: str, width: int, what: str, lost: list[str]) -> str:
+def _short(text: str, width: int, name: str, lost: list[str]) -> str:
     short = "".join(c if c.isprintable() else " " for c in text)[:width].strip()
     if short != text or text == "NONE":
-        lost.append(f"{what} of more than {width} characters")
+        lost.append(f"{name} of more than {width} characters")
     return short
 
 
@@ -200,23 +192,23 @@ def _spacing(function: Function, binary: bool, lost: list[str]) -> tuple[bool, s
     best: tuple[float, str, str] = (np.inf, "", "")
     for step in (float(lines[-1] - lines[0]) / max(n - 1, 1), float(lines[1] - lines[0]) if n > 1 else 0.0):
         first, increment = _in_13(float(lines[0])), _in_13(step)
-        wrong = float(np.max(np.abs(float(first) + float(increment) * np.arange(n) - lines)))
-        if wrong < best[0] and (n == 1 or float(increment) > 0.0):
-            best = (wrong, first, increment)
+        error = float(np.max(np.abs(float(first) + float(increment) * np.arange(n) - lines)))
+        if error < best[0] and (n == 1 or float(increment) > 0.0):
+            best = (error, first, increment)
     if function.kind == 1 or best[0] <= _EXACT_TOLERANCE * scale:
         # Time series are even; ID line 5 holds their sample rate with all digits.
         return True, *best[1:]
-    held = lines.astype(np.float32) if binary else np.array([float(_in_13(x)) for x in lines.tolist()])
-    uneven = float(np.max(np.abs(held - lines)))
+    rounded = lines.astype(np.float32) if binary else np.array([float(_in_13(x)) for x in lines.tolist()])
+    uneven = float(np.max(np.abs(rounded - lines)))
     if min(best[0], uneven) > _EXACT_TOLERANCE * scale:
         lost.append(f"frequency lines more exactly than {min(best[0], uneven):.1g} Hz")
     if best[0] <= uneven:
         return True, *best[1:]
-    same = np.flatnonzero(np.diff(held) <= 0.0)
+    same = np.flatnonzero(np.diff(rounded) <= 0.0)
     if same.size:
-        one, other = lines[same[0]], lines[same[0] + 1]
+        first_hz, second_hz = lines[same[0] : same[0] + 2].tolist()
         raise ValueError(
-            f"a universal file cannot distinguish the lines {float(one)!r} and {float(other)!r} Hz: it has "
+            f"a universal file cannot distinguish the lines {first_hz!r} and {second_hz!r} Hz: it has "
             f"{'single precision' if binary else '13 columns'} for each; write .npz, .mat, .h5 or .csv"
         )
     return False, "0.00000E+00", "0.00000E+00"
@@ -228,16 +220,16 @@ def _exact_lines(lines: NDArray[np.float64]) -> list[float] | None:
     if n < 2:
         return None
     first, step = float(lines[0]), float(lines[-1] - lines[0]) / (n - 1)
-    wrong = np.max(np.abs(first + step * np.arange(n) - lines))
-    if wrong > 4.0 * np.spacing(lines[-1]) or (float(_in_13(first)), float(_in_13(step))) == (first, step):
+    error = np.max(np.abs(first + step * np.arange(n) - lines))
+    if error > 4.0 * np.spacing(lines[-1]) or (float(_in_13(first)), float(_in_13(step))) == (first, step):
         return None
     return [first, step]
 
 
 def _in_13(number: float) -> str:
     """Return a number in at most 13 columns as exactly as possible, with the decimal point of Fortran."""
-    whole = len(str(int(abs(number)))) + (number < 0)
-    texts = [repr(number), f"{number:.7E}", f"{number:.6E}", f"{number:.5E}", f"{number:.{max(12 - whole, 1)}f}"]
+    digits = len(str(int(abs(number)))) + (number < 0)
+    texts = [repr(number), f"{number:.7E}", f"{number:.6E}", f"{number:.5E}", f"{number:.{max(12 - digits, 1)}f}"]
     fitting = [text for text in texts if len(text) <= 13 and "." in text]
     return min(fitting, key=lambda text: abs(float(text) - number))
 

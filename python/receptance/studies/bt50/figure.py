@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
 from receptance.studies.bt50.report import series_of
 from receptance.taper import ForceSeries
 from receptance.taper.figure import draw_over_levels
@@ -22,20 +22,20 @@ _FORCE = "drawbar force (kN)"
 _BAND = "#EDEDED"
 
 
-def draw(found: dict[str, Any]) -> Figure:
+def draw(results: dict[str, Any]) -> Figure:
     """Draw six panels: stiffness and damping along and across over force, frequencies, and levels left out.
 
     Parameters
     ----------
-    found : dict
+    results : dict
         From `receptance.studies.bt50.run`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure. It belongs to no window; save it with `savefig`.
+        The figure; save it with `savefig`.
     """
-    virtual, published = found["virtual"], found["published"]
+    virtual, published = results["virtual"], results["published"]
     series = series_of(virtual["trends"])
     figure = new_figure(16.0, 9.6, math=True)
     cells = figure.add_gridspec(2, 3)
@@ -47,14 +47,12 @@ def draw(found: dict[str, Any]) -> Figure:
     _draw_radial(across[0], series, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
     _draw_radial(across[1], series, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
     _draw_left_out(across[2], virtual["left_out"], published)
-    keep_clear(figure, 0.93)
     title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
-    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
     caption = (
         "All data are virtual (finite elements, ten hits, 20 480 Hz, 20 Hz lines); only the grey bands are the "
         "paper's. Whiskers: 95 %."
     )
-    figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    add_heading(figure, title, caption)
     return figure
 
 
@@ -68,11 +66,10 @@ def _draw_axial_stiffness(axes: Axes, series: dict[str, ForceSeries], published:
     low, high = published["axial_stiffness_n_per_m"]
     axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
     for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
-        own = series[f"{name} k_z1"]
-        draw_over_levels(axes, own, 1e-9, colour, f"{text}, {_power(own)}")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.3 * (top - bottom))
-    axes.legend(frameon=False, fontsize=9, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
+        stiffness = series[f"{name} k_z1"]
+        draw_over_levels(axes, stiffness, 1e-9, colour, f"{text}, {_power(stiffness)}")
+    add_room(axes, 0.3)
+    add_legend(axes, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
 
 
 def _draw_axial_damping(
@@ -85,11 +82,11 @@ def _draw_axial_damping(
     draw_over_levels(axes, series["rigid c_z1"], 1.0, COLOURS[0], "circle fit of the same hits")
     force = [level["force_kn"] for level in virtual["axial"]]
     truth = [level["truth"] for level in virtual["axial"]]
-    true = [4.0 * np.pi * virtual["holder"]["mass"] * one["frequency_hz"] * one["damping_ratio"] for one in truth]
-    axes.plot(force, true, color=INK, linewidth=1.0, linestyle=":", label="of the virtual rig (eq. 15)")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.25 * (top - bottom))
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    factor = 4.0 * np.pi * virtual["holder"]["mass"]
+    damping = [factor * mode["frequency_hz"] * mode["damping_ratio"] for mode in truth]
+    axes.plot(force, damping, color=INK, linewidth=1.0, linestyle=":", label="virtual rig (eq. 15)")
+    add_room(axes, 0.25)
+    add_legend(axes, loc="upper left")
 
 
 def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
@@ -100,18 +97,17 @@ def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
     force = [level["force_kn"] for level in levels]
     bonded = virtual["bonded_hz"]["axial"][0]
     above.plot(force, [bonded] * len(force), color=COLOURS[2], linestyle="--")
-    where: dict[str, Any] = {"transform": above.transAxes, "ha": "right", "fontsize": 9}
-    above.text(0.98, 0.12, f"bonded, {bonded:.0f} Hz", color=COLOURS[2], **where)
+    text = f"bonded, {bonded:.0f} Hz"
+    above.text(0.98, 0.12, text, transform=above.transAxes, ha="right", fontsize=9, color=COLOURS[2])
     above.set_ylim(0.96 * bonded, 1.02 * bonded)
     for key, style, colour, label in (
         ("experiment_hz", "o", INK, "experiment (virtual)"),
-        ("elastic_hz", "-", COLOURS[0], "elastic holder on its own springs"),
-        ("simulated_hz", "-", COLOURS[1], "elastic holder on the rigid holder's springs"),
+        ("elastic_hz", "-", COLOURS[0], "elastic holder, springs of the elastic holder"),
+        ("simulated_hz", "-", COLOURS[1], "elastic holder, springs of the rigid holder"),
     ):
         axes.plot(force, [level[key] for level in levels], style, color=colour, markersize=4.5, label=label)
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.35 * (top - bottom))
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    add_room(axes, 0.35)
+    add_legend(axes, loc="upper left")
     share = np.mean([100.0 * (level["simulated_hz"] / level["experiment_hz"] - 1.0) for level in levels])
     axes.text(0.98, 0.3, f"{share:+.1f} % on average", transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
     _break(above, axes)
@@ -136,43 +132,36 @@ def _break(above: Axes, below: Axes) -> None:
 
 def _draw_radial(axes: Axes, series: dict[str, ForceSeries], kind: str, title: str, label: str, factor: float) -> None:
     set_up(axes, title, _FORCE, label)
-    for end, colour, where in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
-        own = series[f"elastic {kind}_{end}"]
-        draw_over_levels(axes, own, factor, colour, f"{where}, {_power(own)}")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.25 * (top - bottom))
-    axes.legend(
-        frameon=False,
-        fontsize=9,
-        loc="upper left" if kind == "k" else "upper right",
-        title="elastic holder, $K_0 + a F^n$",
-        title_fontsize=9,
-        alignment="left",
-    )
+    for end, colour, text in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
+        parameter = series[f"elastic {kind}_{end}"]
+        draw_over_levels(axes, parameter, factor, colour, f"{text}, {_power(parameter)}")
+    add_room(axes, 0.25)
+    place = "upper left" if kind == "k" else "upper right"
+    add_legend(axes, loc=place, title="elastic holder, $K_0 + a F^n$", title_fontsize=9, alignment="left")
 
 
 def _draw_left_out(axes: Axes, left_out: list[dict[str, Any]], published: dict[str, Any]) -> None:
     set_up(axes, "Force levels that were left out", _FORCE, "|error| of predicted frequency (%)")
-    for one in left_out:
-        marker = "o" if one["motion"] == "axial" else "^"
+    for motion in left_out:
+        marker = "o" if motion["motion"] == "axial" else "^"
         for name, colour, values in (
-            ("rigid holder's springs", COLOURS[1], one["rigid_percent"]),
-            ("elastic holder's own", COLOURS[0], one["elastic_percent"]),
+            ("springs of rigid holder", COLOURS[1], motion["rigid_percent"]),
+            ("springs of elastic holder", COLOURS[0], motion["elastic_percent"]),
         ):
             modes = len(values[0]) if values else 0
             for mode in range(modes):
                 axes.plot(
-                    one["force_kn"][: len(values)],
+                    motion["force_kn"][: len(values)],
                     [abs(row[mode]) for row in values],
                     marker,
                     color=colour,
                     markersize=5,
                     markerfacecolor=colour if mode == 0 else "none",
-                    label=f"{one['motion']} {mode + 1}, {name}",
+                    label=f"{motion['motion']} {mode + 1}, {name}",
                 )
     axes.set_yscale("log")
-    about = published["simulated_below_experiment_percent"]
-    axes.axhline(about, color=BAD, linewidth=0.8, linestyle="--", label=f"paper: about {about:g} %")
+    percent = published["simulated_below_experiment_percent"]
+    axes.axhline(percent, color=BAD, linewidth=0.8, linestyle="--", label=f"paper: about {percent:g} %")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top * 100.0)
-    axes.legend(frameon=False, fontsize=8, loc="upper left", ncols=2)
+    add_legend(axes, fontsize=8, loc="upper left", ncols=2)

@@ -32,7 +32,7 @@ _CLAIMS = (
 )
 
 
-def findings(found: dict[str, Any]) -> list[dict[str, str]]:
+def findings(results: dict[str, Any]) -> list[dict[str, str]]:
     """Return the sentences with their subjects."""
     subjects = {
         "axial": _on_axial,
@@ -42,15 +42,15 @@ def findings(found: dict[str, Any]) -> list[dict[str, str]]:
         "trends": _on_trends,
         "use": _on_use,
     }
-    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(found)]
+    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(results)]
 
 
-def sections(found: dict[str, Any]) -> list[Section]:
-    """Return what is printed."""
+def sections(results: dict[str, Any]) -> list[Section]:
+    """Return the printed sections."""
     texts: dict[str, list[str]] = {}
-    for item in found["findings"]:
+    for item in results["findings"]:
         texts.setdefault(item["about"], []).append(item["text"])
-    virtual = found["virtual"]
+    virtual = results["virtual"]
     title = "BT50 taper over drawbar force: the procedure of the paper on a virtual rig"
     return [
         Section(title, [], [SOURCE + ".", PROVENANCE]),
@@ -60,7 +60,7 @@ def sections(found: dict[str, Any]) -> list[Section]:
         Section("Radial", [_radial(virtual["radial"])], texts["radial"]),
         Section(
             "Over drawbar force",
-            joined(part for one in series_of(virtual["trends"]).values() for part in one.tables()),
+            joined(part for series in series_of(virtual["trends"]).values() for part in series.tables()),
             texts["trends"],
         ),
         Section("Use of the elastic model", [], texts["use"]),
@@ -75,8 +75,8 @@ def _span(values: list[float], form: str) -> str:
     return f"{min(values):{form}} to {max(values):{form}}"
 
 
-def _on_axial(found: dict[str, Any]) -> Iterator[str]:
-    levels, published = found["virtual"]["axial"], found["published"]
+def _on_axial(results: dict[str, Any]) -> Iterator[str]:
+    levels, published = results["virtual"]["axial"], results["published"]
     rigid = [level["rigid"]["values"]["k_z1"] for level in levels]
     elastic = [level["elastic"]["values"]["k_z1"] for level in levels]
     low, high = published["axial_stiffness_n_per_m"]
@@ -96,7 +96,7 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
         f"first mode of {_span(simulated, '+.1f')} % (paper: about "
         f"-{published['simulated_below_experiment_percent']:g} %)."
     )
-    left = found["virtual"]["left_out"][0]
+    left = results["virtual"]["left_out"][0]
     yield (
         f"Force levels left out ({len(left['force_kn'])}), predicted from laws of the others: "
         f"{left['before_rms_percent']:.2g} % rms with the rigid body, {left['after_rms_percent']:.2g} % with the "
@@ -104,17 +104,18 @@ def _on_axial(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
-    for one in found["virtual"]["diagnosis"]:
-        after = one["adequacy_after"]
+def _on_diagnosis(results: dict[str, Any]) -> Iterator[str]:
+    for diagnosis in results["virtual"]["diagnosis"]:
+        after = diagnosis["adequacy_after"]
+        forces = ", ".join(f"{force:g}" for force in diagnosis["seen_kn"])
         yield (
-            f"Diagnosis of the {one['motion']} FRFs at {', '.join(f'{force:g}' for force in one['seen_kn'])} kN, with "
-            "the rigid holder, its springs free at each force, and all causes of the catalogue. Verdict: "
-            f"{one['verdict']}. The misfit of the rigid holder is {one['adequacy']['misfit']:.3g} times that of noise "
-            "and floor" + ("." if after is None else f", that of the best explanation {after['misfit']:.2f} times.")
+            f"Diagnosis of the {diagnosis['motion']} FRFs at {forces} kN, with the rigid holder, its springs free at "
+            f"each force, and all causes of the catalogue. Verdict: {diagnosis['verdict']}. The misfit of the rigid "
+            f"holder is {diagnosis['adequacy']['misfit']:.3g} times that of noise and floor"
+            + ("." if after is None else f", that of the best explanation {after['misfit']:.2f} times.")
         )
-        certain = [cause for cause in one["causes"] if cause["id"] in one["in_every_explanation"]]
-        ambiguous = ", ".join(one["ambiguous_between"])
+        certain = [cause for cause in diagnosis["causes"] if cause["id"] in diagnosis["in_every_explanation"]]
+        ambiguous = ", ".join(diagnosis["ambiguous_between"])
         if certain:
             causes = "; ".join(f"{cause['meaning']} ({cause['id']}, {_sizes(cause)})" for cause in certain)
             yield f"{'In every explanation' if ambiguous else 'The explanation'}: {causes}."
@@ -123,14 +124,14 @@ def _on_diagnosis(found: dict[str, Any]) -> Iterator[str]:
         gains = "; ".join(
             f"{gain['metric']}, {gain['held_out_before']:.3g} before and {gain['held_out_after']:.3g} after, better by "
             f"{gain['interval'][0]:.3g} to {gain['interval'][1]:.3g}"
-            for gain in one["gains"]
+            for gain in diagnosis["gains"]
         )
         if gains:
             yield (
-                f"At the {len(one['left_out_kn'])} forces between, which are held out (springs interpolated "
+                f"At the {len(diagnosis['left_out_kn'])} forces between, which are held out (springs interpolated "
                 f"linearly): {gains}."
             )
-        advice = one["next_measurement"]
+        advice = diagnosis["next_measurement"]
         if advice is not None:
             yield f"Next measurement: {advice['action']}: {advice['reason']}."
 
@@ -142,20 +143,20 @@ def _sizes(cause: dict[str, Any]) -> str:
     )
 
 
-def _on_damping(found: dict[str, Any]) -> Iterator[str]:
-    rough, fine = (found["virtual"]["damping_errors"][name] for name in ("half_power", "circle"))
-    lines = [level["half_power"]["lines_in_band"] for level in found["virtual"]["axial"]]
+def _on_damping(results: dict[str, Any]) -> Iterator[str]:
+    rough, fine = (results["virtual"]["damping_errors"][name] for name in ("half_power", "circle"))
+    lines = [level["half_power"]["lines_in_band"] for level in results["virtual"]["axial"]]
     yield (
-        f"At {found['published']['spacing_hz']:g} Hz the axial half-power band contains {_span(lines, '.1f')} lines. "
+        f"At {results['published']['spacing_hz']:g} Hz the axial half-power band contains {_span(lines, '.1f')} lines. "
         f"Half-power damping has a mean error of {rough['mean_percent']:+.1f} % and a scatter of "
         f"{rough['scatter_percent']:.1f} %; a circle through the same hits, with an exponential window, "
         f"{fine['mean_percent']:+.2f} % and {fine['scatter_percent']:.2f} %."
     )
     yield (
-        f"Above {found['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: half-power "
-        f"{rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, circle "
-        f"{fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the virtual "
-        "rig rises smoothly there."
+        f"Above {results['published']['unstable_above_kn']:g} kN, where the paper calls its damping unstable: "
+        f"half-power {rough['mean_above_percent']:+.1f} % with a scatter of {rough['scatter_above_percent']:.1f} %, "
+        f"circle {fine['mean_above_percent']:+.2f} % with {fine['scatter_above_percent']:.2f} %. The damping of the "
+        "virtual rig rises smoothly there."
     )
     yield (
         "The response has not decayed at the end of a block of 50 ms: without a window the estimate warns of this on "
@@ -163,8 +164,8 @@ def _on_damping(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_radial(found: dict[str, Any]) -> Iterator[str]:
-    levels, left = found["virtual"]["radial"], found["virtual"]["left_out"][1]
+def _on_radial(results: dict[str, Any]) -> Iterator[str]:
+    levels, left = results["virtual"]["radial"], results["virtual"]["left_out"][1]
     counts = [len(level["rigid"]["solutions"]) for level in levels]
     refused = sum(level["rigid"]["of_neither"] for level in levels)
     last = levels[-1]
@@ -181,30 +182,25 @@ def _on_radial(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_trends(found: dict[str, Any]) -> Iterator[str]:
-    trends = found["virtual"]["trends"]
-    for series in trends.values():
-        yield f"{series['statement']}."
+def _on_trends(results: dict[str, Any]) -> Iterator[str]:
+    parameters = series_of(results["virtual"]["trends"])
+    for series in parameters.values():
+        yield f"{series.sentence()}."
     for claim, direction, names in _CLAIMS:
-        own = {name: trends[f"elastic {name}"]["trend"] for name in names}
-        shown = ", ".join(
-            f"{name} {trend['direction']} (p {'< 0.001' if (p := trend['p_value']) < 1e-3 else f'= {p:.2g}'})"
-            for name, trend in own.items()
-        )
-        holds = all(trend["direction"] == direction for trend in own.values())
-        yield (
-            f"Claim of the paper: {claim}. On the virtual rig this {'holds' if holds else 'does not hold'}: {shown}."
-        )
+        trends = {name: parameters[f"elastic {name}"].trend() for name in names}
+        text = ", ".join(f"{name} {trend.direction} ({trend.significance})" for name, trend in trends.items())
+        holds = all(trend.direction == direction for trend in trends.values())
+        yield f"Claim of the paper: {claim}. On the virtual rig this {'holds' if holds else 'does not hold'}: {text}."
 
 
-def _on_use(found: dict[str, Any]) -> Iterator[str]:
-    virtual = found["virtual"]
+def _on_use(results: dict[str, Any]) -> Iterator[str]:
+    virtual = results["virtual"]
     for motion, bands in virtual["damping_matters_hz"].items():
-        places = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in bands)
+        ranges = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in bands)
         low, high = RESPONSE_HZ
         share = 100.0 * sum(b - a for a, b in bands) / (high - low)
         yield (
-            f"Harmonic response at the tip, {motion}: without damping it is within 5 % except at {places} Hz, "
+            f"Harmonic response at the tip, {motion}: without damping it is within 5 % except at {ranges} Hz, "
             f"{share:.0f} % of the band to {high / 1e3:.0f} kHz. There the paper's advice to ignore damping does not "
             "hold."
         )
@@ -292,9 +288,9 @@ def series_of(trends: dict[str, Any]) -> dict[str, ForceSeries]:
     return {
         name: ForceSeries(
             name=name,
-            force=np.array(one["force"]),
-            values=np.array(one["values"]),
-            standard_errors=np.array(one["standard_errors"]),
+            force=np.array(trend["force"]),
+            values=np.array(trend["values"]),
+            standard_errors=np.array(trend["standard_errors"]),
         )
-        for name, one in trends.items()
+        for name, trend in trends.items()
     }

@@ -6,16 +6,19 @@ import tempfile
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.examples import EXAMPLES
+from receptance.examples import EXAMPLES, virtual_rig
 from receptance.examples.simulated import taper_files
-from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, VirtualRig, holder, load_rig
+from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, VirtualRig, load_rig
+from receptance.identification.covariance import confidence_multiplier
 from receptance.modal import circle_fit, fit_modes, half_power
 from receptance.report import versions
 from receptance.report.plain import plain
@@ -26,19 +29,18 @@ from receptance.taper import (
     Shape,
     axial_from_mode,
     fit_axial,
+    fit_laws,
     fit_radial,
     radial_from_modes,
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from receptance.campaign import Campaign, Measurement
     from receptance.frf import FRF
 
-__all__ = ["PUBLISHED", "response_without_damping", "rigid_campaign", "run"]
+__all__ = ["response_without_damping", "rigid_campaign", "run"]
 
-PUBLISHED: dict[str, Any] = {
+_PUBLISHED: dict[str, Any] = {
     "forces_kn": [0.0, 25.0],
     "sample_rate_hz": 20480.0,
     "spacing_hz": 20.0,
@@ -49,17 +51,16 @@ PUBLISHED: dict[str, Any] = {
     "simulated_below_experiment_percent": 10.0,
 }
 """Statements of the paper in its text (sections 4 to 6); values in its figures are not read off."""
-BANDS_HZ = {"axial": (3000.0, 6200.0), "radial": (500.0, 6200.0)}
-SPRINGS: dict[str, tuple[str, ...]] = {
+_BANDS_HZ = {"axial": (3000.0, 6200.0), "radial": (500.0, 6200.0)}
+_SPRINGS: dict[str, tuple[str, ...]] = {
     "axial": ("taper",),
     "radial": ("big_end", "small_end"),
     "both": ("taper", "big_end", "small_end"),
 }
-SHOWN_KN = 20.0
+_SHOWN_KN = 20.0
 """Force of the paper's figure 9."""
 _SAME = 0.05
-"""Relative difference up to which two magnitudes count as the same."""
-_NORMAL = 1.96
+"""Relative difference up to which two magnitudes are equal."""
 
 
 def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
@@ -85,18 +86,18 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
         Another step, or a negative seed.
     """
     say = progress or (lambda _: None)
-    own, levels = holder(), _levels(step_kn, seed)
+    holder, levels = virtual_rig.holder(), _levels(step_kn, seed)
     rows: dict[str, list[dict[str, Any]]] = {"axial": [], "radial": []}
-    for rig, own_seed in levels:
+    for rig, level_seed in levels:
         say(f"{rig.force_kn:g} kN, {rig.motion}")
-        before = rows[rig.motion][-1]["elastic"]["values"] if rows[rig.motion] else None
+        previous = rows[rig.motion][-1]["elastic"]["values"] if rows[rig.motion] else None
         identify = _axial if rig.motion == "axial" else _radial
-        rows[rig.motion].append(identify(own, rig, own_seed, before))
+        rows[rig.motion].append(identify(holder, rig, level_seed, previous))
     say("series, laws and predictions")
     series = _series(rows["axial"], rows["radial"])
-    shown = int(np.argmin([abs(level["force_kn"] - SHOWN_KN) for level in rows["axial"]]))
-    bonded = own.bonded("axial").get("taper.k_y")
-    found: dict[str, Any] = {
+    shown = int(np.argmin([abs(level["force_kn"] - _SHOWN_KN) for level in rows["axial"]]))
+    bonded = holder.bonded("axial").get("taper.k_y")
+    results: dict[str, Any] = {
         "study": "bt50",
         "source": SOURCE,
         "provenance": PROVENANCE,
@@ -109,30 +110,29 @@ def run(step_kn: int = 1, seed: int = 0, *, progress: Callable[[str], None] | No
             "exponential_window_per_s": DECAY_RATE,
         },
         "versions": versions(),
-        "published": PUBLISHED,
+        "published": _PUBLISHED,
         "virtual": {
-            "holder": {**asdict(own.body), "z1": own.z1, "z2": own.z2},
+            "holder": {**asdict(holder.body), "z1": holder.z1, "z2": holder.z2},
             **rows,
-            "trends": plain({name: one.data() for name, one in series.items()}),
+            "trends": plain({name: parameter.data() for name, parameter in series.items()}),
             "damping_errors": _damping_errors(rows["axial"]),
-            "bonded_hz": {"axial": _axial_hz(own, bonded), "radial": _radial_hz(own, bonded, bonded)},
-            "left_out": _left_out(own, rows["axial"][1::2], rows["radial"][1::2], series),
+            "bonded_hz": {"axial": _axial_hz(holder, bonded), "radial": _radial_hz(holder, bonded, bonded)},
+            "left_out": _left_out(holder, rows["axial"][1::2], rows["radial"][1::2], series),
             "diagnosis": [_diagnose_rigid(motion, step_kn, seed, say) for motion in rows],
             "damping_matters_hz": {
-                motion: _bands_with_damping(motion, own_rows[shown]["elastic"]["values"])
-                for motion, own_rows in rows.items()
+                motion: _bands_with_damping(motion, motion_rows[shown]["elastic"]["values"])
+                for motion, motion_rows in rows.items()
             },
         },
     }
-    return {**found, "findings": findings(found)}
+    return {**results, "findings": findings(results)}
 
 
 def _levels(step_kn: int, seed: int) -> list[tuple[VirtualRig, int]]:
     """Return the rig at all levels with the seed of each measurement."""
     if isinstance(step_kn, bool) or not isinstance(step_kn, int) or step_kn not in (1, 2):
         raise ValueError(f"bt50: step_kn is {step_kn!r}, expected 1 or 2: laws need six levels, and as many between")
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"bt50: seed is {seed!r}, expected a whole number from 0 on")
+    _checks.whole_number("bt50", "seed", seed, least=0)
     return [
         (rig, int(np.random.SeedSequence([seed, number]).generate_state(1)[0]))
         for number, rig in enumerate(load_rig())
@@ -152,9 +152,9 @@ def _mode(mode: Any) -> dict[str, Any]:
     return {name: getattr(mode, name) for name in names}
 
 
-def _estimate(found: Any, names: Sequence[str]) -> dict[str, Any]:
-    values = {name: getattr(found.joint, name) for name in names}
-    return {"values": values, "intervals": {name: list(ends) for name, ends in found.intervals.items()}}
+def _estimate(solution: Any, names: Sequence[str]) -> dict[str, Any]:
+    values = {name: getattr(solution.joint, name) for name in names}
+    return {"values": values, "intervals": {name: list(ends) for name, ends in solution.intervals.items()}}
 
 
 def _fit_values(fit: Any) -> dict[str, Any]:
@@ -162,21 +162,21 @@ def _fit_values(fit: Any) -> dict[str, Any]:
     return {"values": dict(fit.values), "intervals": intervals, "rms": fit.rms, "errors": dict(fit.standard_errors)}
 
 
-def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> dict[str, Any]:
+def _axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> dict[str, Any]:
     """Identify one axial level.
 
     The first mode from half-power points, as in the paper, and from a circle; K_Z1 and C_Z1 of eqs. 14 and 15 from
     either; the elastic and the rigid holder fitted to the FRF, the first from the values of the level before.
     """
     plain, windowed, left_out = rig.measure(seed)
-    low, high = BANDS_HZ["axial"]
+    low, high = _BANDS_HZ["axial"]
     modes = {
         "half_power": _without_warning(half_power, plain, low, high),
         "circle": circle_fit(windowed, low_hz=low, high_hz=high),
     }
     rigid_half_power, rigid = (
         axial_from_mode(
-            own.body,
+            holder.body,
             mode.frequency_hz,
             mode.damping_ratio,
             frequency_standard_error_hz=mode.frequency_standard_error_hz,
@@ -186,26 +186,26 @@ def _axial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] |
     )
     band: dict[str, Any] = {"low_hz": low, "high_hz": high}
     first = {"k_z1": rigid.joint.k_z1, "c_z1": max(rigid.joint.c_z1, 1.0)}
-    elastic = fit_axial(own, windowed, **band, start=start or first, left_out=left_out)
+    elastic = fit_axial(holder, windowed, **band, start=start or first, left_out=left_out)
     names = ("k_z1", "c_z1")
     return {
         "force_kn": rig.force_kn,
         **{name: _mode(mode) for name, mode in modes.items()},
         "rigid_half_power": _estimate(rigid_half_power, names),
         "rigid": _estimate(rigid, names),
-        "rigid_rms": fit_axial(own, windowed, body="rigid", contact="ends", **band, start=first).rms,
+        "rigid_rms": fit_axial(holder, windowed, body="rigid", contact="ends", **band, start=first).rms,
         "elastic": _fit_values(elastic),
         "experiment_hz": modes["circle"].frequency_hz,
-        "simulated_hz": _axial_hz(own, rigid.joint.k_z1)[0],
-        "elastic_hz": _axial_hz(own, elastic.values["k_z1"])[0],
+        "simulated_hz": _axial_hz(holder, rigid.joint.k_z1)[0],
+        "elastic_hz": _axial_hz(holder, elastic.values["k_z1"])[0],
         "truth": {"frequency_hz": float(rig.frequency_hz[0]), "damping_ratio": float(rig.damping_ratio[0])},
     }
 
 
-def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> dict[str, Any]:
+def _radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] | None) -> dict[str, Any]:
     """Identify one radial level: both modes, the joints of the rigid holder, and the elastic holder's four values."""
     plain, windowed, left_out = rig.measure(seed)
-    low, high = BANDS_HZ["radial"]
+    low, high = _BANDS_HZ["radial"]
     modes = fit_modes(windowed.select(low_hz=low, high_hz=high), 2)
     # Ratio of the constants at both points for the one hit, with its standard error to first order.
     first, second = modes.modal_constant[:, 0, 0], modes.modal_constant[:, 1, 0]
@@ -214,18 +214,18 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
         np.abs(modes.modal_constant_standard_error[:, 0, 0] / second),
         np.abs(modes.modal_constant_standard_error[:, 1, 0] * ratio / second),
     )
-    places = [own.body.position(float(one.position)) for one in rig.seen]
+    points = [holder.body.position(float(coordinate.position)) for coordinate in rig.seen]
     rigid = radial_from_modes(
-        own.body,
-        own.z1,
-        own.z2,
+        holder.body,
+        holder.z1,
+        holder.z2,
         modes.frequency_hz,
         modes.damping_ratio,
         frequency_standard_error_hz=modes.frequency_standard_error_hz,
         damping_standard_error=modes.damping_standard_error,
         shape=Shape(
-            first=places[0],
-            second=places[1],
+            first=points[0],
+            second=points[1],
             ratio=(complex(ratio[0]), complex(ratio[1])),
             standard_error=(float(errors[0]), float(errors[1])),
         ),
@@ -234,20 +234,19 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
     simulated: tuple[float, ...] = ()
     if rigid.nearest is not None:
         joint = rigid.solutions[rigid.nearest].joint
-        simulated = _radial_hz(own, joint.k_x1, joint.k_x2)
+        simulated = _radial_hz(holder, joint.k_x1, joint.k_x2)
         start = start or {name: max(getattr(joint, name), 1.0) for name in names}
-    elastic = fit_radial(own, windowed, contact="fading", low_hz=low, high_hz=high, start=start, left_out=left_out)
-    points: list[dict[str, Any] | None] = []
+    elastic = fit_radial(holder, windowed, contact="fading", low_hz=low, high_hz=high, start=start, left_out=left_out)
+    half_powers: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
-            points.append(
-                _mode(_without_warning(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency))
-            )
+            mode = _without_warning(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)
+            half_powers.append(_mode(mode))
         except ValueError:  # no half-power points
-            points.append(None)
+            half_powers.append(None)
     return {
         "force_kn": rig.force_kn,
-        "half_power": points,
+        "half_power": half_powers,
         "modes": [_mode(modes.mode(i)) for i in range(len(modes.frequency_hz))],
         "rigid": {
             "statement": rigid.statement,
@@ -257,79 +256,73 @@ def _radial(own: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float] 
             "nearest": rigid.nearest,
             "solutions": [
                 {
-                    **_estimate(one, names),
-                    "exact": None if one.exact is None else {name: getattr(one.exact, name) for name in names},
-                    "notes": list(one.notes),
+                    **_estimate(solution, names),
+                    "exact": solution.exact and {name: getattr(solution.exact, name) for name in names},
+                    "notes": list(solution.notes),
                 }
-                for one in rigid.solutions
+                for solution in rigid.solutions
             ],
         },
         "elastic": _fit_values(elastic),
         "experiment_hz": modes.frequency_hz.tolist(),
         "simulated_hz": list(simulated),
-        "elastic_hz": list(_radial_hz(own, elastic.values["k_x1"], elastic.values["k_x2"])),
+        "elastic_hz": list(_radial_hz(holder, elastic.values["k_x1"], elastic.values["k_x2"])),
         "truth": {"frequency_hz": rig.frequency_hz[:2].tolist(), "damping_ratio": rig.damping_ratio[:2].tolist()},
     }
 
 
-def _axial_hz(own: Holder, k_z1: float) -> tuple[float, ...]:
+def _axial_hz(holder: Holder, k_z1: float) -> tuple[float, ...]:
     """Return the first mode of the elastic holder."""
-    return tuple(own.axial(k_z1).lowest_natural_frequencies(1)[0].tolist())
+    return tuple(holder.axial(k_z1).lowest_natural_frequencies(1)[0].tolist())
 
 
-def _radial_hz(own: Holder, k_x1: float, k_x2: float) -> tuple[float, ...]:
+def _radial_hz(holder: Holder, k_x1: float, k_x2: float) -> tuple[float, ...]:
     """Return the first two modes of the elastic holder."""
-    return tuple(own.radial(k_x1, k_x2, contact="fading").lowest_natural_frequencies(2)[0].tolist())
+    return tuple(holder.radial(k_x1, k_x2, contact="fading").lowest_natural_frequencies(2)[0].tolist())
 
 
 def _series(axial: Sequence[dict[str, Any]], radial: Sequence[dict[str, Any]]) -> dict[str, ForceSeries]:
     """Return every parameter over force; residuals above the noise increase the standard errors."""
     force = np.array([level["force_kn"] for level in axial])
-    found = {}
+    width = 2.0 * confidence_multiplier(0.95, None)
+    columns = {}
     for title, key in (("rigid", "rigid"), ("half-power", "rigid_half_power")):
         for name in ("k_z1", "c_z1"):
-            own = [level[key] for level in axial]
-            errors = [np.ptp(one["intervals"][name]) / (2.0 * _NORMAL) for one in own]
-            found[f"{title} {name}"] = ([one["values"][name] for one in own], errors)
+            errors = [np.ptp(level[key]["intervals"][name]) / width for level in axial]
+            columns[f"{title} {name}"] = ([level[key]["values"][name] for level in axial], errors)
     for levels in (axial, radial):
-        for name in levels[0]["elastic"]["values"]:
-            own = [level["elastic"] for level in levels]
-            errors = [one["errors"][name] * max(one["rms"], 1.0) for one in own]
-            found[f"elastic {name}"] = ([one["values"][name] for one in own], errors)
+        fits = [level["elastic"] for level in levels]
+        for name in fits[0]["values"]:
+            errors = [fit["errors"][name] * max(fit["rms"], 1.0) for fit in fits]
+            columns[f"elastic {name}"] = ([fit["values"][name] for fit in fits], errors)
     return {
         name: ForceSeries(name=name, force=force, values=np.array(values), standard_errors=np.array(errors))
-        for name, (values, errors) in found.items()
+        for name, (values, errors) in columns.items()
     }
 
 
 def _law_between(series: ForceSeries) -> list[float]:
     """Return the values at every second level from the law of the others."""
-    half = ForceSeries(
-        name=series.name,
-        force=series.force[::2],
-        values=series.values[::2],
-        standard_errors=series.standard_errors[::2],
-    )
-    values: list[float] = np.asarray(half.law.at(series.force[1::2])).tolist()
-    return values
+    laws = fit_laws(series.force[::2], series.values[::2], series.standard_errors[::2])
+    return list(min(laws, key=lambda law: law.criterion).at(series.force[1::2]))
 
 
 def _left_out(
-    own: Holder,
+    holder: Holder,
     axial: Sequence[dict[str, Any]],
     radial: Sequence[dict[str, Any]],
     series: Mapping[str, ForceSeries],
 ) -> list[dict[str, Any]]:
     """Return the errors of natural frequencies at levels that were left out, from laws of the others."""
     rigid, elastic = (
-        [_axial_hz(own, k) for k in _law_between(series[f"{model} k_z1"])] for model in ("rigid", "elastic")
+        [_axial_hz(holder, k) for k in _law_between(series[f"{model} k_z1"])] for model in ("rigid", "elastic")
     )
     springs = zip(*(_law_between(series[f"elastic {name}"]) for name in ("k_x1", "k_x2")), strict=True)
     # The rigid holder has the springs of the level itself, its best case; a level without a rigid joint has none.
     best_case = [tuple(level["simulated_hz"]) for level in radial]
     return [
         _frequency_errors("axial", axial, rigid, elastic),
-        _frequency_errors("radial", radial, best_case, [_radial_hz(own, *k) for k in springs]),
+        _frequency_errors("radial", radial, best_case, [_radial_hz(holder, *k) for k in springs]),
     ]
 
 
@@ -362,31 +355,34 @@ def _damping_errors(axial: Sequence[dict[str, Any]]) -> dict[str, dict[str, floa
 
     At all forces, and at those at which the paper calls its damping unstable.
     """
-    high = np.array([level["force_kn"] for level in axial]) > PUBLISHED["unstable_above_kn"]
-    found = {}
+    high = np.array([level["force_kn"] for level in axial]) > _PUBLISHED["unstable_above_kn"]
+    errors = {}
     for name in ("half_power", "circle"):
         ratio = [level[name]["damping_ratio"] / level["truth"]["damping_ratio"] for level in axial]
         error = 100.0 * (np.array(ratio) - 1.0)
-        found[name] = {
+        errors[name] = {
             "mean_percent": float(error.mean()),
             "scatter_percent": float(error.std()),
             "mean_above_percent": float(error[high].mean()),
             "scatter_above_percent": float(error[high].std()),
         }
-    return found
+    return errors
 
 
 def response_without_damping(
     motion: str, values: Mapping[str, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return frequencies in Hz and the magnitude at the tip with and without damping, `(n,)` each."""
-    own, lines = holder(), np.arange(RESPONSE_HZ[0], RESPONSE_HZ[1] + 2.5, 5.0)
-    found = []
-    for factor in (1.0, 0.0):
-        k, c = ([v * f for name, v in values.items() if name[0] == kind] for kind, f in (("k", 1.0), ("c", factor)))
-        assembly = own.axial(*k, *c) if motion == "axial" else own.radial(*k, *c, contact="fading")
-        found.append(np.abs(assembly.receptance(lines)))
-    return lines, found[0], found[1]
+    holder, lines = virtual_rig.holder(), np.arange(RESPONSE_HZ[0], RESPONSE_HZ[1] + 2.5, 5.0)
+    stiffness = [value for name, value in values.items() if name[0] == "k"]
+    damping = [value for name, value in values.items() if name[0] == "c"]
+
+    def magnitude(damping: Sequence[float]) -> NDArray[np.float64]:
+        if motion == "axial":
+            return np.abs(holder.axial(*stiffness, *damping).receptance(lines))
+        return np.abs(holder.radial(*stiffness, *damping, contact="fading").receptance(lines))
+
+    return lines, magnitude(damping), magnitude([])
 
 
 def _bands_with_damping(motion: str, values: Mapping[str, float]) -> list[list[float]]:
@@ -425,24 +421,24 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
     """
     from receptance.campaign.read import from_data
 
-    if motion not in SPRINGS:
-        raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(SPRINGS)}")
+    if motion not in _SPRINGS:
+        raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(_SPRINGS)}")
     motions = ("axial", "radial") if motion == "both" else (motion,)
-    measured = [(rig, own_seed) for rig, own_seed in _levels(step_kn, seed) if rig.motion in motions]
+    measured = [(rig, level_seed) for rig, level_seed in _levels(step_kn, seed) if rig.motion in motions]
     forces = sorted({rig.force_kn for rig, _ in measured})
     if isinstance(levels, bool) or not isinstance(levels, int) or not 2 <= levels <= len(forces):
         raise ValueError(f"bt50: levels is {levels!r}, expected from 2 to the {len(forces)} that are measured")
-    seen = forces[:: (len(forces) - 1) // (levels - 1)][:levels]
-    forces = [force for force in forces if force <= seen[-1]]  # levels above the last one are not predicted
+    identified = forces[:: (len(forces) - 1) // (levels - 1)][:levels]
+    forces = [force for force in forces if force <= identified[-1]]  # levels above the last one are not predicted
     data = tomllib.loads(EXAMPLES["taper"].campaign)
     data["parts"]["holder"]["rigid"] = True
     for end, position in (("big_end", "83 mm"), ("small_end", "184.8 mm")):
         data["attachments"][end] = {"kind": "ground", "position": position}
     data["series"]["levels"] = [f"{force:g} kN" for force in forces]
-    data["series"]["hold_out"] = [f"{force:g} kN" for force in forces if force not in seen]
+    data["series"]["hold_out"] = [f"{force:g} kN" for force in forces if force not in identified]
     for section in ("assemblies", "measurements"):
         data[section] = {name: table for name, table in data[section].items() if name.startswith(motions)}
-    data["unknowns"] = {name: table for name, table in data["unknowns"].items() if name.startswith(SPRINGS[motion])}
+    data["unknowns"] = {name: table for name, table in data["unknowns"].items() if name.startswith(_SPRINGS[motion])}
     for table in data["measurements"].values():
         table["floor"] = "0.3 %"
     with tempfile.TemporaryDirectory() as folder:
@@ -454,17 +450,17 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
 def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], None]) -> dict[str, Any]:
     """Return the verdict on the rigid holder, with the improvement at the forces that are held out."""
     campaign = rigid_campaign(motion, step_kn, seed)
-    verdict = campaign.diagnose(progress=lambda text: say(f"diagnosis: {text}"))
+    verdict = replace(campaign, progress=lambda text: say(f"diagnosis: {text}")).diagnose()
     return {
         "motion": motion,
         "model": "rigid holder",
         "seen_kn": _forces_kn(campaign.to_identify),
         "left_out_kn": _forces_kn(campaign.held_out),
-        "in_every_explanation": [one.id for one in verdict.causes if one.id not in verdict.ambiguous_between],
+        "in_every_explanation": [cause.id for cause in verdict.causes if cause.id not in verdict.ambiguous_between],
         **verdict.to_dict(),
     }
 
 
 def _forces_kn(measurements: Mapping[str, Measurement]) -> list[float]:
-    forces = (1e-3 * one.observation.conditions["drawbar force"] for one in measurements.values())
-    return list(dict.fromkeys(forces))
+    conditions = (measurement.observation.conditions for measurement in measurements.values())
+    return list(dict.fromkeys(1e-3 * condition["drawbar force"] for condition in conditions))

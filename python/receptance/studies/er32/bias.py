@@ -1,4 +1,4 @@
-"""The bias of the first mode of the long tools: its size under chance, and single causes that would remove it."""
+"""The bias of the first mode of the long tools: its distribution under chance, and changes that would remove it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.studies.er32.joints import (
     BOUNDS,
@@ -22,7 +23,7 @@ from receptance.studies.er32.joints import (
 from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from receptance.model.assembly import Assembly
 
 __all__ = [
     "ChanceModel",
@@ -94,10 +95,10 @@ def predict_transfers(published: Published, stiffness: Stiffness) -> list[dict[s
     """Predict the natural frequencies of table 2, one dictionary for each mode."""
     rows = []
     for transfer in published.transfers:
-        own = assembly(transfer.diameter_mm, transfer.overhang_mm, *stiffness[transfer.diameter_mm])
-        found = own.lowest_natural_frequencies(len(transfer.measured_hz))[0].tolist()
+        model = assembly(transfer.diameter_mm, transfer.overhang_mm, *stiffness[transfer.diameter_mm])
+        predicted = model.lowest_natural_frequencies(len(transfer.measured_hz))[0].tolist()
         for mode, (measured, paper, ours) in enumerate(
-            zip(transfer.measured_hz, transfer.predicted_hz, found, strict=True), 1
+            zip(transfer.measured_hz, transfer.predicted_hz, predicted, strict=True), 1
         ):
             rows.append(
                 {
@@ -122,10 +123,10 @@ def find_slopes(published: Published, joints: Sequence[dict[str, Any]]) -> Slope
         joint = joint_of(joints, long.diameter_mm, published.torque_nm)
         stiffness = (joint["k_y"], joint["k_theta"])
         identifying = assembly(long.diameter_mm, mount.overhang_mm, *stiffness)
-        _, shared, own, overhang = mode_slopes(identifying, (1, 2), list(SHARED))
+        _, shared, by_joint, overhang = mode_slopes(identifying, (1, 2), list(SHARED))
         transferred = assembly(long.diameter_mm, long.overhang_mm, *stiffness)
         _, shared_long, joint_long, overhang_long = mode_slopes(transferred, (1,), list(SHARED))
-        follow = np.linalg.solve(own.T, joint_long[0])
+        follow = np.linalg.solve(by_joint.T, joint_long[0])
         parts.append((shared_long[0] - follow @ shared, joint_long[0], overhang_long[0], -follow @ overhang, follow))
     return Slopes(*(np.array(column) for column in zip(*parts, strict=True)))
 
@@ -176,7 +177,7 @@ def find_bias(
         scaled = slopes.shared[:, columns] * [chance.deviation(list(SHARED)[i]) for i in columns]
         sources[owner] = scaled @ scaled.T
     total = sum(sources.values(), np.zeros_like(sources["reading"]))
-    alone = sources["reading"] + sources["overhang"]
+    separate = sources["reading"] + sources["overhang"]
     fitted = slopes.shared[:, [i for i, name in enumerate(SHARED) if _owner(name) != "steel"]]
     inference = fitted @ inferred @ fitted.T
     deviations = np.sqrt(np.diag(total))
@@ -193,8 +194,8 @@ def find_bias(
         "mean_deviation_percent": _mean_deviation(total),
         "mean_correlation": float((correlation.sum() - count) / (count * (count - 1))),
         "p_value": _two_sided(mean, _mean_deviation(total)),
-        "p_value_without_shared": _two_sided(mean, _mean_deviation(alone)),
-        "p_value_with_inference": _two_sided(mean, _mean_deviation(alone + sources["steel"] + inference)),
+        "p_value_without_shared": _two_sided(mean, _mean_deviation(separate)),
+        "p_value_with_inference": _two_sided(mean, _mean_deviation(separate + sources["steel"] + inference)),
         "inference_deviation_percent": _mean_deviation(inference),
         "sign_test_p_value": sign_test(percent),
     }
@@ -209,10 +210,10 @@ def sign_test(values: Sequence[float]) -> float:
     >>> sign_test([-1.0, -2.0, -0.5, -0.1])
     0.125
     """
-    signs = [value for value in values if value != 0.0]
-    count, positive = len(signs), sum(value > 0.0 for value in signs)
-    tail = sum(math.comb(count, i) for i in range(min(positive, count - positive) + 1))
-    return min(1.0, 2.0 * tail / 2.0**count)
+    from scipy.stats import binomtest  # slow to import
+
+    signs = np.sign([value for value in values if value != 0.0])
+    return float(binomtest(int(np.sum(signs > 0.0)), signs.size).pvalue) if signs.size else 1.0
 
 
 def _reading_covariance(published: Published, slopes: Slopes, resolution: Resolution) -> NDArray[np.float64]:
@@ -220,8 +221,8 @@ def _reading_covariance(published: Published, slopes: Slopes, resolution: Resolu
     for row, tool in zip(slopes.reading, published.long_tools, strict=True):
         identifying = np.array(published.reading(tool.diameter_mm).frequency_hz)
         errors = row * resolution.standard_deviation(identifying) / identifying
-        own = float(resolution.standard_deviation(tool.measured_hz[0])) / tool.measured_hz[0]
-        variances.append(float(np.sum(errors**2)) + own**2)
+        measured = float(resolution.standard_deviation(tool.measured_hz[0])) / tool.measured_hz[0]
+        variances.append(float(np.sum(errors**2)) + measured**2)
     return np.diag(variances)
 
 
@@ -266,18 +267,20 @@ def simulate_chance(
         )
         for long in published.long_tools
     ]
-    true_hz = [float(own.lowest_natural_frequencies(1)[0][0]) for own, *_ in tools]
+    true_hz = [float(long.lowest_natural_frequencies(1)[0][0]) for long, *_ in tools]
     at_bound, means = 0, []
     for _ in range(draws):
         factors = dict(zip(SHARED, np.exp(deviations * random.standard_normal(deviations.size)).tolist(), strict=True))
         errors = []
-        for (own, overhangs, frequency, measured_hz), true in zip(tools, true_hz, strict=True):
-            read = frequency + resolution.half_step(frequency) * random.uniform(-1.0, 1.0, 2)
+        for (true_long, overhangs, frequency, measured_hz), true in zip(tools, true_hz, strict=True):
+            reading = frequency + resolution.half_step(frequency) * random.uniform(-1.0, 1.0, 2)
             lengths = (1e-3 * (overhangs + chance.overhang_mm * random.standard_normal(2))).tolist()
-            identifying, long = (with_factors(own, factors, {"tool.segment[0].length": length}) for length in lengths)
-            found = follow_joint(identifying, read)
-            at_bound += bool(np.any(found <= limits[0]) or np.any(found >= limits[1]))
-            with_joint = long.replace(dict(zip(JOINT, found.tolist(), strict=True)))
+            identifying, long = (
+                with_factors(true_long, factors, {"tool.segment[0].length": length}) for length in lengths
+            )
+            joint = follow_joint(identifying, reading)
+            at_bound += bool(np.any(joint <= limits[0]) or np.any(joint >= limits[1]))
+            with_joint = long.replace(dict(zip(JOINT, joint.tolist(), strict=True)))
             predicted = float(with_joint.lowest_natural_frequencies(1)[0][0])
             half = float(resolution.half_step(measured_hz))
             errors.append(100.0 * (predicted / (true + half * random.uniform(-1.0, 1.0)) - 1.0))
@@ -294,11 +297,11 @@ def simulate_chance(
 def rank_causes(
     published: Published, stiffness: Stiffness, percent: Sequence[float], slopes: Slopes, chance: ChanceModel
 ) -> list[dict[str, Any]]:
-    """Return for each single cause the change that removes the mean bias, the least surprising first.
+    """Return for each single cause the change that removes the mean bias, the most probable change first.
 
-    The change is linear. That it removes the bias proves nothing: one number always removes one mean. `rms_percent` is
-    the error of all of table 2 with the change in place, the joints identified again, None for a change beyond 30 %;
-    `deviations` is the change in standard deviations of the chance model, None where the model has none.
+    The change is linear. It is no evidence for the cause, because one free number always removes one mean.
+    `rms_percent` is the error of all of table 2 with the change, the joints identified again, None for a change beyond
+    30 %; `deviations` is the change in standard deviations of the chance model, None if the model has none.
     """
     offset = float(np.mean(np.log1p(0.01 * np.array(percent))))
     lengths = {t.diameter_mm: t.overhang_mm for t in published.long_tools}
@@ -348,7 +351,7 @@ def _rms_of_long(
     return rms(errors)
 
 
-def _errors(own: Any, measured_hz: Sequence[float]) -> list[float]:
-    found = own.lowest_natural_frequencies(len(measured_hz))[0]
-    errors: list[float] = (100.0 * (found / np.array(measured_hz) - 1.0)).tolist()
-    return errors
+def _errors(model: Assembly, measured_hz: Sequence[float]) -> list[float]:
+    """Return the errors of the lowest natural frequencies in percent."""
+    predicted = model.lowest_natural_frequencies(len(measured_hz))[0]
+    return list(100.0 * (predicted / np.array(measured_hz) - 1.0))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, keep_clear, new_figure, set_up
+from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,56 +15,56 @@ if TYPE_CHECKING:
 __all__ = ["draw"]
 
 _SYMBOLS = {"k_y": "$k_y$", "k_theta": "$k_\\theta$"}
-_HOLLOW: dict[str, Any] = {"marker": "D", "linestyle": "none", "markerfacecolor": "white", "markeredgecolor": INK}
+_HOLLOW: dict[str, Any] = {"marker": "D", "linestyle": "none", "markerfacecolor": "none", "markeredgecolor": INK}
 _CHANCE = ((4.0, "#DCE9F2", "chance, $\\pm$2 standard deviations"), (2.0, "#BDD7E7", "$\\pm$1 standard deviation"))
 _SOURCES = {
     "reading": "readings",
     "overhang": "overhangs",
-    "carbide": "carbide (shared)",
-    "steel": "steel (shared)",
-    "holder": "holder's shape (shared)",
+    "carbide": "carbide\n(shared)",
+    "steel": "steel\n(shared)",
+    "holder": "holder shape\n(shared)",
 }
 
 
-def draw(found: dict[str, Any]) -> Figure:
+def draw(results: dict[str, Any]) -> Figure:
     """Draw stiffness over diameter and torque, transfer errors, parameter sets, and the bias against chance.
 
     Parameters
     ----------
-    found : dict
+    results : dict
         From `receptance.studies.er32.run`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure. It belongs to no window; save it with `savefig`.
+        The figure; save it with `savefig`.
     """
     figure = new_figure(16.0, 9.6, math=True)
     panels = figure.subplots(2, 3)
-    _draw_diameter(panels[0, 0], found)
-    _draw_torque(panels[0, 1], found)
-    _draw_transfer(panels[0, 2], found["transfer"])
-    _draw_sets(panels[1, 0], found["parameter_sets"])
-    _draw_bias(panels[1, 1], found["long_first_mode_bias"])
-    _draw_sources(panels[1, 2], found["long_first_mode_bias"])
-    keep_clear(figure, 0.93)
+    _draw_diameter(panels[0, 0], results)
+    _draw_torque(panels[0, 1], results)
+    _draw_transfer(panels[0, 2], results["transfer"])
+    _draw_sets(panels[1, 0], results["parameter_sets"])
+    _draw_bias(panels[1, 1], results["long_first_mode_bias"])
+    _draw_sources(panels[1, 2], results["long_first_mode_bias"])
     title = "ER32 collet holder: the joint identified from the printed frequencies of Matthias et al. 2016"
-    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
     note = (
         "The holder's shape is inferred, not published: agreement in the data it was inferred from is consistency, "
         "not validation."
     )
-    figure.text(0.5, 0.95, note, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
+    add_heading(figure, title, note)
     return figure
 
 
-def _draw_diameter(axes: Axes, found: dict[str, Any]) -> None:
-    torque = found["trends"]["diameter"][0]["torque_nm"]
+def _draw_diameter(axes: Axes, results: dict[str, Any]) -> None:
+    torque = results["trends"]["diameter"][0]["torque_nm"]
     title = f"Stiffness over diameter at {torque:g} N m"
     set_up(axes, title, "tool diameter (mm)", "$k_y$ (N/m),  $k_\\theta$ (N m/rad)")
-    joints = sorted((j for j in found["identified"] if j["torque_nm"] == torque), key=lambda j: float(j["diameter_mm"]))
+    joints = sorted(
+        (j for j in results["identified"] if j["torque_nm"] == torque), key=lambda j: float(j["diameter_mm"])
+    )
     x = np.array([j["diameter_mm"] for j in joints])
-    for law, colour in zip(found["trends"]["diameter"], COLOURS, strict=False):
+    for law, colour in zip(results["trends"]["diameter"], COLOURS, strict=False):
         name = law["quantity"]
         y = np.array([j[name] for j in joints])
         low, high = np.array([j[f"{name}_interval"] for j in joints], dtype=float).T
@@ -76,39 +76,37 @@ def _draw_diameter(axes: Axes, found: dict[str, Any]) -> None:
             x, y, whiskers, fmt="o", color=colour, markersize=6, capsize=3, label=f"{_SYMBOLS[name]} identified"
         )
         paper = [j[f"published_{name}"] for j in joints]
-        hollow = _HOLLOW | {"markerfacecolor": "none"}
-        axes.plot(x, paper, markersize=9, label="paper" if name == "k_y" else None, **hollow)
+        axes.plot(x, paper, markersize=9, label="paper" if name == "k_y" else None, **_HOLLOW)
         ends = "95 %: {:.1f} to {:.1f}".format(*law["scatter_interval"])
         text = f"{_SYMBOLS[name]} $\\propto d^{{{law['exponent']:.1f}}}$  ({ends})"
-        place: dict[str, Any] = {"xytext": (0, -50), "textcoords": "offset points", "ha": "right"}
-        axes.annotate(text, (x[-1], y[-1]), fontsize=9, color=colour, **place)
+        offset: dict[str, Any] = {"xytext": (0, -50), "textcoords": "offset points", "ha": "right"}
+        axes.annotate(text, (x[-1], y[-1]), fontsize=9, color=colour, **offset)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks(x, [f"{value:g}" for value in x])
     axes.minorticks_off()
-    axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(0.0, 0.52))
+    add_legend(axes, loc="center left", bbox_to_anchor=(0.0, 0.52))
 
 
-def _draw_torque(axes: Axes, found: dict[str, Any]) -> None:
-    low, high = found["trends"]["torque_range_nm"]
+def _draw_torque(axes: Axes, results: dict[str, Any]) -> None:
+    low, high = results["trends"]["torque_range_nm"]
     title = f"Change of stiffness from {low:g} to {high:g} N m, fitted line"
     set_up(axes, title, "tool diameter (mm)", "change (%)")
-    diameters = sorted({trend["diameter_mm"] for trend in found["trends"]["torque"]})
-    for trend in found["trends"]["torque"]:
-        first = trend["quantity"] == "k_y"
+    diameters = sorted({trend["diameter_mm"] for trend in results["trends"]["torque"]})
+    for trend in results["trends"]["torque"]:
+        column = ("k_y", "k_theta").index(trend["quantity"])
         change, ends = trend["change_percent"], trend["interval"]
-        place = diameters.index(trend["diameter_mm"]) + (-0.19 if first else 0.19)
+        x = diameters.index(trend["diameter_mm"]) + (-0.19, 0.19)[column]
         label = _SYMBOLS[trend["quantity"]] if trend["diameter_mm"] == diameters[0] else None
-        strength = 0.85 if trend["exceeds"] else 0.3
-        axes.bar(place, change, 0.36, color=COLOURS[0 if first else 1], alpha=strength, label=label)
+        alpha = 0.85 if trend["exceeds"] else 0.3
+        axes.bar(x, change, 0.36, color=COLOURS[column], alpha=alpha, label=label)
         whiskers = [[0.0 if end is None else abs(change - end)] for end in ends]
-        axes.errorbar(place, change, whiskers, color=INK, capsize=4, linewidth=1.2)
+        axes.errorbar(x, change, whiskers, color=INK, capsize=4, linewidth=1.2)
     axes.set_xticks(range(len(diameters)), [f"{value:g}" for value in diameters])
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + 0.16 * (top - bottom))
-    fine, coarse, change = found["settings"]["resolution"].values()
+    add_legend(axes, loc="upper left")
+    add_room(axes, 0.16)
+    fine, coarse, change = results["settings"]["resolution"].values()
     note = f"whiskers: readings in steps of {fine:g} Hz,\n{coarse:g} Hz from {change / 1e3:g} kHz on"
     axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=PALE)
 
@@ -141,21 +139,21 @@ def _draw_sets(axes: Axes, sets: list[dict[str, Any]]) -> None:
 
     title = "Parameter sets of table 3: error per mode (%)"
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
-    for row, one in enumerate(sets):
-        for column, error in enumerate(one["errors"]):
-            percent, refuted = error["error_percent"], error in one["refuted_by"]
+    for row, chosen in enumerate(sets):
+        for column, error in enumerate(chosen["errors"]):
+            percent, refuted = error["error_percent"], error in chosen["refuted_by"]
             strength = min(1.0, np.log10(max(abs(percent), 1.0)) / 2.0) if refuted else 0.0
             red = (1.0 - 0.35 * strength, 0.85 - 0.62 * strength, 0.8 - 0.6 * strength)
             cell = Rectangle((column - 0.48, row - 0.46), 0.96, 0.92, facecolor=red if refuted else (0.93,) * 3)
             axes.add_patch(cell)
-            look: dict[str, Any] = {"color": "white" if strength > 0.6 else INK, "fontsize": 10}
-            look["fontweight"] = "bold" if refuted else "normal"
-            axes.text(column, row, f"{percent:+.1f}", ha="center", va="center", **look)
-    places = [f"{error['overhang_mm']:g}\nmode {error['mode']}" for error in sets[0]["errors"]]
-    axes.set_xlim(-0.5, len(places) - 0.5)
+            colour, weight = "white" if strength > 0.6 else INK, "bold" if refuted else "normal"
+            text = f"{percent:+.1f}"
+            axes.text(column, row, text, ha="center", va="center", color=colour, fontsize=10, fontweight=weight)
+    labels = [f"{error['overhang_mm']:g}\nmode {error['mode']}" for error in sets[0]["errors"]]
+    axes.set_xlim(-0.5, len(labels) - 0.5)
     axes.set_ylim(len(sets) - 0.5, -0.5)
-    axes.set_yticks(range(len(sets)), [one["set"].replace("_", " ") for one in sets], fontsize=9, color=INK)
-    axes.set_xticks(range(len(places)), places, fontsize=8, color=INK)
+    axes.set_yticks(range(len(sets)), [chosen["set"].replace("_", " ") for chosen in sets], fontsize=9, color=INK)
+    axes.set_xticks(range(len(labels)), labels, fontsize=8, color=INK)
     threshold = sets[0]["threshold_percent"]
     axes.set_xlabel(f"overhang (mm), mode; red: error above {threshold:.1f} %", color=INK)
     axes.tick_params(length=0)
@@ -185,8 +183,8 @@ def _draw_sources(axes: Axes, bias: dict[str, Any]) -> None:
     axes.grid(visible=False, axis="y")
     axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
     rows = {_SOURCES[name]: value for name, value in bias["deviations_percent"].items()}
-    rows["all together, linear"] = bias["mean_deviation_percent"]
-    rows[f"all, {bias['simulation']['draws']} simulations"] = bias["simulation"]["deviation_percent"]
+    rows["all,\nlinear"] = bias["mean_deviation_percent"]
+    rows[f"all, {bias['simulation']['draws']}\nsimulations"] = bias["simulation"]["deviation_percent"]
     for index, (name, value) in enumerate(rows.items()):
         axes.barh(index, value, 0.62, color=COLOURS[0] if name.startswith("all") else "#BDD7E7")
         axes.text(value + 0.02, index, f"{value:.2f}", va="center", fontsize=9, color=INK)
@@ -199,4 +197,4 @@ def _draw_sources(axes: Axes, bias: dict[str, Any]) -> None:
 
 
 def _add_titled_legend(axes: Axes, title: str) -> None:
-    axes.legend(frameon=False, fontsize=9, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")
+    add_legend(axes, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")

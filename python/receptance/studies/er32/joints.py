@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.identification import MeasuredFrequencies, Unknown, identify
+from receptance.identification.covariance import confidence_multiplier
 from receptance.studies.er32.tables import Published, assembly
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
     from receptance.model.assembly import Assembly
 
 __all__ = [
@@ -42,7 +42,6 @@ BOUNDS = {"joint.k_y": (1e6, 1e13), "joint.k_theta": (1e2, 1e9)}
 JOINT = tuple(BOUNDS)
 _LARGEST_STEP = 2.0
 """Largest step of Newton's method in the logarithm of a stiffness: the slopes are not valid further away."""
-_CONFIDENCE = 0.95
 
 _STEEL = range(4)
 SHARED: dict[str, tuple[str, ...]] = {
@@ -86,46 +85,44 @@ class Resolution:
 
     def half_step(self, frequency_hz: ArrayLike) -> NDArray[np.float64]:
         """Return the largest error of a printed frequency in Hz."""
-        steps: NDArray[np.float64] = np.where(np.asarray(frequency_hz) < self.change_hz, self.fine_hz, self.coarse_hz)
-        return steps / 2.0
+        return np.where(np.asarray(frequency_hz) < self.change_hz, self.fine_hz, self.coarse_hz) / 2.0
 
     def standard_deviation(self, frequency_hz: ArrayLike) -> NDArray[np.float64]:
         """Return the standard deviation of an error that is uniform over the step, in Hz."""
-        deviation: NDArray[np.float64] = self.half_step(frequency_hz) / np.sqrt(3.0)
-        return deviation
+        return np.asarray(self.half_step(frequency_hz) / np.sqrt(3.0))
 
 
 def shared_value(name: str) -> tuple[float, str]:
     """Return the value of a shared quantity and its unit."""
-    own = assembly(12.7, 62.3)
-    value = own.get(SHARED[name][-1])
+    model = assembly(12.7, 62.3)
+    value = model.get(SHARED[name][-1])
     if name.endswith("factor"):
-        return value / own.get(SHARED["steel " + name.split()[1]][-1]), ""
+        return value / model.get(SHARED["steel " + name.split()[1]][-1]), ""
     if name.endswith("modulus"):
         return value / 1e9, "GPa"
     return (value, "kg/m3") if name.endswith("density") else (1e3 * value, "mm")
 
 
-def with_factors(own: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
+def with_factors(model: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
     """Return an assembly with shared quantities multiplied by factors, and other parameters at given values."""
     values = dict(other or {})
     for name, factor in factors.items():
         for address in SHARED[name]:
-            old = values.get(address, own.get(address))
+            old = values.get(address, model.get(address))
             values[address] = old * factor
             if name.endswith("length"):
-                values[_REST] = values.get(_REST, own.get(_REST)) + old - values[address]
-    return own.replace(values)
+                values[_REST] = values.get(_REST, model.get(_REST)) + old - values[address]
+    return model.replace(values)
 
 
 def mode_slopes(
-    own: Assembly, modes: Sequence[int], names: Sequence[str] = ()
+    model: Assembly, modes: Sequence[int], names: Sequence[str] = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Natural frequencies of an assembly and their relative derivatives.
+    """Return natural frequencies of an assembly and their relative derivatives.
 
     Parameters
     ----------
-    own : Assembly
+    model : Assembly
         From `assembly`.
     modes : sequence of int
         Mode numbers from 1.
@@ -147,38 +144,37 @@ def mode_slopes(
         dict.fromkeys([*JOINT, "tool.segment[0].length", _REST, *(a for name in names for a in SHARED[name])])
     )
     rows = [mode - 1 for mode in modes]
-    found, slopes = own.lowest_natural_frequencies(max(modes), addresses)
-    frequency = found[rows]
+    lowest, slopes = model.lowest_natural_frequencies(max(modes), addresses)
+    frequency = lowest[rows]
     column = {address: slopes[rows, i] / frequency for i, address in enumerate(addresses)}
     shared = np.zeros((len(rows), len(names)))
     for i, name in enumerate(names):
         for address in SHARED[name]:
             slope = column[address] - column[_REST] if name.endswith("length") else column[address]
-            shared[:, i] += own.get(address) * slope
-    joint = np.stack([own.get(address) * column[address] for address in JOINT], axis=1)
+            shared[:, i] += model.get(address) * slope
+    joint = np.stack([model.get(address) * column[address] for address in JOINT], axis=1)
     return frequency, shared, joint, 1e-3 * column["tool.segment[0].length"]
 
 
-def follow_joint(own: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
+def follow_joint(model: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
     """Return the joint (k_y, k_theta) for which the first two natural frequencies have given values.
 
     Newton's method in logarithms from the joint of the assembly, within `BOUNDS`. A value at a bound means that no
     joint within the bounds has these frequencies.
     """
-    wanted = np.log(np.asarray(frequency_hz, dtype=np.float64))
+    target = np.log(np.asarray(frequency_hz, dtype=np.float64))
     low, high = np.log(np.array(list(BOUNDS.values()))).T
-    x = np.log([own.get(address) for address in JOINT])
+    x = np.log([model.get(address) for address in JOINT])
     for _ in range(60):
-        moved = own.replace(dict(zip(JOINT, np.exp(x).tolist(), strict=True)))
-        frequency, slope = moved.lowest_natural_frequencies(2, JOINT)
+        joint = dict(zip(JOINT, np.exp(x).tolist(), strict=True))
+        frequency, slope = model.replace(joint).lowest_natural_frequencies(2, JOINT)
         matrix = slope * np.exp(x) / frequency[:, None]
-        step, *_ = np.linalg.lstsq(matrix, wanted - np.log(frequency), rcond=None)
+        step, *_ = np.linalg.lstsq(matrix, target - np.log(frequency), rcond=None)
         step *= min(1.0, _LARGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
-        before, x = x, np.clip(x + step, low, high)
-        if np.max(np.abs(x - before)) < 1e-10:
+        previous, x = x, np.clip(x + step, low, high)
+        if np.max(np.abs(x - previous)) < 1e-10:
             break
-    result: NDArray[np.float64] = np.exp(x)
-    return result
+    return np.asarray(np.exp(x))
 
 
 def identify_joints(published: Published, resolution: Resolution, *, starts: int, seed: int) -> list[dict[str, Any]]:
@@ -210,16 +206,16 @@ def joint_of(joints: Sequence[dict[str, Any]], diameter_mm: float, torque_nm: fl
 def _identified(published: Published, reading: Any, resolution: Resolution, starts: int, seed: int) -> dict[str, Any]:
     frequency = np.array(reading.frequency_hz)
     middle = [float(np.sqrt(low * high)) for low, high in BOUNDS.values()]
-    own = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)
+    model = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)
     measured = MeasuredFrequencies(
-        assembly=own,
+        assembly=model,
         frequency_hz=frequency,
         standard_deviation_hz=resolution.standard_deviation(frequency),
         label=f"{reading.diameter_mm:g} mm at {reading.torque_nm:g} N m",
     )
     unknowns = [Unknown(address=address, lower=low, upper=high) for address, (low, high) in BOUNDS.items()]
-    found = identify(measured, unknowns, starts=starts, seed=seed)
-    fitted = own.replace(found.values)
+    fit = identify(measured, unknowns, starts=starts, seed=seed)
+    fitted = model.replace(fit.values)
     _, _, joint_slopes, overhang_slopes = mode_slopes(fitted, (1, 2))
     per_mm = -100.0 * np.linalg.solve(joint_slopes, overhang_slopes)
     half = resolution.half_step(frequency)
@@ -227,21 +223,21 @@ def _identified(published: Published, reading: Any, resolution: Resolution, star
     row: dict[str, Any] = {
         "diameter_mm": reading.diameter_mm,
         "torque_nm": reading.torque_nm,
-        "correlation": float(found.correlation[0, 1]),
+        "correlation": float(fit.correlation[0, 1]),
         "starts": starts,
-        "starts_agreeing": found.agreeing,
-        "converged": found.converged,
-        "advice": list(found.advice),
+        "starts_agreeing": fit.agreeing,
+        "converged": fit.converged,
+        "advice": list(fit.advice),
     }
     for i, (address, (low, high)) in enumerate(BOUNDS.items()):
-        name, value = address.removeprefix("joint."), found.values[address]
-        least, most = float(np.min(corners, axis=0)[i]), float(np.max(corners, axis=0)[i])
+        name, value = address.removeprefix("joint."), fit.values[address]
+        lower, upper = float(np.min(corners, axis=0)[i]), float(np.max(corners, axis=0)[i])
         printed = getattr(reading, name)
         row |= {
             name: value,
             f"{name}_interval": [
-                None if least <= low * (1.0 + 1e-6) else least,
-                None if most >= high * (1.0 - 1e-6) else most,
+                None if lower <= low * (1.0 + 1e-6) else lower,
+                None if upper >= high * (1.0 - 1e-6) else upper,
             ],
             f"{name}_percent_per_mm": float(per_mm[i]),
             f"published_{name}": printed,
@@ -282,16 +278,14 @@ def find_trends(joints: Sequence[dict[str, Any]], torque_nm: float) -> dict[str,
 
 
 def _diameter_law(quantity: str, torque_nm: float, states: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    from scipy.stats import t as student  # slow to import
-
     x = np.log([state["diameter_mm"] for state in states])
     y = np.log([state[quantity] for state in states])
     centred = x - x.mean()
     exponent, interval = _weighted_sum(quantity, states, centred / np.sum(centred**2))
-    free = len(states) - 2
-    variance = float(np.sum((y - y.mean() - exponent * centred) ** 2)) / free
-    reach = float(student.ppf(0.5 + _CONFIDENCE / 2.0, free) * np.sqrt(variance / np.sum(centred**2)))
-    scatter = (exponent - reach, exponent + reach)
+    freedom = len(states) - 2
+    variance = float(np.sum((y - y.mean() - exponent * centred) ** 2)) / freedom
+    half_width = confidence_multiplier(0.95, freedom) * float(np.sqrt(variance / np.sum(centred**2)))
+    scatter = (exponent - half_width, exponent + half_width)
     return {
         "quantity": quantity,
         "torque_nm": torque_nm,
@@ -306,10 +300,10 @@ def _diameter_law(quantity: str, torque_nm: float, states: Sequence[dict[str, An
 
 def _steps(quantity: str, states: Sequence[dict[str, Any]], over: str) -> list[dict[str, Any]]:
     """Return the change from each state to the next in percent, with its interval."""
-    found = []
+    steps = []
     for pair in itertools.pairwise(states):
         value, interval = _weighted_sum(quantity, pair, [-1.0, 1.0])
-        found.append(
+        steps.append(
             {
                 "start": pair[0][over],
                 "end": pair[1][over],
@@ -318,7 +312,7 @@ def _steps(quantity: str, states: Sequence[dict[str, Any]], over: str) -> list[d
                 "exceeds": _excludes_zero(interval),
             }
         )
-    return found
+    return steps
 
 
 def _weighted_sum(quantity: str, states: Sequence[dict[str, Any]], weights: ArrayLike) -> tuple[float, Interval]:
@@ -327,8 +321,8 @@ def _weighted_sum(quantity: str, states: Sequence[dict[str, Any]], weights: Arra
     ends: list[float | None] = [0.0, 0.0]
     for state, weight in zip(states, np.asarray(weights).tolist(), strict=True):
         value += weight * float(np.log(state[quantity]))
-        own = state[f"{quantity}_interval"]
-        for side, end in enumerate(own if weight > 0.0 else own[::-1]):
+        interval = state[f"{quantity}_interval"]
+        for side, end in enumerate(interval if weight > 0.0 else interval[::-1]):
             total = ends[side]
             ends[side] = None if total is None or end is None else total + weight * float(np.log(end))
     return value, (ends[0], ends[1])

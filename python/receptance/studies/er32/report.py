@@ -21,7 +21,7 @@ _CAUSES = 6
 """Rows of the table of single causes."""
 
 
-def findings(found: dict[str, Any]) -> list[dict[str, str]]:
+def findings(results: dict[str, Any]) -> list[dict[str, str]]:
     """Return the sentences with their subjects."""
     subjects = {
         "holder": _on_holder,
@@ -32,24 +32,26 @@ def findings(found: dict[str, Any]) -> list[dict[str, str]]:
         "bias": _on_bias,
         "paper": _on_paper,
     }
-    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(found)]
+    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(results)]
 
 
-def sections(found: dict[str, Any]) -> list[Section]:
-    """Return what is printed."""
+def sections(results: dict[str, Any]) -> list[Section]:
+    """Return the printed sections."""
     texts: dict[str, list[str]] = {}
-    for item in found["findings"]:
+    for item in results["findings"]:
         texts.setdefault(item["about"], []).append(item["text"])
     return [
         Section("ER32 collet holder: the joint from printed natural frequencies", [], [SOURCE + "."]),
-        Section("The inferred holder", [_holder(found)], texts["holder"]),
-        Section("The joint of every tool at every torque (table 4)", [_joints(found)], texts["joint"]),
-        Section("Other overhangs (table 2)", [_transfers(found)], texts["transfer"]),
-        Section("Four joints that match the tip FRF in the machine (table 3)", [_sets(found)], texts["parameter sets"]),
-        Section("Stiffness over torque and diameter", _trends(found), texts["trends"]),
-        Section("The first mode of the long tools", _bias(found), texts["bias"]),
-        Section("The paper's own numbers", [], texts["paper"]),
-        Section("Summary", [], _summary(found)),
+        Section("The inferred holder", [_holder(results)], texts["holder"]),
+        Section("The joint of every tool at every torque (table 4)", [_joints(results)], texts["joint"]),
+        Section("Other overhangs (table 2)", [_transfers(results)], texts["transfer"]),
+        Section(
+            "Four joints that match the tip FRF in the machine (table 3)", [_sets(results)], texts["parameter sets"]
+        ),
+        Section("Stiffness over torque and diameter", _trends(results), texts["trends"]),
+        Section("The first mode of the long tools", _bias(results), texts["bias"]),
+        Section("Numbers printed in the paper", [], texts["paper"]),
+        Section("Summary", [], _summary(results)),
     ]
 
 
@@ -61,59 +63,59 @@ def _worst(rows: Sequence[dict[str, Any]], key: str) -> dict[str, Any]:
     return max(rows, key=lambda row: abs(row[key]))
 
 
-def _on_holder(found: dict[str, Any]) -> Iterator[str]:
-    own = found["inferred"]
-    at_bounds = ", ".join(q["name"] for q in own["quantities"] if q["at_bound"])
-    yield f"The holder is inferred, not published. {own['how']}"
+def _on_holder(results: dict[str, Any]) -> Iterator[str]:
+    inferred = results["inferred"]
+    at_bounds = ", ".join(q["name"] for q in inferred["quantities"] if q["at_bound"])
+    yield f"The holder is inferred, not published. {inferred['how']}"
     yield (
-        f"It reproduces these {own['frequencies']} frequencies to {own['rms_percent']:.2f} % rms. Agreement in "
-        "frequencies and stiffnesses that were used to infer it is consistency, not validation."
+        f"It reproduces these {inferred['frequencies']} frequencies to {inferred['rms_percent']:.2f} % rms. Agreement "
+        "in frequencies and stiffnesses that were used to infer it is consistency, not validation."
     )
-    limit = own["known_within_percent"]
-    known = [q for q in own["quantities"] if q["standard_error_percent"] < limit]
+    limit = inferred["known_within_percent"]
+    known = [q for q in inferred["quantities"] if q["standard_error_percent"] < limit]
     names = ", ".join(f"{q['name']} to {q['standard_error_percent']:.1f} %" for q in known)
     yield (
-        f"The frequencies determine {own['combinations_known']} combinations of the {len(own['quantities'])} fitted "
-        f"quantities within {limit:g} %"
+        f"The frequencies determine {inferred['combinations_known']} combinations of the "
+        f"{len(inferred['quantities'])} fitted quantities within {limit:g} %"
         + (f", and of the quantities themselves only {names}" if known else "")
         + f". The rest of the shape follows from the bounds of that fit (at a bound: {at_bounds}): the holder has the "
         "right receptance at the nose, but it is not the holder of the drawing."
     )
 
 
-def _on_joints(found: dict[str, Any]) -> Iterator[str]:
-    joints = found["identified"]
+def _on_joints(results: dict[str, Any]) -> Iterator[str]:
+    joints = results["identified"]
     y, theta = (_worst(joints, f"{name}_difference_percent") for name in ("k_y", "k_theta"))
     yield (
         f"All {len(joints)} joints of table 4 are identified from two natural frequencies each. The largest difference "
         f"from the paper is {y['k_y_difference_percent']:+.1f} % in k_y ({_state(y)}) and "
         f"{theta['k_theta_difference_percent']:+.1f} % in k_theta ({_state(theta)})."
     )
-    lost = [_state(j) for j in joints if not j["converged"]]
-    split = [
+    not_converged = [_state(j) for j in joints if not j["converged"]]
+    disagreeing = [
         f"{_state(j)} ({j['starts_agreeing']} of {j['starts']})" for j in joints if j["starts_agreeing"] < j["starts"]
     ]
-    if lost:
-        yield f"Not converged: {', '.join(lost)}."
-    if split:
-        yield f"Not all starts agree: {', '.join(split)}."
-    steps = found["settings"]["resolution"]
+    if not_converged:
+        yield f"Not converged: {', '.join(not_converged)}."
+    if disagreeing:
+        yield f"Not all starts agree: {', '.join(disagreeing)}."
+    steps = results["settings"]["resolution"]
     yield (
         "The intervals contain every joint whose frequencies would be printed like the measured ones: steps of "
         f"{steps['fine_hz']:g} Hz below {steps['change_hz'] / 1e3:g} kHz and of {steps['coarse_hz']:g} Hz from there "
         "on (the paper states no resolution). They contain neither the error of the model nor the scatter between "
         "clampings."
     )
-    error = found["settings"]["chance"]["overhang_mm"]
+    error = results["settings"]["chance"]["overhang_mm"]
     spans = []
     for name in ("k_y", "k_theta"):
-        moved = [error * abs(j[f"{name}_percent_per_mm"]) for j in joints]
-        spans.append(f"{name} by {min(moved):.1f} to {max(moved):.1f} %")
+        changes = [error * abs(j[f"{name}_percent_per_mm"]) for j in joints]
+        spans.append(f"{name} by {min(changes):.1f} to {max(changes):.1f} %")
     yield f"An error of {error:g} mm of the overhang moves {' and '.join(spans)}, at the same frequencies."
 
 
-def _on_transfer(found: dict[str, Any]) -> Iterator[str]:
-    theirs, ours = found["published_predictions"], found["transfer"]
+def _on_transfer(results: dict[str, Any]) -> Iterator[str]:
+    theirs, ours = results["published_predictions"], results["transfer"]
     yield (
         f"With the paper's stiffnesses (table 5) the model reproduces the {len(theirs['rows'])} frequencies predicted "
         f"in table 2 to {theirs['rms_percent']:.2f} % rms (consistency: they were used to infer the holder)."
@@ -127,21 +129,21 @@ def _on_transfer(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _on_sets(found: dict[str, Any]) -> Iterator[str]:
-    threshold = found["parameter_sets"][0]["threshold_percent"]
+def _on_sets(results: dict[str, Any]) -> Iterator[str]:
+    threshold = results["parameter_sets"][0]["threshold_percent"]
     yield (
-        f"A mode refutes a set if its error exceeds {threshold:.1f} %, {found['settings']['refutation']:g} times the "
+        f"A mode refutes a set if its error exceeds {threshold:.1f} %, {results['settings']['refutation']:g} times the "
         "rms error of the transfers above."
     )
-    for one in found["parameter_sets"]:
-        shows = one["first_refutation_of_first_mode"]
-        if shows is not None:
-            yield f"The first mode refutes {one['set']} from an overhang of {shows['overhang_mm']:g} mm down."
+    for chosen in results["parameter_sets"]:
+        error = chosen["first_refutation_of_first_mode"]
+        if error is not None:
+            yield f"The first mode refutes {chosen['set']} from an overhang of {error['overhang_mm']:g} mm down."
 
 
-def _on_trends(found: dict[str, Any]) -> Iterator[str]:
+def _on_trends(results: dict[str, Any]) -> Iterator[str]:
     for quantity in ("k_y", "k_theta"):
-        steps = [s for trend in found["trends"]["torque"] if trend["quantity"] == quantity for s in trend["steps"]]
+        steps = [s for trend in results["trends"]["torque"] if trend["quantity"] == quantity for s in trend["steps"]]
         up = sum(step["exceeds"] and step["percent"] > 0.0 for step in steps)
         down = sum(step["exceeds"] and step["percent"] < 0.0 for step in steps)
         yield (
@@ -158,14 +160,14 @@ def _p(value: float) -> str:
     return f"p = {value:.2g}" if value >= _SMALLEST_P else f"p < {_SMALLEST_P:g}"
 
 
-def _on_bias(found: dict[str, Any]) -> Iterator[str]:
-    bias, chance = found["long_first_mode_bias"], found["settings"]["chance"]
+def _on_bias(results: dict[str, Any]) -> Iterator[str]:
+    bias, chance = results["long_first_mode_bias"], results["settings"]["chance"]
     percent, mean = bias["percent"], bias["mean_percent"]
-    alike = len({np.sign(p) for p in percent}) == 1
+    same_sign = len({np.sign(p) for p in percent}) == 1
     yield (
         f"First mode of the long tools, 100 (predicted / measured - 1): {', '.join(f'{p:+.2f}' for p in percent)} %, "
         f"mean {mean:+.2f} %"
-        + (f"; predicted too {'low' if mean < 0.0 else 'high'} for all {len(percent)} diameters." if alike else ".")
+        + (f"; predicted too {'low' if mean < 0.0 else 'high'} for all {len(percent)} diameters." if same_sign else ".")
     )
     sources = ", ".join(f"{name} {value:.2f}" for name, value in bias["deviations_percent"].items())
     yield (
@@ -200,19 +202,19 @@ def _on_bias(found: dict[str, Any]) -> Iterator[str]:
         f"have a mean correlation of {bias['mean_correlation']:.2f}, so {count} tools count as {effective:.1f} "
         "independent ones."
     )
-    yield _on_causes(found)
+    yield _on_causes(results)
 
 
-def _on_causes(found: dict[str, Any]) -> str:
-    before = found["transfer"]["rms_percent"]
-    causes = found["long_first_mode_bias"]["single_causes"]
+def _on_causes(results: dict[str, Any]) -> str:
+    before = results["transfer"]["rms_percent"]
+    causes = results["long_first_mode_bias"]["single_causes"]
     least = causes[0]
     after = least["rms_percent"]
-    values = {q["name"]: q for q in found["inferred"]["quantities"]}
+    values = {q["name"]: q for q in results["inferred"]["quantities"]}
     value = ""
     if least["name"] in values:
-        own = values[least["name"]]
-        value = f"{own['value'] * (1.0 + 0.01 * least['change']):.4g} {own['unit']}, "
+        nominal = values[least["name"]]
+        value = f"{nominal['value'] * (1.0 + 0.01 * least['change']):.4g} {nominal['unit']}, "
     text = (
         f"The least unlikely single cause is {least['name']} {least['change']:+.1f} {least['unit']} ({value}"
         f"{least['deviations'] or 0.0:.1f} standard deviations)"
@@ -223,15 +225,15 @@ def _on_causes(found: dict[str, Any]) -> str:
     if not better:
         return text + ". No single cause removes the bias without a larger error of table 2 as a whole."
     names = "; ".join(f"{c['name']} {c['change']:+.1f} {c['unit']} ({c['rms_percent']:.2f} %)" for c in better)
-    torque = max(abs(t["change_percent"]) for t in found["trends"]["torque"] if t["quantity"] == "k_theta")
+    torque = max(abs(t["change_percent"]) for t in results["trends"]["torque"] if t["quantity"] == "k_theta")
     return (
         f"{text}. Of all single causes only these reduce the error of table 2 as a whole: {names}; over the whole "
         f"range of torque k_theta changes by at most {torque:.1f} % (fitted line). No cause is named."
     )
 
 
-def _on_paper(found: dict[str, Any]) -> Iterator[str]:
-    for item in found["disagreements"]:
+def _on_paper(results: dict[str, Any]) -> Iterator[str]:
+    for item in results["disagreements"]:
         article = "" if item["first_source"].startswith("table") else "the "
         text = (
             f"The paper disagrees with itself: {item['what']} of the {item['diameter_mm']:g} mm tool is "
@@ -245,7 +247,7 @@ def _on_paper(found: dict[str, Any]) -> Iterator[str]:
             )
         yield text
     published: Published = load()
-    steps = found["settings"]["resolution"]
+    steps = results["settings"]["resolution"]
     coarse = [f for r in (*published.readings,) for f in r.frequency_hz if f >= steps["change_hz"]]
     coarse += [f for t in published.transfers for f in t.measured_hz if f >= steps["change_hz"]]
     odd = sorted({f for f in coarse if not np.isclose(f % steps["coarse_hz"], 0.0)})
@@ -261,13 +263,13 @@ def _on_paper(found: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _summary(found: dict[str, Any]) -> list[str]:
-    theirs, ours, bias = found["published_predictions"], found["transfer"], found["long_first_mode_bias"]
+def _summary(results: dict[str, Any]) -> list[str]:
+    theirs, ours, bias = results["published_predictions"], results["transfer"], results["long_first_mode_bias"]
     y, theta = (
-        abs(_worst(found["identified"], f"{name}_difference_percent")[f"{name}_difference_percent"])
+        abs(_worst(results["identified"], f"{name}_difference_percent")[f"{name}_difference_percent"])
         for name in ("k_y", "k_theta")
     )
-    refuted = ", ".join(one["set"] for one in found["parameter_sets"] if one["refuted"])
+    refuted = ", ".join(chosen["set"] for chosen in results["parameter_sets"] if chosen["refuted"])
     return [
         f"published predictions: {theirs['rms_percent']:.2f} % rms; measured transfers: {ours['rms_percent']:.2f} % "
         f"rms (paper {ours['published_rms_percent']:.2f} %)",
@@ -278,10 +280,10 @@ def _summary(found: dict[str, Any]) -> list[str]:
     ]
 
 
-def _holder(found: dict[str, Any]) -> Table:
+def _holder(results: dict[str, Any]) -> Table:
     return table(
-        f"Inferred from {found['inferred']['frequencies']} frequencies; standard errors from these alone",
-        found["inferred"]["quantities"],
+        f"Inferred from {results['inferred']['frequencies']} frequencies; standard errors from these alone",
+        results["inferred"]["quantities"],
         {
             "quantity": "name",
             "value": "value:.5g",
@@ -292,7 +294,7 @@ def _holder(found: dict[str, Any]) -> Table:
     )
 
 
-def _joints(found: dict[str, Any]) -> Table:
+def _joints(results: dict[str, Any]) -> Table:
     columns = {"d\n[mm]": "diameter_mm:g", "torque\n[N m]": "torque_nm:g"}
     for name, unit in (("k_y", "N/m"), ("k_theta", "N m/rad")):
         columns |= {
@@ -301,11 +303,11 @@ def _joints(found: dict[str, Any]) -> Table:
             f"{name} in\nthe paper": f"published_{name}:.2e",
             f"difference\nof {name} [%]": f"{name}_difference_percent:+.1f",
         }
-    return table("Identified from two natural frequencies each", found["identified"], columns)
+    return table("Identified from two natural frequencies each", results["identified"], columns)
 
 
-def _transfers(found: dict[str, Any]) -> Table:
-    pairs = zip(found["transfer"]["rows"], found["published_predictions"]["rows"], strict=True)
+def _transfers(results: dict[str, Any]) -> Table:
+    pairs = zip(results["transfer"]["rows"], results["published_predictions"]["rows"], strict=True)
     return table(
         "Natural frequencies, free assembly",
         [{**ours, "theirs": theirs} for ours, theirs in pairs],
@@ -315,7 +317,7 @@ def _transfers(found: dict[str, Any]) -> Table:
             "mode": "mode:d",
             "measured\n[Hz]": "measured_hz:.0f",
             "paper\n[Hz]": "published_hz:.0f",
-            "its error\n[%]": "published_error_percent:+.2f",
+            "error of\npaper [%]": "published_error_percent:+.2f",
             "ours\n[Hz]": "predicted_hz:.1f",
             "our error\n[%]": "error_percent:+.2f",
             "with the paper's\njoint [Hz]": "theirs.predicted_hz:.1f",
@@ -324,39 +326,33 @@ def _transfers(found: dict[str, Any]) -> Table:
     )
 
 
-def _sets(found: dict[str, Any]) -> Table:
-    sets = found["parameter_sets"]
+def _sets(results: dict[str, Any]) -> Table:
+    sets = results["parameter_sets"]
     rows = []
-    for errors in zip(*(one["errors"] for one in sets), strict=True):
+    for errors in zip(*(chosen["errors"] for chosen in sets), strict=True):
         row = dict(errors[0])
-        for one, error in zip(sets, errors, strict=True):
-            mark = "*" if error in one["refuted_by"] else " "
-            row |= {one["set"]: error["predicted_hz"], f"{one['set']} error": f"{error['error_percent']:+.1f}{mark}"}
+        for chosen, error in zip(sets, errors, strict=True):
+            name, mark = chosen["set"], "*" if error in chosen["refuted_by"] else " "
+            row |= {name: error["predicted_hz"], f"{name} error": f"{error['error_percent']:+.1f}{mark}"}
         rows.append(row)
     columns = {"overhang\n[mm]": "overhang_mm:g", "mode": "mode:d", "measured\n[Hz]": "measured_hz:.0f"}
-    for one in sets:
-        columns |= {f"{one['set']}\n[Hz]": f"{one['set']}:.0f", f"{one['set']}\nerror [%] ": f"{one['set']} error:>"}
+    for name in (chosen["set"] for chosen in sets):
+        columns |= {f"{name}\n[Hz]": f"{name}:.0f", f"{name}\nerror [%] ": f"{name} error:>"}
     return table("Predicted with each set; * refutes it", rows, columns)
 
 
-def _trends(found: dict[str, Any]) -> list[Table]:
+def _trends(results: dict[str, Any]) -> list[Table]:
     def with_steps(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], dict[str, str]]:
         names = [f"{step['start']:g} to\n{step['end']:g} [%] " for step in rows[0]["steps"]]
-        found = [
-            {
-                **row,
-                **{
-                    n: f"{s['percent']:+.1f}{' ' if s['exceeds'] else '~'}"
-                    for n, s in zip(names, row["steps"], strict=True)
-                },
-            }
-            for row in rows
-        ]
-        return found, {name: f"{name}:>" for name in names}
+        extended = []
+        for row in rows:
+            steps = [f"{step['percent']:+.1f}{' ' if step['exceeds'] else '~'}" for step in row["steps"]]
+            extended.append({**row, **dict(zip(names, steps, strict=True))})
+        return extended, {name: f"{name}:>" for name in names}
 
-    low, high = found["trends"]["torque_range_nm"]
-    torque, torque_steps = with_steps(found["trends"]["torque"])
-    diameter, diameter_steps = with_steps(found["trends"]["diameter"])
+    low, high = results["trends"]["torque_range_nm"]
+    torque, torque_steps = with_steps(results["trends"]["torque"])
+    diameter, diameter_steps = with_steps(results["trends"]["diameter"])
     return [
         table(
             f"From {low:g} to {high:g} N m: line fitted to the values at all torques, change between the end values; "
@@ -388,8 +384,8 @@ def _trends(found: dict[str, Any]) -> list[Table]:
     ]
 
 
-def _bias(found: dict[str, Any]) -> list[Table]:
-    bias = found["long_first_mode_bias"]
+def _bias(results: dict[str, Any]) -> list[Table]:
+    bias = results["long_first_mode_bias"]
     keys = ("diameter_mm", "overhang_mm", "percent", "published_percent", "tool_deviation_percent")
     rows = [dict(zip(keys, values, strict=True)) for values in zip(*(bias[key] for key in keys), strict=True)]
     mean = (None, None, bias["mean_percent"], float(np.mean(bias["published_percent"])), bias["mean_deviation_percent"])
@@ -408,7 +404,7 @@ def _bias(found: dict[str, Any]) -> list[Table]:
         ),
         table(
             f"Single causes that would remove the mean bias, the {_CAUSES} least unlikely and the joint (the rms error "
-            f"of table 2 is {found['transfer']['rms_percent']:.2f} % without them)",
+            f"of table 2 is {results['transfer']['rms_percent']:.2f} % without them)",
             [*causes[:_CAUSES], *(c for c in causes[_CAUSES:] if c["deviations"] is None)],
             {
                 "cause": "name",

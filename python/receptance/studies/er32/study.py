@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.report import versions
@@ -32,12 +33,9 @@ from receptance.studies.er32.joints import (
 from receptance.studies.er32.report import findings
 from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 __all__ = ["ER32Settings", "run"]
 
-AT_BOUNDS = ("carbide density", "nose diameter", "flange length")
+_AT_BOUNDS = ("carbide density", "nose diameter", "flange length")
 """Quantities that ended at a bound of the fit from which the holder was inferred."""
 _KNOWN_WITHIN_PERCENT = 10.0
 
@@ -82,9 +80,7 @@ class ER32Settings:
             _checks.not_negative("chance", name, value)
         _checks.positive("settings", "refutation", self.refutation)
         for name, least in (("starts", 1), ("draws", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ValueError(f"{name} is {value!r}, expected a whole number of at least {least}")
+            _checks.whole_number("settings", name, getattr(self, name), least=least)
 
 
 def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
@@ -105,8 +101,8 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
     Examples
     --------
     >>> from receptance.studies import er32
-    >>> found = er32.run(er32.ER32Settings(starts=1, draws=1))
-    >>> round(found["published_predictions"]["rms_percent"], 2)
+    >>> results = er32.run(er32.ER32Settings(starts=1, draws=1))
+    >>> round(results["published_predictions"]["rms_percent"], 2)
     0.49
     """
     chosen = settings or ER32Settings()
@@ -136,7 +132,7 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
         }
         for row in theirs
     ]
-    found: dict[str, Any] = {
+    results: dict[str, Any] = {
         "study": "er32",
         "source": SOURCE,
         "settings": asdict(chosen),
@@ -153,14 +149,16 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
             "published_rms_percent": rms([row["published_error_percent"] for row in transfers]),
             "rows": transfers,
         },
-        "parameter_sets": [_judge_set(published, one, chosen.refutation * error) for one in published.parameter_sets],
+        "parameter_sets": [
+            _judge_set(published, parameters, chosen.refutation * error) for parameters in published.parameter_sets
+        ],
         "trends": find_trends(joints, published.torque_nm),
         "long_first_mode_bias_percent": bias["percent"],
         "long_first_mode_bias_p_value": bias["p_value"],
         "long_first_mode_bias": bias,
         "disagreements": find_disagreements(published, joints),
     }
-    return {**found, "findings": findings(found)}
+    return {**results, "findings": findings(results)}
 
 
 def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.float64]]:
@@ -176,16 +174,16 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
     residuals, rows = [], []
     for diameter, overhang, target in cases:
         setup = published.setup(diameter)
-        own = assembly(diameter, overhang, setup.k_y, setup.k_theta)
-        frequency, slopes, _, _ = mode_slopes(own, range(1, len(target) + 1), fitted)
+        model = assembly(diameter, overhang, setup.k_y, setup.k_theta)
+        frequency, slopes, _, _ = mode_slopes(model, range(1, len(target) + 1), fitted)
         residuals.append(np.log(frequency / target))
         rows.append(slopes)
     residual, matrix = np.concatenate(residuals), np.concatenate(rows)
     count, unknowns = matrix.shape
     scatter = float(np.sqrt(np.sum(residual**2) / (count - unknowns)))
     _, singular, directions = np.linalg.svd(matrix, full_matrices=False)
-    spread = scatter * directions / singular[:, None]
-    covariance = spread.T @ spread
+    errors = scatter * directions / singular[:, None]
+    covariance = errors.T @ errors
     quantities = []
     for name, error in zip(fitted, np.sqrt(np.diag(covariance)).tolist(), strict=True):
         value, unit = shared_value(name)
@@ -195,7 +193,7 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
                 "value": value,
                 "unit": unit,
                 "standard_error_percent": 100.0 * error,
-                "at_bound": name in AT_BOUNDS,
+                "at_bound": name in _AT_BOUNDS,
             }
         )
     document = {
@@ -220,8 +218,8 @@ def _judge_set(published: Published, chosen: ParameterSet, threshold_percent: fl
     errors = []
     for overhang in sorted(measured, reverse=True):
         frequencies = measured[overhang]
-        own = assembly(chosen.diameter_mm, overhang, chosen.k_y, chosen.k_theta)
-        found = own.lowest_natural_frequencies(len(frequencies))[0].tolist()
+        model = assembly(chosen.diameter_mm, overhang, chosen.k_y, chosen.k_theta)
+        lowest = model.lowest_natural_frequencies(len(frequencies))[0].tolist()
         errors += [
             {
                 "overhang_mm": overhang,
@@ -230,7 +228,7 @@ def _judge_set(published: Published, chosen: ParameterSet, threshold_percent: fl
                 "predicted_hz": predicted,
                 "error_percent": 100.0 * (predicted / value - 1.0),
             }
-            for mode, (value, predicted) in enumerate(zip(frequencies, found, strict=True), 1)
+            for mode, (value, predicted) in enumerate(zip(frequencies, lowest, strict=True), 1)
         ]
     refuted_by = [error for error in errors if abs(error["error_percent"]) > threshold_percent]
     worst = max(errors, key=lambda error: abs(error["error_percent"]))
@@ -252,12 +250,12 @@ def _judge_set(published: Published, chosen: ParameterSet, threshold_percent: fl
 
 def find_disagreements(published: Published, joints: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return numbers that the paper prints twice and differently, with the effect on the joint where it is known."""
-    found = []
+    disagreements = []
 
     def add(what: str, diameter: float, unit: str, first: float, where: str, second: float, elsewhere: str) -> None:
         entry: dict[str, Any] = {"what": what, "diameter_mm": diameter, "unit": unit, "first": first}
         entry |= {"first_source": where, "second": second, "second_source": elsewhere}
-        found.append({**entry, "k_y_change_percent": None, "k_theta_change_percent": None})
+        disagreements.append({**entry, "k_y_change_percent": None, "k_theta_change_percent": None})
 
     for printed in published.text:
         setup = published.setup(printed.diameter_mm)
@@ -272,10 +270,10 @@ def find_disagreements(published: Published, joints: Sequence[dict[str, Any]]) -
         if source == "table 1":
             joint = joint_of(joints, diameter, published.torque_nm)
             other = assembly(diameter, second, joint["k_y"], joint["k_theta"])
-            moved = follow_joint(other, published.reading(diameter).frequency_hz).tolist()
-            for name, value in zip(("k_y", "k_theta"), moved, strict=True):
-                found[-1][f"{name}_change_percent"] = 100.0 * (value / joint[name] - 1.0)
-    return found
+            followed = follow_joint(other, published.reading(diameter).frequency_hz).tolist()
+            for name, value in zip(("k_y", "k_theta"), followed, strict=True):
+                disagreements[-1][f"{name}_change_percent"] = 100.0 * (value / joint[name] - 1.0)
+    return disagreements
 
 
 def overhang_scatter(published: Published) -> float:

@@ -8,8 +8,8 @@
 use crate::error::{Error, Result, if_any, one_a_line, same_length};
 use crate::fit::least_squares::{End, Stop, minimise};
 use crate::joint::reduction::JointReduction;
-use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::frequencies::every;
+use crate::model::spring::{SPRING_COLUMNS, Spring};
 use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::observe::joint::Reduced;
 use crate::observe::lines::{Rows, spread};
@@ -58,7 +58,7 @@ pub struct OfJoint {
     pub reduction: Arc<JointReduction>,
     /// What was measured on its lines.
     pub record: Record,
-    /// The seven columns of the joint, where they are not fitted.
+    /// The columns of the joint, where they are not fitted.
     pub joint: [f64; SPRING_COLUMNS],
     /// The variable of each column, if it is fitted.
     pub variables: [Option<usize>; SPRING_COLUMNS],

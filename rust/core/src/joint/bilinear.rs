@@ -5,15 +5,15 @@
 //! D likewise, n and d being functions of the line and of all that is not the joint: the series of `joint_series`, or
 //! from the planes of `reduction`. There, with G = K_0^-1 and because adj(1 + A) = 1 + adj(A) for 2 x 2 matrices,
 //!     D = 1 + tr(Y (C - G)) + det Y det(C - G),   N = H_0 D + F_r^T ((C - G) + det(C - G) adj(Y)) F_e
-//! up to det K. The entries of K are k (1 + i eta) + i w c, so that N and D are sums over columns: a real factor that
+//! up to det K. The entries of K are k (1 + i loss) + i w c, so that N and D are sums over columns: a real factor that
 //! only the joint has, times a complex number that only the line has. For many joints on many lines that is a product
 //! of two real matrices.
 
 use crate::joint::change::REDUCTION_PLANES;
 use crate::joint::reduction::Reduction;
 use crate::joint::series::SERIES_ROWS;
-use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::frequencies::Frequencies;
+use crate::model::spring::{SPRING, SPRING_COLUMNS, Spring, Term};
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
 use core::ops::Range;
@@ -57,20 +57,14 @@ const OF_COLUMN: [(usize, By); COLUMNS] = [
 
 /// A joint's factor of each column, all together made about one at the angular frequency `highest`.
 pub fn factors(joint: &Spring, highest: f64) -> [f64; COLUMNS] {
-    let ([ky, kt, kc], [cy, ct, cc], eta) = (joint.k, joint.c, joint.loss_factor);
-    let size = |k: f64, c: f64| k * eta.hypot(1.0) + highest * c;
+    let ([ky, kt, kc], [cy, ct, cc]) = (joint.hysteretic(), joint.c);
+    let size = |k: Complex64, c: f64| k.norm() + highest * c;
     // A power of two, so that no digit changes.
     let scale = (-(size(ky, cy) * size(kt, ct)).log2().floor()).exp2();
     let (stiff, mixed) = (ky * kt - kc * kc, ky * ct + kt * cy - 2.0 * kc * cc);
-    let row = |k: f64, c: f64| [k, eta * k, c];
+    let row = |k: Complex64, c: f64| [k.re, k.im, c];
     let mut out = [1.0; COLUMNS];
-    out[..5].copy_from_slice(&[
-        (1.0 - eta * eta) * stiff,
-        2.0 * eta * stiff,
-        mixed,
-        eta * mixed,
-        cy * ct - cc * cc,
-    ]);
+    out[..5].copy_from_slice(&[stiff.re, stiff.im, mixed.re, mixed.im, cy * ct - cc * cc]);
     out[5..8].copy_from_slice(&row(kt, ct));
     out[8..11].copy_from_slice(&row(ky, cy));
     out[11..14].copy_from_slice(&row(kc, cc));
@@ -180,10 +174,14 @@ pub fn column<S: Simd>(column: usize, functions: &[C<S>; FUNCTIONS], iw: C<S>) -
 
 /// The columns that a table of joints needs: those whose factor is not zero for all of them.
 pub fn used(joints: &[f64]) -> Vec<usize> {
-    let any = |columns: &[usize]| {
-        joints.chunks_exact(SPRING_COLUMNS).any(|joint| columns.iter().any(|&column| joint[column] != 0.0))
+    let any = |effect: fn(&Term) -> bool| {
+        let rows = joints.chunks_exact(SPRING_COLUMNS);
+        rows.into_iter()
+            .any(|row| row.iter().zip(SPRING).any(|(value, (_, term))| effect(term) && *value != 0.0))
     };
-    let (damped, couples, lossy) = (any(&[3, 4, 5]), any(&[2, 5]), any(&[6]));
+    let damped = any(|term| matches!(term, Term::Dashpot(_)));
+    let couples = any(|term| matches!(term, Term::Stiffness(2) | Term::Dashpot(2)));
+    let lossy = any(|term| matches!(term, Term::Loss(_)));
     let needed = |(function, by): (usize, By)| {
         (function != 3 || couples)
             && match by {

@@ -1,7 +1,7 @@
 //! What another joint makes of a reduced receptance, line by line.
 
-use crate::model::assembly::Spring;
 use crate::model::frequencies::Frequencies;
+use crate::model::spring::Spring;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
 use core::ops::Range;

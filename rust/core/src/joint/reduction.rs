@@ -12,10 +12,11 @@ use crate::error::{Error, Result};
 use crate::joint::change::REDUCTION_PLANES;
 use crate::joint::series::joint_series;
 use crate::line::response::{Job, first_of};
-use crate::model::assembly::{Model, SPRING_COLUMNS, Spring};
+use crate::model::assembly::Model;
 use crate::model::frequencies::{EMPTY, Frequencies, LINES_PER_TASK, OwnedFrequencies, every};
 use crate::model::request::{Coordinate, Request, check};
 use crate::model::section::Motion;
+use crate::model::spring::{SPRING_COLUMNS, Spring};
 use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
@@ -43,7 +44,7 @@ pub(crate) enum Reduction {
 pub struct JointReduction {
     pub(crate) reduction: Reduction,
     frequencies: OwnedFrequencies,
-    /// The seven columns of the joint at which the model was reduced.
+    /// The columns of the joint at which the model was reduced.
     pub(crate) reference: [f64; SPRING_COLUMNS],
 }
 
@@ -131,7 +132,7 @@ pub fn reduce_joint(
         Some(series) => Reduction::Series(series),
         None => Reduction::Planes(planes(model, joint, lines, highest, &request, threads)?),
     };
-    let reference = model.joints[joint].1.columns();
+    let reference = model.joints[joint].1.columns;
     Ok(JointReduction { reduction, frequencies: lines.every(1), reference })
 }
 
@@ -375,7 +376,7 @@ mod tests {
             let model = draw.model();
             let node = if case % 2 == 0 { 0 } else { 7 };
             let tip = Coordinate { node, direction: case / 2 % 2 };
-            let reference = model.joints[0].1.columns();
+            let reference = model.joints[0].1.columns;
             let joint = draw.joint(case % 3 > 0);
             let (mut other, request) = (model.clone(), derivatives(tip));
             other.joints[0].1 = Spring::new(&joint);

@@ -18,10 +18,11 @@
 //! up to one sign, and dH = -gap^T dK gap without the cancellation of the quotient's derivative.
 
 use crate::joint::change::{Change, Update};
-use crate::model::assembly::{Model, Spring, Step};
+use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::Frequencies;
 use crate::model::request::Coordinate;
 use crate::model::section::Segment;
+use crate::model::spring::Spring;
 use crate::series::branch::{MOST_SPAN, past};
 use crate::series::minors::{
     MOST_TERMS, Minors, State, TV, Terms, VM, YM, YT, YV, state_carried, state_through, state_yielding, trim,
@@ -227,9 +228,7 @@ impl AtJoint {
             let row = (1 + 2 * function) * count + power;
             Complex64::new(rows[row], rows[row + count])
         };
-        let loss = Complex64::new(1.0, joint.loss_factor);
-        let k = joint.k.map(|k| loss * k);
-        let c = joint.c;
+        let (k, c) = (joint.hysteretic(), joint.c);
         // Sizes near one, or the product N D might overflow.
         let size = |i: usize| 1.0 / (k[i].norm() + reference * c[i]);
         let size = size(0) * size(1);

@@ -14,8 +14,8 @@
 use crate::error::{Result, one_a_line, same_length};
 use crate::joint::bilinear::{COLUMNS, FUNCTIONS, Functions, OnLines, column, factors, used};
 use crate::joint::reduction::JointReduction;
-use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::request::singular_at;
+use crate::model::spring::{SPRING_COLUMNS, Spring};
 use crate::simd::elementary::ln_norm_sqr;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::threads::on_threads;

@@ -11,6 +11,7 @@ use crate::model::assembly::{Model, Table};
 use crate::model::frequencies::Frequencies;
 use crate::model::request::{Coordinate, Parameter, Request, Response, check_parameters};
 use crate::model::slip::Slip;
+use crate::model::spring::Spring;
 use crate::threads::on_threads;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -128,8 +129,8 @@ enum Kind {
 /// Translation and rotation of all joints in micro-slip, one after the other.
 struct Slots {
     slips: Vec<Slip>,
-    /// k_y, k_theta, k_ytheta of each joint, and its loss factor.
-    joints: Vec<([f64; 3], f64)>,
+    /// The spring of each joint.
+    joints: Vec<Spring>,
     /// First side y and theta, second side y and theta of each joint.
     sides: Vec<Coordinate>,
 }
@@ -142,7 +143,7 @@ impl Slots {
         });
         Self {
             slips: model.slips.clone(),
-            joints: springs.clone().map(|(_, spring)| (spring.k, spring.loss_factor)).collect(),
+            joints: springs.clone().map(|(_, spring)| spring).collect(),
             sides: sides.collect(),
         }
     }
@@ -154,7 +155,7 @@ impl Slots {
     /// Some pair of numbers of each joint, slot by slot, at some levels.
     fn each<T: Copy>(&self, levels: &[f64], pair: impl Fn(&Slip, [f64; 3], [f64; 2]) -> [T; 2]) -> Vec<T> {
         let joints = self.slips.iter().zip(&self.joints).zip(levels.chunks(2));
-        joints.flat_map(|((slip, (k, _)), level)| pair(slip, *k, [level[0], level[1]])).collect()
+        joints.flat_map(|((slip, spring), level)| pair(slip, spring.k, [level[0], level[1]])).collect()
     }
 
     fn added(&self, levels: &[f64]) -> Vec<Complex64> {
@@ -456,12 +457,12 @@ impl AtLine<'_> {
             // Levels are not stated here.
             Kind::Column { column: LEVEL, .. } => Complex64::ZERO,
             Kind::Column { slip, column } => {
-                let rates = self.slots.slips[slip].by_column(self.slots.joints[slip].0, level(slip), column);
+                let rates = self.slots.slips[slip].by_column(self.slots.joints[slip].k, level(slip), column);
                 (0..2).map(|i| self.through(row, 2 * slip + i) * rates[i]).sum()
             }
             Kind::Stiffness(slot) => {
                 let lost = self.slots.slips[slot / 2].lost(level(slot / 2))[slot % 2];
-                let loss = Complex64::new(1.0, self.slots.joints[slot / 2].1);
+                let loss = Complex64::new(1.0, self.slots.joints[slot / 2].loss[slot % 2]);
                 self.through(row, slot) * (loss - lost)
             }
         }

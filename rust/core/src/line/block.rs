@@ -5,10 +5,11 @@ use crate::line::kernel::{Choice, Kernel};
 use crate::line::layer::DERIVATIVES;
 use crate::line::overlap::Lanes;
 use crate::line::plane::Plane;
-use crate::model::assembly::{Model, Spring, Step};
+use crate::model::assembly::{Model, Step};
 use crate::model::overlap::Beside;
 use crate::model::request::ByLine;
 use crate::model::section::Segment;
+use crate::model::spring::Spring;
 use crate::model::terminals::{Mode, TERMINAL_ENTRIES, Terminal};
 use crate::series::branch::Branch;
 use crate::simd::lane::{C, MAX_LANES};
@@ -93,15 +94,14 @@ impl Spring {
         [self.k, self.c].iter().any(|[y, theta, both]| *both != 0.0 && both * both > 0.5 * y * theta)
     }
 
-    /// The dynamic stiffness (1 + i eta) k + i w c.
+    /// The dynamic stiffness k (1 + i loss) + i w c.
     #[inline(always)]
     pub fn stiffness<S: Simd, const D: usize>(&self, simd: S, iw: C<S>) -> Mat<S, D> {
-        let mut out = small::zeros(simd);
+        let (k, mut out) = (self.hysteretic(), small::zeros(simd));
         for i in 0..D {
             for j in 0..D {
                 let entry = if i == j { i } else { 2 };
-                let k = Complex64::new(self.k[entry], self.k[entry] * self.loss_factor);
-                out[i][j] = C::real(simd, self.c[entry]).mul_add(iw, C::splat(simd, k));
+                out[i][j] = C::real(simd, self.c[entry]).mul_add(iw, C::splat(simd, k[entry]));
             }
         }
         out

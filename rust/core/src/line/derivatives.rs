@@ -11,11 +11,12 @@ use crate::line::exponential;
 use crate::line::kernel::{Choice, Kernel, Wave, parity};
 use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
-use crate::model::assembly::{Model, Spring, Table};
+use crate::model::assembly::{Model, Table};
 use crate::model::overlap::{Overlap, column as overlap_column};
 use crate::model::request::Parameter;
 use crate::model::section;
 use crate::model::section::{Motion, Segment};
+use crate::model::spring::{SPRING, Spring, Term};
 use crate::model::terminals::{Mode, TERMINAL_ENTRIES};
 use crate::simd::lane::{C, R};
 use num_complex::Complex64;
@@ -235,13 +236,15 @@ pub(crate) fn spring_derivative<S: Simd, const D: usize>(
     right: &[C<S>; D],
 ) -> C<S> {
     let simd = iw.simd;
-    match column {
-        0..3 => C::splat(simd, Complex64::new(1.0, spring.loss_factor)) * spring_term(column, left, right),
-        3..6 => iw * spring_term(column - 3, left, right),
-        _ => {
+    match &SPRING[column].1 {
+        Term::Stiffness(entry) => {
+            C::splat(simd, Complex64::new(1.0, spring.loss[*entry])) * spring_term(*entry, left, right)
+        }
+        Term::Dashpot(entry) => iw * spring_term(*entry, left, right),
+        Term::Loss(shares) => {
             let mut sum = C::zero(simd);
             for entry in 0..3 {
-                sum = sum + spring_term(entry, left, right).scale(spring.k[entry]);
+                sum = sum + spring_term(entry, left, right).scale(shares[entry] * spring.k[entry]);
             }
             sum.times_i()
         }

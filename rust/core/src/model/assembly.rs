@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::model::overlap::{self, Overlap};
 use crate::model::section::{self, Motion};
 use crate::model::slip::{SLIP_COLUMNS, Slip};
+use crate::model::spring::{SPRING_COLUMNS, Spring};
 use crate::model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, Terminal};
 
 /// Kinds of element, in the order of the tables.
@@ -29,70 +30,12 @@ pub enum Table {
 
 /// Number of tables.
 pub const TABLES: usize = 8;
-/// Columns of the joint table: nodes a, b, then the spring's seven.
-pub const JOINT_COLUMNS: usize = 9;
+/// Columns of the joint table: nodes a, b, then those of the spring.
+pub const JOINT_COLUMNS: usize = 2 + SPRING_COLUMNS;
 /// Columns of the mass table: node, mass, inertia (for rods: node, inertia of the motion, unused).
 pub const MASS_COLUMNS: usize = 3;
-/// Columns of the ground table: node, then the spring's seven.
-pub const GROUND_COLUMNS: usize = 8;
-
-/// Columns of a spring.
-pub const SPRING_COLUMNS: usize = 7;
-
-/// A spring and dashpot, full, symmetric and complex: the columns k_y, k_theta, k_ytheta, c_y, c_theta,
-/// c_ytheta, loss_factor. For rods k_y and c_y act along the motion and the others are not used.
-#[derive(Copy, Clone, Debug, PartialEq)]
-pub struct Spring {
-    /// k_y, k_theta, k_ytheta.
-    pub k: [f64; 3],
-    /// c_y, c_theta, c_ytheta.
-    pub c: [f64; 3],
-    /// Hysteretic loss factor of the stiffness.
-    pub loss_factor: f64,
-}
-
-impl Spring {
-    pub(crate) fn new(columns: &[f64]) -> Self {
-        let three = |start: usize| [columns[start], columns[start + 1], columns[start + 2]];
-        Self { k: three(0), c: three(3), loss_factor: columns[6] }
-    }
-
-    /// The columns that it was made of.
-    pub(crate) fn columns(&self) -> [f64; 7] {
-        let ([ky, kt, kc], [cy, ct, cc]) = (self.k, self.c);
-        [ky, kt, kc, cy, ct, cc, self.loss_factor]
-    }
-
-    pub(crate) fn check(&self, element: &'static str, row: usize) -> Result<()> {
-        const NAMES: [&str; 7] = ["k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor"];
-        let fail = |index: usize, value: f64, expected| {
-            Err(Error::Quantity { element, row, quantity: NAMES[index], value, expected })
-        };
-        for (start, values) in [(0, self.k), (3, self.c)] {
-            for (i, value) in values.into_iter().enumerate() {
-                if !value.is_finite() || (i < 2 && value < 0.0) {
-                    let expected = if i < 2 { "zero or a positive finite number" } else { "a finite number" };
-                    return fail(start + i, value, expected);
-                }
-            }
-            // Rounding in the product may not refuse what is exactly on the limit.
-            if values[2] * values[2] > values[0] * values[1] * (1.0 + 1e-12) {
-                let expected = "at most the root of the product of the other two (positive semidefinite)";
-                return fail(start + 2, values[2], expected);
-            }
-        }
-        if !(self.loss_factor.is_finite() && self.loss_factor >= 0.0) {
-            return fail(6, self.loss_factor, "zero or a positive finite number");
-        }
-        Ok(())
-    }
-
-    /// Whether the static stiffness alone keeps the interface from being singular.
-    pub fn statically_regular(&self, degrees: usize) -> bool {
-        let [y, theta, both] = self.k;
-        if degrees == 1 { y > 0.0 } else { y * theta - both * both > 1e-14 * y * theta }
-    }
-}
+/// Columns of the ground table: node, then those of the spring.
+pub const GROUND_COLUMNS: usize = 1 + SPRING_COLUMNS;
 
 /// A step of a sweep towards its root; each works on the plane that the step before it left.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]

@@ -3,20 +3,19 @@
 //! Frequency stands beside inertia as w^2 m, beside dashpots as w c, and in modes of terminals as phi / w and w / w_r.
 //! Derivatives by frequency and by a share of all damping follow from those by these entries.
 
-use crate::model::assembly::{Model, Spring, Table};
+use crate::model::assembly::{Model, Table};
 use crate::model::overlap;
 use crate::model::request::Parameter;
 use crate::model::section::column::{CORE_MATERIAL, MATERIAL, OUTER_DIAMETER};
+use crate::model::spring::{Spring, Term};
 
 /// Place of the density and of the loss factor among the numbers of a material.
 const DENSITY: usize = 1;
 const LOSS_FACTOR: usize = 3;
 
-/// First columns of a spring in the tables of joints and of grounds, and places of dashpots and loss factor in a spring.
+/// First columns of a spring in the tables of joints and of grounds.
 const IN_JOINTS: usize = 2;
 const IN_GROUNDS: usize = 1;
-const DASHPOTS: usize = 3;
-const SPRING_LOSS_FACTOR: usize = 6;
 
 impl Model {
     /// Entries a that are not zero with numbers n a, so that w dH/dw = sum n a dH/da.
@@ -47,7 +46,8 @@ impl Model {
         self.materials(LOSS_FACTOR, &mut out);
         self.dashpots(&mut out);
         for (table, start, row, spring) in self.springs() {
-            out.push((entry(table, row, start + SPRING_LOSS_FACTOR), spring.loss_factor));
+            let losses = spring.columns_with(|term| matches!(term, Term::Loss(_)));
+            out.extend(losses.map(|(column, value)| (entry(table, row, start + column), value)));
         }
         for (row, overlap) in self.overlaps.iter().enumerate() {
             out.push((entry(Table::Overlaps, row, overlap::column::LOSS_FACTOR), overlap.loss_factor));
@@ -70,8 +70,7 @@ impl Model {
         }
         let joints = model.joints.iter_mut().map(|joint| &mut joint.1);
         for spring in joints.chain(model.grounds.iter_mut().map(|ground| &mut ground.1)) {
-            spring.c = spring.c.map(|c| share * c);
-            spring.loss_factor *= share;
+            *spring = spring.with_damping(share);
         }
         model
     }
@@ -86,9 +85,8 @@ impl Model {
 
     fn dashpots(&self, out: &mut Vec<(Parameter, f64)>) {
         for (table, start, row, spring) in self.springs() {
-            for (i, c) in spring.c.iter().enumerate() {
-                out.push((entry(table, row, start + DASHPOTS + i), *c));
-            }
+            let dashpots = spring.columns_with(|term| matches!(term, Term::Dashpot(_)));
+            out.extend(dashpots.map(|(column, value)| (entry(table, row, start + column), value)));
         }
         for (row, overlap) in self.overlaps.iter().enumerate() {
             for (i, c) in overlap.c.iter().enumerate() {

@@ -7,4 +7,5 @@ pub mod overlap;
 pub mod request;
 pub mod section;
 pub mod slip;
+pub mod spring;
 pub mod terminals;

@@ -1,11 +1,12 @@
 //! What is asked of a model, and whether the model can answer it.
 
 use crate::error::{Error, Result};
-use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Spring, Table};
+use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
 use crate::model::frequencies::Frequencies;
 use crate::model::overlap::{self, Beside, Overlap};
 use crate::model::section::{Segment, column};
 use crate::model::slip::SLIP_COLUMNS;
+use crate::model::spring::Spring;
 use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS, TERMINAL_ENTRIES};
 use core::ops::Range;
 use num_complex::Complex64;
@@ -242,10 +243,7 @@ pub(crate) fn singular_at(
         return None;
     }
     lines.iter().find_map(|line| {
-        let iw = Complex64::I * line;
-        let entry =
-            |i: usize| Complex64::new(spring.k[i], spring.k[i] * spring.loss_factor) + iw * spring.c[i];
-        let (y, theta, both) = (entry(0), entry(1), entry(2));
+        let [y, theta, both] = spring.at(line);
         let (size, determinant) =
             if degrees == 1 { (1.0, y) } else { ((y * theta).norm(), y * theta - both * both) };
         let singular = determinant.norm() <= 1e-14 * size || determinant.norm() == 0.0;

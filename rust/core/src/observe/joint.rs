@@ -7,8 +7,8 @@ use crate::joint::change::{Change, Planes, Update};
 use crate::joint::reduction::{JointReduction, Reduction};
 use crate::joint::series::AtJoint;
 use crate::line::derivatives::spring_derivative;
-use crate::model::assembly::{SPRING_COLUMNS, Spring};
 use crate::model::frequencies::Frequencies;
+use crate::model::spring::{SPRING_COLUMNS, Spring};
 use crate::observe::lines::Rows;
 use crate::simd::lane::{C, MAX_LANES, R};
 use crate::threads::on_threads;
@@ -29,7 +29,7 @@ pub struct Reduced<'a> {
     frequencies: Frequencies<'a>,
     measured: &'a [Complex64],
     weights: &'a [f64],
-    /// The seven columns of the joint at which the model was reduced.
+    /// The columns of the joint at which the model was reduced.
     reference: [f64; SPRING_COLUMNS],
 }
 

@@ -11,9 +11,10 @@
 //!     H_yy = p_yM / p_VM,   H_ytheta = -p_yV / p_VM,   H_thetatheta = -p_tV / p_VM,
 //! so that where nothing but H is asked for no chart is chosen and only the minors in question are summed.
 
-use crate::model::assembly::{Model, Spring, Step};
+use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::Frequencies;
 use crate::model::section::Segment;
+use crate::model::spring::Spring;
 use crate::series::minors::{MOST_TERMS, Minors, TV, VM, YM, YT, YV, carried, through, trim, yielding};
 use crate::simd::lane::{C, MAX_LANES};
 use core::ops::Range;
@@ -133,8 +134,8 @@ impl Spring {
 
     /// The two stiffnesses of a plain spring.
     fn plain_stiffness(&self) -> [Complex64; 2] {
-        let loss = Complex64::new(1.0, self.loss_factor);
-        [loss * self.k[0], loss * self.k[1]]
+        let [y, theta, _] = self.hysteretic();
+        [y, theta]
     }
 
     /// The two compliances of a plain spring.

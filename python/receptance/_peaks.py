@@ -1,0 +1,52 @@
+"""Local maxima and their prominences.
+
+They are those of `scipy.signal.find_peaks`. Importing `scipy.signal` takes longer than a typical fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["local_maxima"]
+
+
+def local_maxima(values: NDArray[np.float64], prominence: float = 0.0) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the indices of the local maxima with at least a prominence, and their prominences.
+
+    A maximum of several equal values is at their middle, rounded down. The first and the last value are no maxima.
+    """
+    first = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
+    last = np.append(first[1:], values.size) - 1
+    level = values[first]
+    at = np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1
+    places = (first[at] + last[at]) // 2
+    if not places.size:
+        return places, np.empty(0)
+    heights = values[places].tolist()
+    between = np.minimum.reduceat(values, np.concatenate([[0], places])).tolist()
+    left = _bases(heights, between[:-1])
+    right = _bases(heights[::-1], between[:0:-1])[::-1]
+    found = np.array(heights) - np.maximum(left, right)
+    kept = found >= prominence
+    return places[kept], found[kept]
+
+
+def _bases(heights: Iterable[float], between: Iterable[float]) -> list[float]:
+    """Return the lowest value between each maximum and the next higher one before it.
+
+    `between` are the lowest values from one maximum to the next, the first one from the beginning.
+    """
+    found: list[float] = []
+    higher: list[tuple[float, float]] = []
+    for height, lowest in zip(heights, between, strict=True):
+        while higher and higher[-1][0] <= height:
+            lowest = min(lowest, higher.pop()[1])
+        higher.append((height, lowest))
+        found.append(lowest)
+    return found
