@@ -22,6 +22,7 @@ def all_pairs(share: int = 1) -> list[Pair]:
         *receptances.chain_pairs(LINES // share),
         *receptances.long_chain_pairs(THREAD_LINES // share),
         *receptances.joint_pairs(LINES // share),
+        *receptances.spread_pairs(LINES // share),
         *frequencies.mode_pairs(),
         *fits.identification_pairs(FIT_LINES // share),
         *campaigns.campaign_pairs(CAMPAIGN_LINES // share, campaigns.STARTS if share == 1 else 2),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from numpy_reference.cases import JOINT, ten_segments, tool_and_holder
-from receptance import Assembly, Material, Part, PointJoint, Segment
+from receptance import Assembly, Material, Part, PointJoint, Section, Segment, SpreadJoint
 
 Array = NDArray[Any]
 
@@ -57,6 +57,22 @@ def coupled() -> Assembly:
     """Return tool, joint and holder."""
     tool, holder = tool_and_holder()
     joint = PointJoint(**{field: getattr(JOINT, field) for field in JOINT_FIELDS}, name="joint")
+    return Assembly([part(tool, "tool"), joint, part(holder, "holder")])
+
+
+@cache
+def spread(points: int | None) -> Assembly:
+    """Return tool and holder with the joint spread along an insertion of 40 mm, as a layer or at points."""
+    tool, holder = tool_and_holder()
+    steel = Material(youngs_modulus=210e9, density=7850.0, poisson_ratio=0.29, loss_factor=0.01)
+    joint = SpreadJoint(
+        length=0.04,
+        shank=Section(outer_diameter=0.012, material=steel),
+        sleeve=Section(outer_diameter=0.04, inner_diameter=0.012, material=steel),
+        points=points,
+        **{field: getattr(JOINT, field) for field in JOINT_FIELDS},
+        name="joint",
+    )
     return Assembly([part(tool, "tool"), joint, part(holder, "holder")])
 
 

@@ -12,7 +12,7 @@ import numpy_reference as reference
 from numpy_reference.cases import JOINT, ten_segments, tool_and_holder
 from receptance import Coordinate, _core
 
-from .models import SEGMENT_COLUMNS, Array, chain, coupled, joint_addresses, part, segment_addresses, sweep
+from .models import SEGMENT_COLUMNS, Array, chain, coupled, joint_addresses, part, segment_addresses, spread, sweep
 from .pair import Pair, largest_difference
 
 # Below, the reference's closed-form dynamic stiffness has lost digits and is no reference.
@@ -184,6 +184,25 @@ def joint_pairs(lines: int) -> Iterator[Pair]:
         segments=segments,
         is_cost=True,
     )
+
+
+def spread_pairs(lines: int) -> Iterator[Pair]:
+    """Yield the cost of the derivatives of a joint along an insertion; the receptance alone is the other side."""
+    f, _ = sweep(lines)
+    for points, what in ((None, "a layer"), (4, "four points")):
+        assembly = spread(points)
+        own = [name for name in assembly.parameters if name.startswith("joint.")]
+        yield Pair(
+            subject=f"cost of {len(own)} derivatives of {what} along an insertion",
+            against="ours with / ours without",
+            ours=lambda assembly=assembly, own=own: assembly.derivatives(f, own, threads=1),
+            reference=lambda assembly=assembly: assembly.receptance(f, threads=1),
+            difference=lambda a, b: largest_difference(a[0], b),
+            tolerance=1e-12,
+            lines=lines,
+            segments=None,
+            is_cost=True,
+        )
 
 
 @cache

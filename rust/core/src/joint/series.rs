@@ -27,7 +27,7 @@ use crate::series::branch::{MOST_SPAN, past};
 use crate::series::minors::{
     MOST_TERMS, Minors, State, TV, Terms, VM, YM, YT, YV, state_carried, state_through, state_yielding, trim,
 };
-use crate::simd::lane::C;
+use crate::simd::lane::{C, negated};
 use core::ops::Range;
 use num_complex::Complex64;
 use pulp::Simd;
@@ -282,7 +282,7 @@ impl Change for AtJoint {
         }
         let mut values = [C::zero(simd); AT_JOINT / 4];
         for k in 0..AT_JOINT / 4 {
-            let minus = simd.neg_f64s(sums[4 * k + 3]);
+            let minus = negated(simd, sums[4 * k + 3]);
             values[k].re = simd.mul_add_e_f64s(w, minus, sums[4 * k]);
             values[k].im = simd.mul_add_e_f64s(w, sums[4 * k + 2], sums[4 * k + 1]);
         }

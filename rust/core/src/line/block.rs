@@ -2,6 +2,7 @@
 
 use crate::line::combine::Centre;
 use crate::line::kernel::{Choice, Kernel};
+use crate::line::layer::DERIVATIVES;
 use crate::line::overlap::Lanes;
 use crate::line::plane::Plane;
 use crate::model::assembly::{Model, Step};
@@ -38,6 +39,8 @@ pub struct Prepared<const D: usize> {
     modes: Vec<(usize, Mode)>,
     /// Whether each overlap is passed with its inner, and with its outer beam lying behind.
     ways: Vec<[bool; 2]>,
+    /// Derivatives by the coefficients of each overlap that are asked for.
+    asked: Vec<[bool; DERIVATIVES]>,
 }
 
 /// Everything of the model at a block of frequency lines.
@@ -65,7 +68,7 @@ pub struct Block<S: Simd, const D: usize> {
     /// The point elements of each node: impedances at the node, and springs that are diagonal beyond it.
     pub points: Vec<Option<Points<S, D>>>,
     /// Overlaps.
-    pub overlaps: Vec<Lanes>,
+    pub overlaps: Vec<Lanes<S>>,
     /// Nodes of the terminals, and what is beyond each.
     pub terminals: Vec<(usize, Plane<S, D>)>,
 }
@@ -130,6 +133,7 @@ impl<const D: usize> Prepared<D> {
             terminals: model.terminals.clone(),
             modes: model.modes.clone(),
             ways: vec![[false; 2]; model.overlaps.len()],
+            asked: vec![[false; DERIVATIVES]; model.overlaps.len()],
         }
     }
 
@@ -139,6 +143,13 @@ impl<const D: usize> Prepared<D> {
             if let Step::Overlap { row, forward, .. } = *step {
                 self.ways[row][usize::from(forward)] = true;
             }
+        }
+    }
+
+    /// Makes ready for derivatives by the coefficients of an overlap.
+    pub fn ask(&mut self, row: usize, derivatives: &[bool; DERIVATIVES]) {
+        for (to, from) in self.asked[row].iter_mut().zip(derivatives) {
+            *to |= from;
         }
     }
 
@@ -224,9 +235,11 @@ impl<const D: usize> Prepared<D> {
             }
             into.points.push(Some(Points { impedance, coupling, beyond }));
         }
-        into.overlaps.clear();
-        for (beside, ways) in self.overlaps.iter().zip(&self.ways) {
-            into.overlaps.push(Lanes::new(beside, w, into.most, *ways));
+        for (row, beside) in self.overlaps.iter().enumerate() {
+            if into.overlaps.len() <= row {
+                into.overlaps.push(Lanes::empty(beside, line, into.most));
+            }
+            into.overlaps[row].evaluate(beside, line, into.most, self.ways[row], self.asked[row]);
         }
         into.terminals.clear();
         for (row, terminal) in self.terminals.iter().enumerate() {

@@ -120,9 +120,14 @@ impl<const D: usize> Gradient<D> {
         }
     }
 
-    /// The overlap that the parameter belongs to.
-    pub(crate) fn overlap(&self) -> Option<usize> {
-        if let Self::Overlap { row, .. } = self { Some(*row) } else { None }
+    /// The overlap that the parameter belongs to, and which of its derivatives the parameter needs.
+    pub(crate) fn overlap(&self) -> Option<(usize, [bool; DERIVATIVES])> {
+        let Self::Overlap { row, factors, rates } = self else { return None };
+        let mut asked = factors.map(|factor| factor != Complex64::ZERO);
+        for i in 0..2 {
+            asked[LAYER + i] |= rates[i] != 0.0;
+        }
+        Some((*row, asked))
     }
 
     /// The joint that the parameter belongs to.

@@ -17,7 +17,7 @@ pub const REACH: f64 = 3.0;
 const MOST_TERMS: usize = 18;
 
 /// 1/k! for all k that occur.
-const INVERSE_FACTORIAL: [f64; 2 * MOST_TERMS + 8] = {
+pub(super) const INVERSE_FACTORIAL: [f64; 2 * MOST_TERMS + 8] = {
     let mut table = [1.0; 2 * MOST_TERMS + 8];
     let mut k = 1;
     while k < table.len() {

@@ -1,324 +1,347 @@
-//! Algebra of the 4 x 4 blocks of an overlap: bases that keep their digits, an inverse, a determinant, signs of eigenvalues.
+//! Elimination of the four columns that span the states of an overlap, over lanes.
 
+use crate::line::signs::Line;
+use crate::simd::lane::{C, MAX_LANES, R};
 use num_complex::Complex64;
+use pulp::{Scalar, Simd};
 
-const ZERO: Complex64 = Complex64::ZERO;
-const ONE: Complex64 = Complex64::ONE;
+/// Rows of four columns.
+pub type Rows<S, const N: usize> = [[C<S>; 4]; N];
 
-/// Rows of a basis of four columns: four displacements, their loads, two more that are carried along.
-pub type Basis = [[Complex64; 4]; 10];
-/// A 4 x 4 matrix.
-pub type Four = [[Complex64; 4]; 4];
+/// A pivot is taken for all lanes where its square is at least this share of the largest one of each lane.
+const ALIKE: f64 = 0.01;
 
-/// Makes the basis a graph over one of each displacement and its load; the old coordinates from the new.
-pub fn graph(basis: &mut Basis, weights: &[f64; 4]) -> Four {
-    let mut change = identity();
-    // Sizes are squared; rows are made comparable by the weights, columns by their largest entries.
-    let mut scale = [0.0; 8];
-    for i in 0..4 {
-        (scale[i], scale[4 + i]) = (weights[i], 1.0 / weights[i]);
-    }
-    let mut size = [0.0_f64; 4];
-    for i in 0..8 {
-        for column in 0..4 {
-            size[column] = size[column].max(basis[i][column].norm_sqr() * scale[i]);
-        }
-    }
-    let (mut taken, mut used) = ([false; 4], [false; 4]);
-    for _ in 0..4 {
-        let (mut best, mut row, mut column) = (-1.0, 0, 0);
-        for i in 0..8 {
-            for j in 0..4 {
-                if !taken[i % 4] && !used[j] {
-                    let share = basis[i][j].norm_sqr() * scale[i] / size[j];
-                    if share > best {
-                        (best, row, column) = (share, i, j);
-                    }
-                }
+/// The same for a pivot that is tried first.
+const EXPECTED: f64 = 0.1;
+
+/// Multiplies rows by a matrix from the right.
+#[inline(always)]
+pub fn multiply<S: Simd, const N: usize>(rows: &mut Rows<S, N>, by: &Rows<S, 4>) {
+    for row in rows {
+        let from = *row;
+        for j in 0..4 {
+            let mut sum = from[0] * by[0][j];
+            for k in 1..4 {
+                sum = from[k].mul_add(by[k][j], sum);
             }
+            row[j] = sum;
         }
-        taken[row % 4] = true;
-        used[column] = true;
-        let pivot = basis[row][column].inv();
-        let factors = basis[row];
-        sweep_columns(basis, pivot, &factors, column);
-        sweep_columns(&mut change, pivot, &factors, column);
-        // What is one and zero in exact arithmetic is so here.
-        basis[row] = [ZERO; 4];
-        basis[row][column] = ONE;
+    }
+}
+
+/// The identity.
+#[inline(always)]
+pub fn identity<S: Simd>(simd: S) -> Rows<S, 4> {
+    let mut out = [[C::zero(simd); 4]; 4];
+    for i in 0..4 {
+        out[i][i] = C::real(simd, 1.0);
+    }
+    out
+}
+
+/// Rows that may become pivots: the first ones of a basis.
+#[derive(Copy, Clone)]
+pub struct Candidates<'a, S: Simd> {
+    /// Factors on the squares that make the rows comparable.
+    pub scale: &'a [f64],
+    /// One of the rows i, i + `groups`, ... is taken for each i.
+    pub groups: usize,
+    /// One over the square of the largest entry of each column.
+    pub columns: [R<S>; 4],
+    /// The row of each group that is tried first, in the column of the group's number.
+    pub expected: [Option<usize>; 4],
+}
+
+/// The change of columns by an elimination.
+#[derive(Copy, Clone)]
+pub struct Change<S: Simd> {
+    /// Old coordinates from the new ones.
+    pub matrix: Rows<S, 4>,
+    /// Its determinant.
+    pub determinant: C<S>,
+    /// The row of each group that is one of the identity now; none where that differs from lane to lane.
+    pub taken: [Option<usize>; 4],
+}
+
+/// The row and the column of each group so far.
+type Taken = [Option<(usize, usize)>; 4];
+
+/// Column operations that make one row of each group a row of the identity, the column being that of the group.
+///
+/// Pivots are complete. Lanes that have no pivot in common are taken one by one.
+#[inline(always)]
+pub fn eliminate<S: Simd, const N: usize>(rows: &mut Rows<S, N>, among: Candidates<'_, S>) -> Change<S> {
+    let simd = rows[0][0].simd;
+    let mut change = Change { matrix: identity(simd), determinant: C::real(simd, 1.0), taken: [None; 4] };
+    let mut taken = [None; 4];
+    for _ in 0..among.groups {
+        let Some((row, column)) = pivot(rows, &among, &taken) else {
+            apart(rows, &mut change, &among, taken);
+            return change;
+        };
+        step(rows, &mut change, &taken, row, column);
+        taken[row % among.groups] = Some((row, column));
+    }
+    arrange(rows, &mut change, &taken);
+    for (to, from) in change.taken.iter_mut().zip(taken) {
+        *to = from.map(|(row, _)| row);
     }
     change
 }
 
-/// The identity.
-fn identity() -> Four {
-    let mut out = [[ZERO; 4]; 4];
-    for (i, row) in out.iter_mut().enumerate() {
-        row[i] = ONE;
-    }
-    out
-}
-
-/// Column operations that leave nothing but the pivot in its row.
+/// Columns that are taken.
 #[inline(always)]
-fn sweep_columns<const N: usize>(
-    rows: &mut [[Complex64; 4]; N],
-    pivot: Complex64,
-    factors: &[Complex64; 4],
-    column: usize,
-) {
-    for row in rows {
-        let scaled = row[column] * pivot;
-        for j in 0..4 {
-            if j != column {
-                row[j] -= scaled * factors[j];
-            }
-        }
-        row[column] = scaled;
-    }
-}
-
-/// Restricts the basis to where two rows a + sign b are zero; the two columns that are left.
-pub fn restrict(
-    basis: &mut Basis,
-    rows: &[[usize; 2]; 2],
-    sign: f64,
-    weights: &[f64; 4],
-) -> ([usize; 2], Four) {
-    let mut change = identity();
-    let mut size = [0.0_f64; 4];
-    for i in 0..4 {
-        for column in 0..4 {
-            let (u, f) = (basis[i][column].norm_sqr(), basis[4 + i][column].norm_sqr());
-            size[column] = size[column].max(u * weights[i]).max(f / weights[i]);
-        }
-    }
-    let mut used = [false; 4];
-    let mut done = [false; 2];
-    for _ in 0..2 {
-        let (mut best, mut which, mut column, mut factors) = (-1.0, 0, 0, [ZERO; 4]);
-        for (i, &[a, b]) in rows.iter().enumerate() {
-            let mut sum = basis[a];
-            for j in 0..4 {
-                sum[j] += basis[b][j] * sign;
-            }
-            let scale = if a >= 4 { 1.0 / weights[a - 4] } else { weights[a] };
-            for j in 0..4 {
-                let share = sum[j].norm_sqr() * scale / size[j];
-                if !done[i] && !used[j] && share > best {
-                    (best, which, column, factors) = (share, i, j, sum);
-                }
-            }
-        }
-        done[which] = true;
-        used[column] = true;
-        for j in 0..4 {
-            if used[j] && j != column {
-                factors[j] = ZERO;
-            }
-        }
-        let pivot = factors[column].inv();
-        sweep_columns(basis, pivot, &factors, column);
-        sweep_columns(&mut change, pivot, &factors, column);
-    }
-    let mut left = [0; 2];
-    let mut count = 0;
-    for j in 0..4 {
-        if !used[j] && count < 2 {
-            left[count] = j;
-            count += 1;
-        }
-    }
-    (left, change)
-}
-
-/// The inverse by elimination with row pivoting, the rows weighted by their largest entries.
-pub fn inverse(mut matrix: [[Complex64; 4]; 4]) -> [[Complex64; 4]; 4] {
-    let mut out = [[Complex64::ZERO; 4]; 4];
-    for i in 0..4 {
-        out[i][i] = Complex64::ONE;
-    }
-    let scale = matrix.map(|row| row.iter().fold(0.0_f64, |most, value| most.max(value.norm())));
-    let mut order = [0, 1, 2, 3];
-    for column in 0..4 {
-        let mut best = column;
-        for i in column..4 {
-            let share = |i: usize| matrix[order[i]][column].norm() / scale[order[i]];
-            if share(i) > share(best) {
-                best = i;
-            }
-        }
-        order.swap(column, best);
-        let row = order[column];
-        let pivot = matrix[row][column].inv();
-        for j in 0..4 {
-            matrix[row][j] *= pivot;
-            out[row][j] *= pivot;
-        }
-        for i in 0..4 {
-            if i != row {
-                let factor = matrix[i][column];
-                for j in 0..4 {
-                    let (a, b) = (matrix[row][j], out[row][j]);
-                    matrix[i][j] -= factor * a;
-                    out[i][j] -= factor * b;
-                }
-            }
-        }
-    }
-    order.map(|row| out[row])
-}
-
-/// The determinant by elimination with complete pivoting.
-pub fn determinant(mut matrix: [[Complex64; 4]; 4]) -> Complex64 {
-    let mut out = Complex64::ONE;
-    for step in 0..4 {
-        let (mut best, mut at) = (-1.0, (step, step));
-        for i in step..4 {
-            for j in step..4 {
-                let size = matrix[i][j].norm_sqr();
-                if size > best {
-                    (best, at) = (size, (i, j));
-                }
-            }
-        }
-        if at.0 != step {
-            matrix.swap(at.0, step);
-            out = -out;
-        }
-        if at.1 != step {
-            for row in &mut matrix {
-                row.swap(at.1, step);
-            }
-            out = -out;
-        }
-        let pivot = matrix[step][step];
-        out *= pivot;
-        for i in step + 1..4 {
-            let factor = matrix[i][step] / pivot;
-            for j in step + 1..4 {
-                let taken = factor * matrix[step][j];
-                matrix[i][j] -= taken;
-            }
-        }
+fn used(taken: &Taken) -> [bool; 4] {
+    let mut out = [false; 4];
+    for (_, column) in taken.iter().flatten() {
+        out[*column] = true;
     }
     out
 }
 
-/// Negative eigenvalues of a real symmetric matrix, by the pivots of Bunch and Parlett (SIAM J. Numer. Anal. 8, 1971,
-/// 639), of which those of two rows have one eigenvalue of either sign.
-pub fn negative_eigenvalues<const N: usize>(mut a: [[f64; N]; N]) -> usize {
-    /// (1 + sqrt 17)/8 bounds the growth.
-    const SHARE: f64 = 0.640_388_203_202_208;
-    // A congruence with a diagonal matrix changes no sign and makes units irrelevant.
-    let mut scale = [1.0; N];
-    for i in 0..N {
-        let largest = (0..N).fold(0.0_f64, |most, j| most.max(a[i][j].abs().max(a[j][i].abs())));
-        let own = a[i][i].abs().max(1e-30 * largest);
-        scale[i] = if own > 0.0 { own.sqrt().recip() } else { 1.0 };
-    }
-    let whole = a;
-    for i in 0..N {
-        for j in 0..N {
-            a[i][j] = 0.5 * (whole[i][j] + whole[j][i]) * (scale[i] * scale[j]);
-        }
-    }
-    let mut left = [true; N];
-    let (mut negatives, mut count) = (0, N);
-    while count > 0 {
-        let (mut diagonal, mut beside, mut p, mut pair) = (-1.0, 0.0, 0, [0, 0]);
-        for i in 0..N {
-            if left[i] && a[i][i].abs() > diagonal {
-                (diagonal, p) = (a[i][i].abs(), i);
-            }
-            for j in 0..i {
-                if left[i] && left[j] && a[i][j].abs() > beside {
-                    (beside, pair) = (a[i][j].abs(), [i, j]);
-                }
-            }
-        }
-        if diagonal >= SHARE * beside {
-            negatives += usize::from(a[p][p] < 0.0);
-            left[p] = false;
-            count -= 1;
-            let row = a[p];
-            for i in 0..N {
-                for j in 0..N {
-                    if left[i] && left[j] && row[p] != 0.0 {
-                        a[i][j] -= row[i] * row[j] / row[p];
-                    }
-                }
-            }
+/// A pivot that is expected and good, or else the one that is best in the lane where it is worst, if it is about as
+/// good as the best one of each lane.
+#[inline(always)]
+fn pivot<S: Simd, const N: usize>(
+    rows: &Rows<S, N>,
+    among: &Candidates<'_, S>,
+    taken: &Taken,
+) -> Option<(usize, usize)> {
+    let simd = rows[0][0].simd;
+    let used = used(taken);
+    let mut shares = [[R::splat(simd, 0.0); 4]; 8];
+    let mut most = R::splat(simd, 0.0);
+    for (i, scale) in among.scale.iter().enumerate() {
+        if taken[i % among.groups].is_some() {
             continue;
         }
-        let [r, s] = pair;
-        negatives += 1;
-        (left[r], left[s]) = (false, false);
-        count -= 2;
-        let (x, y) = (a[r], a[s]);
-        let determinant = x[r] * y[s] - x[s] * x[s];
-        for i in 0..N {
-            for j in 0..N {
-                if left[i] && left[j] {
-                    let first = y[s] * x[i] - x[s] * y[i];
-                    let second = x[r] * y[i] - x[s] * x[i];
-                    a[i][j] -= (first * x[j] + second * y[j]) / determinant;
+        for j in 0..4 {
+            if !used[j] {
+                shares[i][j] = (rows[i][j].norm_sqr() * among.columns[j]).scale(*scale);
+                most = most.max(shares[i][j]);
+            }
+        }
+    }
+    let most = most.recip();
+    for (group, expected) in among.expected.iter().enumerate() {
+        if let (Some(row), None, false) = (expected, taken[group], used[group])
+            && (shares[*row][group] * most).least() >= EXPECTED
+        {
+            return Some((*row, group));
+        }
+    }
+    let (mut found, mut at) = (-1.0, None);
+    for i in 0..among.scale.len() {
+        for j in 0..4 {
+            if taken[i % among.groups].is_none() && !used[j] {
+                let least = (shares[i][j] * most).least();
+                // What is not a number is taken where nothing else is there.
+                if least > found || at.is_none() {
+                    (found, at) = (least, Some((i, j)));
                 }
             }
         }
     }
-    negatives
+    at.filter(|_| found >= ALIKE || S::F64_LANES == 1)
+}
+
+/// One pivot: its row becomes one of the identity.
+#[inline(always)]
+fn step<S: Simd, const N: usize>(
+    rows: &mut Rows<S, N>,
+    change: &mut Change<S>,
+    taken: &Taken,
+    row: usize,
+    column: usize,
+) {
+    let inverse = rows[row][column].recip();
+    let factors = rows[row];
+    // Rows of the identity stay what they are; in the change they are those of columns that were not used yet.
+    let (mut still, mut used) = ([false; N], used(taken));
+    for (row, _) in taken.iter().flatten() {
+        still[*row] = true;
+    }
+    used[column] = true;
+    for (row, still) in rows.iter_mut().zip(still) {
+        if !still {
+            sweep_columns(row, inverse, &factors, column);
+        }
+    }
+    for (row, used) in change.matrix.iter_mut().zip(used) {
+        if used {
+            sweep_columns(row, inverse, &factors, column);
+        }
+    }
+    change.determinant = change.determinant * inverse;
+    // What is one and zero in exact arithmetic is so here.
+    rows[row] = [C::zero(inverse.simd); 4];
+    rows[row][column] = C::real(inverse.simd, 1.0);
+}
+
+/// Column operations on a row that leave nothing but the pivot in its own.
+#[inline(always)]
+fn sweep_columns<S: Simd>(row: &mut [C<S>; 4], inverse: C<S>, factors: &[C<S>; 4], column: usize) {
+    let scaled = row[column] * inverse;
+    for j in 0..4 {
+        row[j] = scaled.neg_mul_add(factors[j], row[j]);
+    }
+    row[column] = scaled;
+}
+
+/// Puts the column of each group in the group's place, and the others behind in their order.
+#[inline(always)]
+fn arrange<S: Simd, const N: usize>(rows: &mut Rows<S, N>, change: &mut Change<S>, taken: &Taken) {
+    let mut order = [0, 1, 2, 3];
+    let used = used(taken);
+    let mut rest = (0..4).filter(|column| !used[*column]);
+    for (to, taken) in order.iter_mut().zip(taken) {
+        *to = taken.map(|(_, column)| column).or_else(|| rest.next()).unwrap_or(*to);
+    }
+    if order == [0, 1, 2, 3] {
+        return;
+    }
+    for row in rows.iter_mut().chain(&mut change.matrix) {
+        let before = *row;
+        for (to, column) in row.iter_mut().zip(order) {
+            *to = before[column];
+        }
+    }
+    let inversions = (0..4).flat_map(|i| (0..i).map(move |j| (i, j))).filter(|(i, j)| order[*j] > order[*i]);
+    if inversions.count() % 2 == 1 {
+        change.determinant = -change.determinant;
+    }
+}
+
+/// The rest of an elimination lane by lane.
+#[inline(never)]
+fn apart<S: Simd, const N: usize>(
+    rows: &mut Rows<S, N>,
+    change: &mut Change<S>,
+    among: &Candidates<'_, S>,
+    taken: Taken,
+) {
+    let simd = change.determinant.simd;
+    let scalar = Scalar::new();
+    let (mut lines, mut changes) = (by_line(rows), by_line(&change.matrix));
+    let mut determinants = [Complex64::ONE; MAX_LANES];
+    change.determinant.store(&mut determinants);
+    let mut columns = [[0.0; MAX_LANES]; 4];
+    for (to, from) in columns.iter_mut().zip(among.columns) {
+        from.store(to);
+    }
+    for lane in 0..S::F64_LANES {
+        let splat = |value: Complex64| C::splat(scalar, value);
+        let mut rows = lines[lane].map(|row| row.map(splat));
+        let (matrix, determinant) = (changes[lane].map(|row| row.map(splat)), splat(determinants[lane]));
+        let mut change = Change { matrix, determinant, taken: [None; 4] };
+        let columns = columns.map(|column| R::splat(scalar, column[lane]));
+        let among = Candidates { scale: among.scale, groups: among.groups, columns, expected: [None; 4] };
+        let mut taken = taken;
+        while let Some((row, column)) = pivot(&rows, &among, &taken) {
+            step(&mut rows, &mut change, &taken, row, column);
+            taken[row % among.groups] = Some((row, column));
+        }
+        arrange(&mut rows, &mut change, &taken);
+        let number = |value: C<Scalar>| Complex64::new(value.re, value.im);
+        lines[lane] = rows.map(|row| row.map(number));
+        changes[lane] = change.matrix.map(|row| row.map(number));
+        determinants[lane] = number(change.determinant);
+    }
+    *rows = over_lanes(simd, &lines);
+    change.matrix = over_lanes(simd, &changes);
+    change.determinant = C::load(simd, &determinants);
+}
+
+/// The lanes of some rows, one by one.
+#[inline(always)]
+pub fn by_line<S: Simd, const N: usize>(rows: &Rows<S, N>) -> [Line<N>; MAX_LANES] {
+    let mut out = [[[Complex64::ZERO; 4]; N]; MAX_LANES];
+    let mut lanes = [Complex64::ZERO; MAX_LANES];
+    for (i, row) in rows.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            entry.store(&mut lanes);
+            for (line, value) in out.iter_mut().zip(lanes) {
+                line[i][j] = value;
+            }
+        }
+    }
+    out
+}
+
+/// The way back from `by_line`.
+#[inline(always)]
+fn over_lanes<S: Simd, const N: usize>(simd: S, lines: &[Line<N>; MAX_LANES]) -> Rows<S, N> {
+    let mut out = [[C::zero(simd); 4]; N];
+    for i in 0..N {
+        for j in 0..4 {
+            let lanes = lines.map(|line| line[i][j]);
+            out[i][j] = C::load(simd, &lanes);
+        }
+    }
+    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pulp::{Arch, WithSimd};
 
-    #[test]
-    fn signs_survive_a_congruence() {
-        let mut seed = 1_u64;
-        let mut draw = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        for round in 0..500 {
-            let expected = round % 5;
-            let mut basis = [[0.0; 4]; 4];
-            for entry in basis.as_flattened_mut() {
-                *entry = draw();
-            }
-            let mut a = [[0.0; 4]; 4];
-            for k in 0..4 {
-                let size = (1.0 + draw()) * if k < expected { -1.0 } else { 1.0 };
-                for i in 0..4 {
-                    for j in 0..4 {
-                        let scale = 1e3_f64.powi(i as i32 + j as i32);
-                        a[i][j] += size * basis[k][i] * basis[k][j] * scale;
-                    }
+    /// Lanes of which each needs other pivots than its neighbours.
+    struct Unlike;
+
+    impl WithSimd for Unlike {
+        type Output = ();
+
+        fn with_simd<S: Simd>(self, simd: S) {
+            let mut seed = 1_u64;
+            let mut draw = || {
+                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+            };
+            let mut lines = [[[Complex64::ZERO; 4]; 10]; MAX_LANES];
+            for (lane, line) in lines.iter_mut().enumerate() {
+                for entry in line.as_flattened_mut() {
+                    *entry = Complex64::new(draw(), draw()) * 1e-6;
+                }
+                for group in 0..4 {
+                    line[group + 4 * ((lane >> (group % 3)) & 1)][(group + lane) % 4] += 1.0;
                 }
             }
-            assert_eq!(negative_eigenvalues(a), expected, "round {round}");
+            let before = over_lanes(simd, &lines);
+            for alike in [false, true] {
+                let mut rows = if alike { over_lanes(simd, &[lines[5]; MAX_LANES]) } else { before };
+                let old = by_line(&rows);
+                let columns = [R::splat(simd, 1.0); 4];
+                let among = Candidates { scale: &[1.0; 8], groups: 4, columns, expected: [None; 4] };
+                let change = eliminate(&mut rows, among);
+                let mut determinants = [Complex64::ZERO; MAX_LANES];
+                change.determinant.store(&mut determinants);
+                let (new, matrix) = (by_line(&rows), by_line(&change.matrix));
+                for lane in 0..S::F64_LANES {
+                    for group in 0..4 {
+                        let unit = |row: usize| {
+                            (0..4).all(|j| {
+                                new[lane][row][j] == Complex64::from(f64::from(u8::from(j == group)))
+                            })
+                        };
+                        assert!(unit(group) || unit(group + 4), "lane {lane}, group {group}");
+                    }
+                    for i in 0..10 {
+                        for j in 0..4 {
+                            let sum: Complex64 = (0..4).map(|k| old[lane][i][k] * matrix[lane][k][j]).sum();
+                            assert!((sum - new[lane][i][j]).norm() < 1e-14, "lane {lane}, row {i}");
+                        }
+                    }
+                    // A permutation but for small terms.
+                    let size = determinants[lane].norm();
+                    assert!((size - 1.0).abs() < 1e-4 && size > 0.0, "lane {lane}: {size}");
+                }
+            }
         }
-        assert_eq!(negative_eigenvalues([[0.0, 1.0], [1.0, 0.0]]), 1);
-        assert_eq!(negative_eigenvalues([[0.0, 0.0], [0.0, -1.0]]), 1);
     }
 
     #[test]
-    fn inverse_undoes_badly_scaled_rows() {
-        let mut a = [[Complex64::ZERO; 4]; 4];
-        for i in 0..4 {
-            for j in 0..4 {
-                let value = 1.0 / (1.0 + i as f64 + 2.0 * j as f64) + if i == j { 1.0 } else { 0.0 };
-                a[i][j] = Complex64::new(value, 0.1 * j as f64) * 1e4_f64.powi(i as i32);
-            }
-        }
-        let b = inverse(a);
-        for i in 0..4 {
-            for j in 0..4 {
-                let sum: Complex64 = (0..4).map(|k| b[i][k] * a[k][j]).sum();
-                let one = if i == j { 1.0 } else { 0.0 };
-                assert!((sum - one).norm() < 1e-12);
-            }
-        }
+    fn lanes_with_pivots_of_their_own() {
+        Arch::new().dispatch(Unlike);
     }
 }

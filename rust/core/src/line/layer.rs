@@ -1,351 +1,319 @@
-//! The way through an overlap on one frequency line: a plane of four degrees of freedom.
+//! Two beams side by side with a layer between them: the exponential of the eight equations, and integrals of states.
 //!
 //! The state is (d, u, g, s): the motion d of the near beam (which ends here and goes on at the other end) relative
 //! to the one that lies behind, the motion u of the latter, the load g on the near beam and the load s on both. A
-//! stiff layer then multiplies only the relative motion, and the small loads of the whole keep their
-//! digits. What lies behind, (u, s), comes in at the far end, where the near beam ends with g = 0; at the near end
-//! the other beam ends with s = g, and the near one goes on with the displacement u + d and the load g. Each piece is
-//! crossed by the exponential of the eight equations, then the basis is made a graph over four of the eight rows
-//! again, one of each displacement and its load, by elimination with complete pivoting. From the other side the
-//! beams change their roles, and slopes and moments their signs.
+//! stiff layer then multiplies only the relative motion, and the small loads of the whole keep their digits. From the
+//! other side the beams change their roles, and slopes and moments their signs.
 //!
-//! Derivatives by the coefficients of an overlap follow from its states under two loads.
-//! As for a segment, dH = -int r^T J dA s dx; the states within a piece are the power series of the eight equations,
-//! and their products are integrated by Gauss and Legendre's rule, which leaves out less than a rounding error over
-//! the growth that a piece may have.
+//! Deflections and moments change with slopes and forces only, and these with those: over the two halves of the state
+//! the equations are z' = [[0, P], [Q, 0]] z, so that with X = P Q
+//!     exp(A l) = [[cosh(sqrt X l), S P], [Q S, cosh(sqrt(Q P) l)]],  S = sinh(sqrt X l) / sqrt X,
+//! power series in 4 x 4 matrices. The second cosine is the transposed first one, since the equations are reciprocal.
+//!
+//! Derivatives by the coefficients follow from the states under two loads: as for a segment, dH = -int r^T J dA s dx.
+//! From the middle of a piece the products of states are integrated by Gauss and Legendre's rule. Its points lie in
+//! pairs, at which the even part of a state is the same and the odd one opposite, so that one exponential serves both.
 
-use crate::line::four::{Basis, Four, determinant, graph, inverse, negative_eigenvalues, restrict};
-use crate::model::overlap::{Beside, Pieces};
+use crate::line::exponential::INVERSE_FACTORIAL;
+use crate::line::four::{Rows, multiply};
+use crate::model::overlap::Beside;
+use crate::simd::lane::{C, R};
 use num_complex::Complex64;
-
-const ZERO: Complex64 = Complex64::ZERO;
-const ONE: Complex64 = Complex64::ONE;
+use pulp::Simd;
 
 /// A state (d_y, d_theta, y, theta, g_F, g_M, s_F, s_M).
-pub type Eight = [Complex64; 8];
+pub type Eight<S> = [C<S>; 8];
 /// A 2 x 2 matrix.
-pub type Two = [[Complex64; 2]; 2];
+pub type Two<S> = [[C<S>; 2]; 2];
 
-/// Coefficients of the equations on one line, the near beam first.
+/// Places in the state of (d_y, y, g_M, s_M), and of (d_theta, theta, g_F, s_F).
+const HALVES: [[usize; 4]; 2] = [[0, 2, 5, 7], [1, 3, 4, 6]];
+
+/// The half of each entry of the state and its place there.
+const PLACES: [(usize, usize); 8] = [(0, 0), (1, 0), (0, 1), (1, 1), (1, 2), (0, 2), (1, 3), (0, 3)];
+
+/// Coefficients of the equations, the near beam first.
 #[derive(Copy, Clone)]
-pub struct Pair {
+pub struct Pair<S: Simd> {
     /// Compliances per length.
-    pub compliance: Two,
+    compliance: Two<S>,
     /// w^2 times the inertias per length.
-    pub inertia: Two,
-    /// Stiffness of the layer per length.
-    pub layer: [Complex64; 2],
-    /// Stiffness of all points together.
-    points: [Complex64; 2],
+    inertia: Two<S>,
+    /// Stiffness of the layer per length; none where points join the beams.
+    layer: [C<S>; 2],
+    /// Stiffness of the whole layer or of all points together.
+    pub total: [C<S>; 2],
 }
 
-/// An overlap on one line, as seen when the outer or the inner beam lies behind.
-pub struct Line {
-    /// The coefficients.
-    pub pair: Pair,
-    /// The way across one piece.
-    transfer: [Eight; 8],
-    /// Shares of the points in the whole stiffness, in the order in which they are passed.
-    shares: Vec<f64>,
+/// What the exponentials over any length are made of.
+pub struct Powers<S: Simd> {
+    /// X, X^2, X^3, X^4.
+    powers: [Rows<S, 4>; 4],
+    p: Rows<S, 4>,
+    q: Rows<S, 4>,
 }
 
-/// Result of a way through an overlap.
-pub struct Passed {
-    /// Displacements of the near beam, one column a way to move.
-    pub u: Two,
-    /// Its loads.
-    pub f: Two,
-    /// The independent variables of what lies behind, in the same columns.
-    pub behind: Two,
-    /// Negative pivots, if requested.
-    pub negatives: usize,
-    /// Logarithm of the factor on the determinant by the changes of coordinates on the way, if requested.
-    pub log_determinant: Complex64,
-    /// States (rows) in the same columns, if requested: at the far end of each piece, or at the near
-    /// one of each where the inner beam lies behind; from the far end on.
-    pub states: Vec<[[Complex64; 2]; 8]>,
+/// The way over some length, by halves of the state.
+#[derive(Copy, Clone)]
+pub struct Transfer<S: Simd> {
+    /// Each half by itself.
+    even: [Rows<S, 4>; 2],
+    /// Each half by the other one: odd in the length.
+    odd: [Rows<S, 4>; 2],
 }
 
-/// Output requested besides the plane.
-#[derive(Copy, Clone, PartialEq, Eq)]
-pub enum Wanted {
-    /// Nothing.
-    Plane,
-    /// The count of negative pivots.
-    Count,
-    /// The factor of the determinant.
-    Determinant,
-    /// The states at the pieces' ends of larger x, the outer beam (`true`) or the inner one lying behind.
-    States(bool),
-}
-
-impl Pair {
-    /// The coefficients at a line.
-    pub fn new(beside: &Beside, w: Complex64, forward: bool) -> Self {
-        let order = if forward { [0, 1] } else { [1, 0] };
-        let beams = order.map(|i| &beside.beams[i].per_length);
-        let total = beside.overlap.stiffness(w);
-        let (length, points) = (beside.overlap.length(), beside.overlap.points);
-        let zero = [ZERO; 2];
-        let spread = total.map(|k| k / length);
-        Self {
-            compliance: beams.map(|beam| beam.compliance),
-            inertia: beams.map(|beam| beam.kinetic.map(|m| m * (w * w))),
-            layer: if points == 0 { spread } else { zero },
-            points: if points == 0 { zero } else { total },
-        }
-    }
-
-    /// The change of a state per length towards the near end, times `h`.
+impl<S: Simd> Pair<S> {
+    /// The coefficients at the lines.
     #[inline(always)]
-    pub fn along(&self, z: &Eight, h: f64) -> Eight {
-        let [near, behind] = self.compliance;
-        let [near_inertia, behind_inertia] = self.inertia;
-        let rest = [z[6] - z[4], z[7] - z[5]];
-        let moved = [z[0] + z[2], z[1] + z[3]];
-        let near_load = [near_inertia[0] * moved[0], near_inertia[1] * moved[1]];
-        let turned = behind[1] * rest[1];
-        let sheared = behind[0] * rest[0];
-        [
-            (near[0] * z[4] - sheared - z[1]) * h,
-            (near[1] * z[5] - turned) * h,
-            (sheared - z[3]) * h,
-            turned * h,
-            (self.layer[0] * z[0] - near_load[0]) * h,
-            (self.layer[1] * z[1] - near_load[1] + z[4]) * h,
-            -(behind_inertia[0] * z[2] + near_load[0]) * h,
-            (z[6] - behind_inertia[1] * z[3] - near_load[1]) * h,
-        ]
-    }
-}
-
-/// Terms of the exponential series that leave out less than a rounding error at the growth exponent `size`.
-pub fn terms(size: f64) -> usize {
-    let (mut order, mut term) = (1.0, size);
-    while term > 1e-19 && order < 60.0 {
-        order += 1.0;
-        term *= size / order;
-    }
-    order as usize + 4
-}
-
-impl Line {
-    /// The way across one piece at a line.
-    pub fn new(beside: &Beside, pieces: &Pieces, w: Complex64, forward: bool) -> Self {
-        let pair = Pair::new(beside, w, forward);
-        let mut transfer = [[ZERO; 8]; 8];
-        let terms = terms(pieces.size);
-        for column in 0..8 {
-            let mut term = [ZERO; 8];
-            term[column] = ONE;
-            let mut sum = term;
-            for order in 1..=terms {
-                term = pair.along(&term, pieces.length / order as f64);
-                for i in 0..8 {
-                    sum[i] += term[i];
-                }
-            }
-            for i in 0..8 {
-                transfer[i][column] = sum[i];
-            }
-        }
-        let places = (1..=pieces.count).filter(|&passed| pieces.point_after(passed));
-        let side = if forward { 1.0 } else { -1.0 };
-        let shares = places.map(|passed| beside.overlap.share(side * pieces.place(passed))).collect();
-        Self { pair, transfer, shares }
-    }
-
-    /// From the plane of what lies behind, (u, f) rows over its independent variables, to that of the near beam.
-    pub fn pass(&self, pieces: &Pieces, behind: [Two; 2], weights: &[f64; 4], wanted: Wanted) -> Passed {
-        let mut basis = start(&behind);
-        let (mut negatives, mut log_determinant) = (0, ZERO);
-        let mut trace: Vec<(Basis, Four)> = Vec::new();
-        let mut shares = self.shares.iter();
-        let stiff = if wanted == Wanted::Count { self.stiffness() } else { [[ZERO; 4]; 4] };
-        for piece in 1..=pieces.count {
-            let mut near = self.across(&basis);
-            if wanted == Wanted::Count {
-                negatives += negative_at_piece(&basis, &stiff, &near);
-            }
-            let change = graph(&mut near, weights);
-            match wanted {
-                Wanted::Determinant => log_determinant -= determinant(change).ln(),
-                Wanted::States(true) => trace.push((basis, change)),
-                Wanted::States(false) => trace.push((near, change)),
-                _ => {}
-            }
-            if pieces.point_after(piece) {
-                let share = shares.next().copied().unwrap_or_default();
-                for i in 0..2 {
-                    for column in 0..4 {
-                        let load = self.pair.points[i] * share * near[i][column];
-                        near[4 + i][column] += load;
-                    }
-                }
-            }
-            basis = near;
-        }
-        if wanted == Wanted::Count {
-            negatives += negative_at_end(basis, weights);
-        }
-        let mut end = basis;
-        let ([first, second], last) = restrict(&mut end, &[[6, 4], [7, 5]], -1.0, weights);
-        if wanted == Wanted::Determinant {
-            log_determinant += (restricted(&end, [first, second]) / determinant(last)).ln();
-        }
-        let mut out = Passed {
-            u: [[ZERO; 2]; 2],
-            f: [[ZERO; 2]; 2],
-            behind: [[ZERO; 2]; 2],
-            negatives,
-            log_determinant,
-            states: Vec::new(),
-        };
+    pub fn new(beside: &Beside, w: C<S>, forward: bool) -> Self {
+        let simd = w.simd;
+        let (w2, iw) = (w * w, w.times_i());
+        let overlap = &beside.overlap;
+        let zero = C::zero(simd);
+        let mut out =
+            Self { compliance: [[zero; 2]; 2], inertia: [[zero; 2]; 2], layer: [zero; 2], total: [zero; 2] };
         for i in 0..2 {
-            for (to, from) in [first, second].into_iter().enumerate() {
-                out.u[i][to] = end[i][from] + end[2 + i][from];
-                out.f[i][to] = end[4 + i][from];
-                out.behind[i][to] = end[8 + i][from];
+            for beam in 0..2 {
+                let row = &beside.beams[if forward { beam } else { 1 - beam }].per_length;
+                out.compliance[beam][i] = C::splat(simd, row.compliance[i]);
+                out.inertia[beam][i] = w2.scale(row.kinetic[i]);
             }
-        }
-        if matches!(wanted, Wanted::States(_)) {
-            out.states = states(&last, [first, second], &trace, wanted == Wanted::States(true));
+            let k = Complex64::new(overlap.k[i], overlap.k[i] * overlap.loss_factor);
+            out.total[i] = C::splat(simd, k) + iw.scale(overlap.c[i]);
+            if overlap.points == 0 {
+                out.layer[i] = out.total[i].scale(1.0 / overlap.length());
+            }
         }
         out
     }
 
-    /// The basis at the near end of a piece.
+    /// What the exponentials are made of.
     #[inline(always)]
-    fn across(&self, basis: &Basis) -> Basis {
-        let mut near = *basis;
-        for i in 0..8 {
-            let mut sum = [ZERO; 4];
-            for k in 0..8 {
-                let factor = self.transfer[i][k];
+    pub fn powers(&self) -> Powers<S> {
+        let simd = self.total[0].simd;
+        let ([near, behind], [near_inertia, behind_inertia]) = (self.compliance, self.inertia);
+        let one = C::real(simd, 1.0);
+        let mut p = [[C::zero(simd); 4]; 4];
+        let mut q = p;
+        let mut x = p;
+        // By the two forces or moments, and by the two displacements.
+        let (mut by_load, mut by_motion) = ([[[x[0][0]; 2]; 2]; 2], [[[x[0][0]; 2]; 2]; 2]);
+        for i in 0..2 {
+            by_load[i] = [[near[i] + behind[i], -behind[i]], [-behind[i], behind[i]]];
+            let m = -near_inertia[i];
+            by_motion[i] = [[self.layer[i] + m, m], [m, m - behind_inertia[i]]];
+        }
+        let ([shear, bend], [shift, turn]) = (by_load, by_motion);
+        for i in 0..2 {
+            p[i][i] = -one;
+            p[2 + i][2 + i] = one;
+            for j in 0..2 {
+                p[i][2 + j] = shear[i][j];
+                p[2 + i][j] = turn[i][j];
+                q[i][2 + j] = bend[i][j];
+                q[2 + i][j] = shift[i][j];
+                x[i][j] = shear[i][1].mul_add(shift[1][j], shear[i][0] * shift[0][j]);
+                x[i][2 + j] = -bend[i][j];
+                x[2 + i][j] = shift[i][j];
+                x[2 + i][2 + j] = turn[i][1].mul_add(bend[1][j], turn[i][0] * bend[0][j]);
+            }
+        }
+        let mut powers = [x; 4];
+        for n in 1..4 {
+            powers[n] = powers[n - 1];
+            multiply(&mut powers[n], &x);
+        }
+        Powers { powers, p, q }
+    }
+
+    /// The largest term of -r^T J A s, squared, and its value: the derivative by the length, the layer being held.
+    #[inline(always)]
+    pub fn density(&self, r: &Eight<S>, s: &Eight<S>) -> (R<S>, C<S>) {
+        let simd = r[0].simd;
+        let (a, b) = (quantities(r), quantities(s));
+        let mut sum = C::zero(simd);
+        let mut largest = R::splat(simd, 0.0);
+        for beam in 0..2 {
+            // theta V of internal forces, which are minus the loads.
+            let (theta, force) = (2 * beam + 1, 4 + 2 * beam);
+            let mut terms = [sum; 6];
+            for i in 0..2 {
+                let k = 2 * beam + i;
+                terms[i] = self.inertia[beam][i] * (a[k] * b[k]);
+                terms[2 + i] = self.compliance[beam][i] * (a[4 + k] * b[4 + k]);
+            }
+            terms[4] = -(a[theta] * b[force]);
+            terms[5] = -(a[force] * b[theta]);
+            for term in terms {
+                sum = sum + term;
+                largest = largest.max(term.norm_sqr());
+            }
+        }
+        for i in 0..2 {
+            let term = -(self.layer[i] * (a[8 + i] * b[8 + i]));
+            sum = sum + term;
+            largest = largest.max(term.norm_sqr());
+        }
+        (largest, sum)
+    }
+}
+
+/// Most terms of the series: at the growth that a piece may have fewer serve.
+const MOST_TERMS: usize = 20;
+
+/// Terms in X l^2 that leave out less than a rounding error at the growth exponent `size`, a multiple of four.
+fn terms(size: f64) -> usize {
+    let (mut count, mut power) = (0, 1.0);
+    while count + 2 < MOST_TERMS && power * INVERSE_FACTORIAL[2 * count] > 1e-18 {
+        count += 1;
+        power *= size * size;
+    }
+    // Where a displacement is driven through the whole chain its first terms are missing.
+    (count + 2_usize).next_multiple_of(4)
+}
+
+impl<S: Simd> Powers<S> {
+    /// The exponential over a length at a growth exponent.
+    #[inline(always)]
+    pub fn transfer(&self, length: f64, size: f64, out: &mut Transfer<S>) {
+        let terms = terms(size);
+        let Transfer { even: [cosine, transposed], odd: [by_p, by_q] } = out;
+        self.series(terms, 0, 1.0, length, cosine);
+        for i in 0..4 {
+            for j in 0..4 {
+                let entry = cosine[(j + 2) % 4][(i + 2) % 4];
+                transposed[i][j] = if (i < 2) == (j < 2) { entry } else { -entry };
+            }
+        }
+        self.series(terms, 1, length, length, by_p);
+        *by_q = self.q;
+        multiply(by_q, by_p);
+        multiply(by_p, &self.p);
+    }
+
+    /// `factor` times sum_n X^n l^(2 n) / (2 n + odd)!, four terms at a time.
+    #[inline(always)]
+    fn series(&self, terms: usize, odd: usize, factor: f64, length: f64, out: &mut Rows<S, 4>) {
+        let simd = self.p[0][0].simd;
+        let (mut factors, mut power) = ([0.0; MOST_TERMS], factor);
+        for n in 0..terms {
+            factors[n] = power * INVERSE_FACTORIAL[2 * n + odd];
+            power *= length * length;
+        }
+        *out = [[C::zero(simd); 4]; 4];
+        for (group, factors) in factors[..terms].chunks_exact(4).enumerate().rev() {
+            if (group + 1) * 4 < terms {
+                multiply(out, &self.powers[3]);
+            }
+            for i in 0..4 {
+                for j in 0..4 {
+                    for n in 1..4 {
+                        let factor = simd.splat_f64s(factors[n]);
+                        out[i][j] = self.powers[n - 1][i][j].mul_add_real(factor, out[i][j]);
+                    }
+                }
+                out[i][i] = out[i][i] + C::real(simd, factors[0]);
+            }
+        }
+    }
+}
+
+impl<S: Simd> Transfer<S> {
+    /// A way to be computed.
+    #[inline(always)]
+    pub fn empty(simd: S) -> Self {
+        let zero = [[C::zero(simd); 4]; 4];
+        Self { even: [zero; 2], odd: [zero; 2] }
+    }
+
+    /// What the entry in the place `i` of a half has by the entry `by` of the state.
+    #[inline(always)]
+    fn entry(&self, half: usize, i: usize, by: usize) -> C<S> {
+        let (of, j) = PLACES[by];
+        if of == half { self.even[half][i][j] } else { self.odd[half][i][j] }
+    }
+
+    /// Displacements by loads.
+    #[inline(always)]
+    pub fn compliance(&self) -> Rows<S, 4> {
+        let mut out = self.even[0];
+        for i in 0..4 {
+            let (half, place) = PLACES[i];
+            for j in 0..4 {
+                out[i][j] = self.entry(half, place, 4 + j);
+            }
+        }
+        out
+    }
+
+    /// The basis at the near end of a piece, from that at its far end, of which some rows are those of the identity.
+    #[inline(always)]
+    pub fn across<const N: usize>(
+        &self,
+        basis: &Rows<S, N>,
+        identity: &[Option<usize>; 4],
+        near: &mut Rows<S, N>,
+    ) {
+        let zero = C::zero(basis[0][0].simd);
+        let mut dense = [true; 8];
+        for row in identity.iter().flatten() {
+            dense[*row] = false;
+        }
+        for half in 0..2 {
+            for i in 0..4 {
+                let mut sum = [zero; 4];
                 for column in 0..4 {
-                    sum[column] += factor * basis[k][column];
+                    if let Some(row) = identity[column] {
+                        sum[column] = self.entry(half, i, row);
+                    }
+                }
+                for (matrix, of) in [(&self.even, half), (&self.odd, 1 - half)] {
+                    for j in 0..4 {
+                        let row = HALVES[of][j];
+                        if dense[row] {
+                            for column in 0..4 {
+                                sum[column] = matrix[half][i][j].mul_add(basis[row][column], sum[column]);
+                            }
+                        }
+                    }
+                }
+                near[HALVES[half][i]] = sum;
+            }
+        }
+        near[8..].copy_from_slice(&basis[8..]);
+    }
+
+    /// The even and the odd part of a state over the length, the rows that are asked for.
+    #[inline(always)]
+    fn parts(&self, z: &Eight<S>, rows: &[bool; 8]) -> [Eight<S>; 2] {
+        let zero = C::zero(z[0].simd);
+        let mut out = [[zero; 8]; 2];
+        for half in 0..2 {
+            for i in 0..4 {
+                let row = HALVES[half][i];
+                if rows[row] {
+                    for (part, matrix, of) in [(0, &self.even, half), (1, &self.odd, 1 - half)] {
+                        let mut sum = matrix[half][i][0] * z[HALVES[of][0]];
+                        for k in 1..4 {
+                            sum = matrix[half][i][k].mul_add(z[HALVES[of][k]], sum);
+                        }
+                        out[part][row] = sum;
+                    }
                 }
             }
-            near[i] = sum;
         }
-        near
+        out
     }
 
-    /// Loads at the far end per displacement at the near one, of a piece alone.
-    fn stiffness(&self) -> Four {
-        let mut compliance = [[ZERO; 4]; 4];
-        for i in 0..4 {
-            compliance[i].copy_from_slice(&self.transfer[i][4..]);
+    /// A state carried over the length towards smaller x (`forward`) or larger x.
+    #[inline(always)]
+    pub fn carry(&self, z: &Eight<S>, forward: bool) -> Eight<S> {
+        let [mut out, odd] = self.parts(z, &[true; 8]);
+        for i in 0..8 {
+            out[i] = if forward { out[i] + odd[i] } else { out[i] - odd[i] };
         }
-        inverse(compliance)
+        out
     }
-}
-
-/// The basis at the far end: the near beam's end moves freely, what lies behind by its plane.
-fn start([u, f]: &[Two; 2]) -> Basis {
-    let mut basis = [[ZERO; 4]; 10];
-    for i in 0..2 {
-        basis[i][i] = ONE;
-        basis[8 + i][2 + i] = ONE;
-        for j in 0..2 {
-            basis[2 + i][2 + j] = u[i][j];
-            basis[6 + i][2 + j] = f[i][j];
-        }
-    }
-    basis
-}
-
-/// The minor of the rows s - g in the columns that a restriction has taken away, with its sign in an expansion by these
-/// rows.
-fn restricted(end: &Basis, left: [usize; 2]) -> Complex64 {
-    let mut taken = [0; 2];
-    let mut count = 0;
-    for column in 0..4 {
-        if !left.contains(&column) && count < 2 {
-            taken[count] = column;
-            count += 1;
-        }
-    }
-    let [a, b] = [0, 1].map(|i| taken.map(|column| end[6 + i][column] - end[4 + i][column]));
-    let sign = if (taken[0] + taken[1]) % 2 == 1 { 1.0 } else { -1.0 };
-    (a[0] * b[1] - a[1] * b[0]) * sign
-}
-
-/// The states that were traced, over the two columns of the near end.
-fn states(
-    last: &Four,
-    columns: [usize; 2],
-    trace: &[(Basis, Four)],
-    at_start: bool,
-) -> Vec<[[Complex64; 2]; 8]> {
-    let mut map = [[ZERO; 2]; 4];
-    for j in 0..4 {
-        for (to, from) in columns.into_iter().enumerate() {
-            map[j][to] = last[j][from];
-        }
-    }
-    let mut out = Vec::with_capacity(trace.len());
-    for (basis, change) in trace.iter().rev() {
-        if !at_start {
-            out.push(combine(basis, &map));
-        }
-        map = combine(change, &map);
-        if at_start {
-            out.push(combine(basis, &map));
-        }
-    }
-    out.reverse();
-    out
-}
-
-/// `rows` times the map of coordinates, the first N rows.
-fn combine<const M: usize, const N: usize>(
-    rows: &[[Complex64; 4]; M],
-    map: &[[Complex64; 2]; 4],
-) -> [[Complex64; 2]; N] {
-    let mut out = [[ZERO; 2]; N];
-    for i in 0..N {
-        for k in 0..4 {
-            for j in 0..2 {
-                out[i][j] += rows[i][k] * map[k][j];
-            }
-        }
-    }
-    out
-}
-
-/// Negative eigenvalues of the pivot at a piece's far end, K U_near U_far^-1 with K the piece's stiffness.
-///
-/// They are those of U_far^T K U_near, which needs no inverse of what may be singular.
-fn negative_at_piece(far: &Basis, stiffness: &Four, near: &Basis) -> usize {
-    let mut right = [[0.0; 4]; 4];
-    for i in 0..4 {
-        for j in 0..4 {
-            right[i][j] = (0..4).map(|k| stiffness[i][k] * near[k][j]).sum::<Complex64>().re;
-        }
-    }
-    let mut form = [[0.0; 4]; 4];
-    for i in 0..4 {
-        for j in 0..4 {
-            form[i][j] = (0..4).map(|k| far[k][i].re * right[k][j]).sum();
-        }
-    }
-    negative_eigenvalues(form)
-}
-
-/// Negative eigenvalues of the pivot of the end of the beam that lies behind, the near one being held.
-fn negative_at_end(mut basis: Basis, weights: &[f64; 4]) -> usize {
-    let (columns, _) = restrict(&mut basis, &[[0, 2], [1, 3]], 1.0, weights);
-    let mut form = [[0.0; 2]; 2];
-    for i in 0..2 {
-        for j in 0..2 {
-            for k in 0..2 {
-                let load = basis[6 + k][columns[j]] - basis[4 + k][columns[j]];
-                form[i][j] += (basis[2 + k][columns[i]] * load).re;
-            }
-        }
-    }
-    negative_eigenvalues(form)
 }
 
 /// Products of the states of two loads: y_a, theta_a, y_b, theta_b; V_a, M_a, V_b, M_b; d_y, d_theta.
@@ -360,143 +328,184 @@ pub const LENGTH: usize = 10;
 /// Where the slope is.
 pub const SLOPE: usize = 11;
 
-/// Points (from 0 to 1) and weights of the rule of eight points.
-const GAUSS: [[f64; 2]; 8] = [
-    [0.019_855_071_751_231_884, 0.050_614_268_145_188_13],
-    [0.101_666_761_293_186_63, 0.111_190_517_226_687_24],
-    [0.237_233_795_041_835_5, 0.156_853_322_938_943_64],
-    [0.408_282_678_752_175_1, 0.181_341_891_689_181],
-    [0.591_717_321_247_825, 0.181_341_891_689_181],
-    [0.762_766_204_958_164_5, 0.156_853_322_938_943_64],
-    [0.898_333_238_706_813_4, 0.111_190_517_226_687_24],
-    [0.980_144_928_248_768_1, 0.050_614_268_145_188_13],
+/// Growth exponents of a piece up to which rules of 4, 6, 8, 10 points leave out less than a rounding error, and their
+/// points beyond the middle (from 0 to 1, half the length) with their weights.
+const RULES: [(f64, &[[f64; 2]]); 4] = [
+    (
+        0.08,
+        &[
+            [0.339_981_043_584_856_3, 0.652_145_154_862_546_1],
+            [0.861_136_311_594_052_6, 0.347_854_845_137_453_85],
+        ],
+    ),
+    (
+        0.5,
+        &[
+            [0.238_619_186_083_196_9, 0.467_913_934_572_691_04],
+            [0.661_209_386_466_264_5, 0.360_761_573_048_138_6],
+            [0.932_469_514_203_152, 0.171_324_492_379_170_36],
+        ],
+    ),
+    (
+        1.4,
+        &[
+            [0.183_434_642_495_649_8, 0.362_683_783_378_361_96],
+            [0.525_532_409_916_329, 0.313_706_645_877_887_27],
+            [0.796_666_477_413_626_7, 0.222_381_034_453_374_48],
+            [0.960_289_856_497_536_3, 0.101_228_536_290_376_26],
+        ],
+    ),
+    (
+        f64::INFINITY,
+        &[
+            [0.148_874_338_981_631_22, 0.295_524_224_714_752_87],
+            [0.433_395_394_129_247_2, 0.269_266_719_309_996_35],
+            [0.679_409_568_299_024_4, 0.219_086_362_515_982_04],
+            [0.865_063_366_688_984_5, 0.149_451_349_150_580_6],
+            [0.973_906_528_517_171_7, 0.066_671_344_308_688_14],
+        ],
+    ),
 ];
 
+/// A rule for pieces of one length.
+pub struct Rule<S: Simd> {
+    /// From the middle to each pair of points, and their weight in m.
+    points: Vec<(Transfer<S>, f64)>,
+}
+
+impl<S: Simd> Rule<S> {
+    /// A rule to be computed.
+    pub fn empty() -> Self {
+        Self { points: Vec::new() }
+    }
+
+    /// Computes the rule for pieces of a length and a growth exponent.
+    #[inline(always)]
+    pub fn fill(&mut self, powers: &Powers<S>, length: f64, size: f64) {
+        let rule = RULES.iter().find(|(most, _)| size <= *most).map_or(&[][..], |(_, rule)| *rule);
+        self.points.resize(rule.len(), (Transfer::empty(powers.p[0][0].simd), 0.0));
+        for ((transfer, to), [place, weight]) in self.points.iter_mut().zip(rule) {
+            // Both points of a pair, of half the length each.
+            powers.transfer(0.5 * place * length, 0.5 * place * size, transfer);
+            *to = weight * length;
+        }
+    }
+
+    /// Adds the integrals of the products that are asked for over a piece, from the states in its middle.
+    #[inline(always)]
+    pub fn integrate(
+        &self,
+        left: &Eight<S>,
+        right: Option<&Eight<S>>,
+        asked: &[bool; PRODUCTS],
+        sums: &mut [C<S>; PRODUCTS],
+    ) {
+        let rows = entries(asked);
+        for (transfer, weight) in &self.points {
+            let a = transfer.parts(left, &rows);
+            let b = match right {
+                Some(right) => transfer.parts(right, &rows),
+                None => a,
+            };
+            for part in 0..2 {
+                let (a, b) = (quantities(&a[part]), quantities(&b[part]));
+                for i in 0..PRODUCTS {
+                    if asked[i] {
+                        sums[i] = a[i].scale(*weight).mul_add(b[i], sums[i]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The entries of the states that some products need.
+fn entries(asked: &[bool; PRODUCTS]) -> [bool; 8] {
+    let [y_a, theta_a, y_b, theta_b, v_a, m_a, v_b, m_b, d_y, d_theta] = *asked;
+    [y_a || d_y, theta_a || d_theta, y_a || y_b, theta_a || theta_b, v_a || v_b, m_a || m_b, v_b, m_b]
+}
+
 /// A state of a way from the other side in the coordinates of that from the tip.
-pub fn mirrored(z: &Eight) -> Eight {
+#[inline(always)]
+pub fn mirrored<S: Simd>(z: &Eight<S>) -> Eight<S> {
     [-z[0], z[1], z[2] + z[0], -(z[3] + z[1]), z[4] - z[6], z[7] - z[5], -z[6], z[7]]
 }
 
 /// The ten quantities of a state that the work is made of.
 #[inline(always)]
-fn quantities(z: &Eight) -> [Complex64; PRODUCTS] {
+fn quantities<S: Simd>(z: &Eight<S>) -> [C<S>; PRODUCTS] {
     [z[0] + z[2], z[1] + z[3], z[2], z[3], z[4], z[5], z[6] - z[4], z[7] - z[5], z[0], z[1]]
 }
 
-/// States at the points of the rule within a piece, from that at its end of larger x.
-fn within(pair: &Pair, pieces: &Pieces, start: &Eight) -> [Eight; 8] {
-    let mut out = [*start; 8];
-    let mut powers = [1.0; 8];
-    let mut term = *start;
-    for order in 1..=terms(pieces.size) {
-        term = pair.along(&term, pieces.length / order as f64);
-        for (point, rule) in GAUSS.iter().enumerate() {
-            powers[point] *= rule[0];
-            for i in 0..8 {
-                out[point][i] += term[i] * powers[point];
-            }
-        }
-    }
-    out
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::Scalar;
 
-/// Derivatives of H on one line from the states at the pieces' ends of larger x, in the order of falling x.
-pub fn derivatives(
-    beside: &Beside,
-    pieces: &Pieces,
-    w: Complex64,
-    left: &[Eight],
-    right: &[Eight],
-) -> [Complex64; DERIVATIVES] {
-    let pair = Pair::new(beside, w, true);
-    let mut sums = [ZERO; PRODUCTS];
-    let same = core::ptr::eq(left, right);
-    for (r, s) in left.iter().zip(right) {
-        let moved = within(&pair, pieces, s);
-        let seen = if same { moved } else { within(&pair, pieces, r) };
-        for ((r, s), rule) in seen.iter().zip(&moved).zip(&GAUSS) {
-            let (r, s) = (quantities(r), quantities(s));
-            for i in 0..PRODUCTS {
-                sums[i] += r[i] * s[i] * (rule[1] * pieces.length);
-            }
+    /// Coefficients of a size like those of tools, in other units.
+    fn pair() -> Pair<Scalar> {
+        let number = |re: f64, im: f64| C::splat(Scalar::new(), Complex64::new(re, im));
+        Pair {
+            compliance: [
+                [number(0.03, -0.001), number(0.9, -0.02)],
+                [number(0.01, 0.0), number(0.2, -0.003)],
+            ],
+            inertia: [[number(1.1, 0.1), number(0.02, 0.0)], [number(2.3, 0.2), number(0.1, 0.01)]],
+            layer: [number(3.0, 0.4), number(0.7, 0.1)],
+            total: [number(3.0, 0.4), number(0.7, 0.1)],
         }
     }
-    let mut out = [ZERO; DERIVATIVES];
-    let (length, points) = (beside.overlap.length(), beside.overlap.points);
-    for i in 0..4 {
-        out[i] = sums[i] * (w * w);
-        out[4 + i] = sums[4 + i];
+
+    /// A state times the matrix A of the equations of the theory.
+    fn along(pair: &Pair<Scalar>, z: &Eight<Scalar>) -> Eight<Scalar> {
+        let [near, behind] = pair.compliance;
+        let [m, n] = pair.inertia;
+        let rest = [z[6] - z[4], z[7] - z[5]];
+        let loads = [m[0] * (z[0] + z[2]), m[1] * (z[1] + z[3])];
+        [
+            near[0] * z[4] - behind[0] * rest[0] - z[1],
+            near[1] * z[5] - behind[1] * rest[1],
+            behind[0] * rest[0] - z[3],
+            behind[1] * rest[1],
+            pair.layer[0] * z[0] - loads[0],
+            pair.layer[1] * z[1] - loads[1] + z[4],
+            -(n[0] * z[2] + loads[0]),
+            z[6] - n[1] * z[3] - loads[1],
+        ]
     }
-    for i in 0..2 {
-        out[LAYER + i] = -sums[LAYER + i] / length;
-    }
-    if points > 0 {
-        let total = beside.overlap.stiffness(w);
-        let (mut by_stiffness, mut by_slope) = ([ZERO; 2], ZERO);
-        for (passed, (r, s)) in left.iter().zip(right).enumerate() {
-            // The point that was passed before this piece moves as the piece's end does.
-            if pieces.point_after(passed) {
-                let place = pieces.place(passed);
-                for i in 0..2 {
-                    by_stiffness[i] -= r[i] * s[i] * beside.overlap.share(place);
-                    by_slope -= r[i] * s[i] * total[i] * (place / points as f64);
+
+    #[test]
+    fn exponential_of_the_equations() {
+        let pair = pair();
+        let (length, size) = (0.8, 1.9);
+        let mut transfer = Transfer::empty(Scalar::new());
+        pair.powers().transfer(length, size, &mut transfer);
+        for column in 0..8 {
+            let mut term = [C::zero(Scalar::new()); 8];
+            term[column] = C::real(Scalar::new(), 1.0);
+            let mut sum = term;
+            for order in 1..40 {
+                term = along(&pair, &term).map(|entry| entry.scale(length / f64::from(order)));
+                for i in 0..8 {
+                    sum[i] = sum[i] + term[i];
                 }
             }
-        }
-        out[LAYER..LAYER + 2].copy_from_slice(&by_stiffness);
-        out[SLOPE] = by_slope;
-    }
-    out[LENGTH] = by_length(&pair, pieces, length, left, right);
-    if points == 0 {
-        // The totals are held: a longer layer is softer per length.
-        let total = beside.overlap.stiffness(w);
-        for i in 0..2 {
-            out[LENGTH] -= total[i] / length * out[LAYER + i];
+            for i in 0..8 {
+                let (half, place) = PLACES[i];
+                let off = transfer.entry(half, place, column) - sum[i];
+                assert!(off.norm_sqr().v.sqrt() < 1e-14, "{i}, {column}");
+            }
         }
     }
-    out
-}
 
-/// The derivative by the length, the stiffness per length of the layer being held.
-///
-/// Its density is constant between two points; it is taken where its terms are smallest and cancel least.
-fn by_length(pair: &Pair, pieces: &Pieces, length: f64, left: &[Eight], right: &[Eight]) -> Complex64 {
-    let mut sum = ZERO;
-    let mut best = (f64::INFINITY, ZERO);
-    let mut stretch = 0;
-    for (passed, (r, s)) in left.iter().zip(right).enumerate() {
-        if pieces.point_after(passed) {
-            sum += best.1 * (stretch as f64 * pieces.length / length);
-            best.0 = f64::INFINITY;
-            stretch = 0;
+    #[test]
+    fn rules_serve_up_to_their_growth() {
+        for (most, rule) in RULES {
+            let size = if most.is_finite() { most } else { crate::model::overlap::REACH };
+            // The product of two states that grow by the exponent each.
+            let exact = size.sinh() / size;
+            let sum: f64 = rule.iter().map(|[place, weight]| weight * (place * size).cosh()).sum();
+            assert!((sum - exact).abs() < 2e-15 * exact, "{most}: {sum} and {exact}");
         }
-        let now = density(pair, r, s);
-        if now.0 < best.0 {
-            best = now;
-        }
-        stretch += 1;
     }
-    sum + best.1 * (stretch as f64 * pieces.length / length)
-}
-
-/// The largest term of -r^T J A s and its value.
-fn density(pair: &Pair, r: &Eight, s: &Eight) -> (f64, Complex64) {
-    let (a, b) = (quantities(r), quantities(s));
-    let mut terms = [ZERO; 14];
-    for beam in 0..2 {
-        for i in 0..2 {
-            let k = 2 * beam + i;
-            terms[k] = pair.inertia[beam][i] * a[k] * b[k];
-            terms[4 + k] = pair.compliance[beam][i] * a[4 + k] * b[4 + k];
-        }
-        // theta V of internal forces, which are minus the loads.
-        let (theta, force) = (2 * beam + 1, 4 + 2 * beam);
-        terms[10 + 2 * beam] = -a[theta] * b[force];
-        terms[11 + 2 * beam] = -a[force] * b[theta];
-    }
-    for i in 0..2 {
-        terms[8 + i] = -pair.layer[i] * a[8 + i] * b[8 + i];
-    }
-    let largest = terms.iter().fold(0.0_f64, |most, term| most.max(term.norm_sqr()));
-    (largest, terms.iter().sum())
 }

@@ -11,4 +11,5 @@ pub mod layer;
 pub mod overlap;
 pub mod plane;
 pub mod response;
+pub mod signs;
 pub mod sweep;

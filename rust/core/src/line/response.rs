@@ -99,8 +99,11 @@ impl<'a, const D: usize> Job<'a, D> {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
             }
-            if let Some(row) = gradient.overlap().filter(|row| !job.overlaps.contains(row)) {
-                job.overlaps.push(row);
+            if let Some((row, asked)) = gradient.overlap() {
+                job.prepared.ask(row, &asked);
+                if !job.overlaps.contains(&row) {
+                    job.overlaps.push(row);
+                }
             }
         }
         job.excited = request.excitations.iter().map(|point| job.load(model, *point)).collect();
@@ -274,7 +277,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
             let own = by_line.some(&(start..next), w.len());
             job.prepared.block(simd, lines, false, own, &mut block);
             for (index, (root, plan)) in job.plans.iter().enumerate() {
-                block.upwards(simd, plan, &job.prepared.branches, &mut records, &mut Blind);
+                block.upwards(simd, plan, &job.prepared, &mut records, &mut Blind);
                 let Some(top) = records.last() else { continue };
                 let receptance = top.plane.receptance();
                 for (load, field) in job.loads.iter().zip(&mut fields) {
@@ -362,12 +365,8 @@ impl<const D: usize> Job<'_, D> {
                 let mut beside: Vec<Option<[C<S>; DERIVATIVES]>> = vec![None; self.prepared.overlaps.len()];
                 for &row in &self.overlaps {
                     let (left, right) = (&left.overlaps[row], &right.overlaps[row]);
-                    let found = block.overlaps[row].derivatives(
-                        block.iw.simd,
-                        &self.prepared.overlaps[row],
-                        left,
-                        right,
-                    );
+                    let overlap = &self.prepared.overlaps[row];
+                    let found = block.overlaps[row].derivatives(block.w2, overlap, left, right);
                     beside[row] = Some(found);
                 }
                 for (k, gradient) in self.gradients.iter().enumerate() {

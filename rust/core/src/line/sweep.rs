@@ -3,11 +3,9 @@
 use crate::line::block::{Block, Prepared};
 use crate::line::combine::{JointState, Kind, add_beyond, add_diagonal, in_joint, join};
 use crate::line::kernel::{Kernel, oriented};
-use crate::line::layer::{Passed, Wanted};
-use crate::line::overlap::{self, States};
+use crate::line::overlap::{Passed, States, Wanted};
 use crate::line::plane::Plane;
 use crate::model::assembly::Step;
-use crate::series::branch::Branch;
 use crate::simd::lane::C;
 use crate::simd::small::{self, Mat};
 use pulp::Simd;
@@ -55,7 +53,7 @@ pub struct Field<S: Simd, const D: usize> {
     /// States at the ends of the pieces of each segment, from smaller to larger x; empty if not asked for.
     pub states: Vec<Vec<State<S, D>>>,
     /// States within each overlap; empty if not asked for.
-    pub overlaps: Vec<States>,
+    pub overlaps: Vec<States<S>>,
     /// Loads on what is beyond each terminal.
     pub terminals: Vec<[C<S>; D]>,
 }
@@ -80,8 +78,8 @@ pub trait Observer<S: Simd, const D: usize> {
         Wanted::Plane
     }
 
-    /// An overlap was passed: the u rows of what lies behind and of the near beam, and the ways of the lines.
-    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, _: &[Passed]) {}
+    /// An overlap was passed: the u rows of what lies behind and of the near beam, and the way.
+    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, _: &Passed<S>) {}
 }
 
 /// Looks at nothing.
@@ -102,7 +100,7 @@ impl<S: Simd, const D: usize> Field<S, D> {
             nodes: vec![zero; nodes],
             joints: vec![JointState { force: zero, gap: zero }; joints],
             states: (0..segments).map(|_| Vec::new()).collect(),
-            overlaps: vec![States::new(); overlaps],
+            overlaps: (0..overlaps).map(|_| States::empty()).collect(),
             terminals: vec![zero; prepared.terminals.len()],
         }
     }
@@ -117,10 +115,10 @@ impl<S: Simd, const D: usize> Block<S, D> {
     /// Sweeps from the free ends to the root; the last record holds the root's plane.
     #[inline(always)]
     pub fn upwards(
-        &self,
+        &mut self,
         simd: S,
         plan: &[Step],
-        branches: &[Branch<D>],
+        prepared: &Prepared<D>,
         records: &mut Vec<Record<S, D>>,
         observer: &mut impl Observer<S, D>,
     ) {
@@ -151,7 +149,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     self.through_segment(row, forward, plane, records, observer);
                 }
                 Step::Overlap { row, forward, .. } => {
-                    self.through_overlap(row, forward, plane, records, observer);
+                    self.through_overlap(row, forward, plane, prepared, records, observer);
                 }
                 Step::Joint { row, .. } => {
                     let (u, f) = plane.basis();
@@ -193,8 +191,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     if !records.is_empty() {
                         waiting.push(plane);
                     }
-                    weights = branches[index].weights(self.most);
-                    let minors = branches[index].minors(simd, self.w2, self.real);
+                    let branch = &prepared.branches[index];
+                    weights = branch.weights(self.most);
+                    let minors = branch.minors(simd, self.w2, self.real);
                     let plane = Plane::from_minors(minors, &weights);
                     records.push(Record { plane, back: zero, other: zero, weights });
                 }
@@ -209,22 +208,21 @@ impl<S: Simd, const D: usize> Block<S, D> {
     /// The plane before an overlap becomes the one after it.
     #[inline(always)]
     fn through_overlap(
-        &self,
+        &mut self,
         row: usize,
         forward: bool,
         plane: Plane<S, D>,
+        prepared: &Prepared<D>,
         records: &mut Vec<Record<S, D>>,
         observer: &mut impl Observer<S, D>,
     ) {
-        let overlap = &self.overlaps[row];
+        let (overlap, wanted) = (&mut self.overlaps[row], observer.wanted());
         let weights: [f64; D] = overlap.weights_behind(!forward);
-        let passed = overlap.pass(&plane, forward, observer.wanted());
-        let simd = self.iw.simd;
-        if observer.wanted() != Wanted::Plane {
-            observer.overlapped(&plane.basis().0, &overlap::near_u(simd, &passed, forward), &passed);
+        let (near, back, passed) = overlap.pass(&prepared.overlaps[row], &plane, forward, wanted);
+        if wanted != Wanted::Plane {
+            observer.overlapped(&plane.basis().0, &passed.near_u(), &passed);
         }
-        let (plane, back) = overlap::near_plane(simd, &passed, forward, &weights);
-        records.push(Record { plane, back, other: back, weights });
+        records.push(Record { plane: near, back, other: back, weights });
     }
 
     #[inline(always)]
@@ -342,8 +340,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 Step::Overlap { row, forward, far } => {
                     let behind = &records[at - 1].plane;
                     if within.overlaps {
-                        let states = &mut field.overlaps[row];
-                        self.overlaps[row].states(forward, behind, &independent, states);
+                        self.overlaps[row].states(forward, &independent, &mut field.overlaps[row]);
                     }
                     independent = small::apply(&records[at].back, &independent);
                     at -= 1;

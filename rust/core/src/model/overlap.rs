@@ -138,28 +138,44 @@ pub struct Beside {
     pub beams: [Segment<2>; 2],
 }
 
-/// How an overlap is cut into pieces.
+/// How an overlap is cut into pieces, from either end: alike in the stretches before the first and beyond the last
+/// point, alike in those between two points; a layer is one stretch.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct Pieces {
-    /// Their number.
+    /// Number of pieces.
     pub count: usize,
-    /// Their length in m.
-    pub length: f64,
-    /// Largest growth exponent of one.
-    pub size: f64,
-    /// Pieces between two points, half as many beyond the last; 0 for a layer.
-    pub apart: usize,
+    /// Length of a piece in m, at the ends and between points.
+    pub length: [f64; 2],
+    /// Largest growth exponent of each.
+    pub size: [f64; 2],
+    /// Pieces of a stretch, at the ends and between points.
+    stretch: [usize; 2],
+    /// Number of points.
+    points: usize,
 }
 
 impl Pieces {
-    /// Place after so many pieces from the end of larger x, from -1 at the start of the overlap to 1 at its end.
-    pub fn place(&self, passed: usize) -> f64 {
-        1.0 - 2.0 * passed as f64 / self.count as f64
+    /// Kinds of pieces that there are: those at the ends, and those between points.
+    pub fn kinds(&self) -> usize {
+        if self.points > 1 { 2 } else { 1 }
     }
 
-    /// Whether a point follows when so many pieces have been passed, from either end.
-    pub fn point_after(&self, passed: usize) -> bool {
-        self.apart > 0 && passed % self.apart == self.apart / 2
+    /// Whether a piece lies between points (1) or at an end (0), counted from either end.
+    pub fn kind(&self, piece: usize) -> usize {
+        let end = self.stretch[0];
+        usize::from(self.points > 0 && piece >= end && piece + end < self.count)
+    }
+
+    /// The number of the point that follows when so many pieces have been passed, from either end.
+    pub fn point_after(&self, passed: usize) -> Option<usize> {
+        let between = passed.checked_sub(self.stretch[0])?;
+        let number = between / self.stretch[1];
+        (between % self.stretch[1] == 0 && number < self.points).then_some(number)
+    }
+
+    /// Place of a point, counted from the end of larger x, from -1 at the start of the overlap to 1 at its end.
+    pub fn place(&self, point: usize) -> f64 {
+        1.0 - (2 * point + 1) as f64 / self.points as f64
     }
 }
 
@@ -170,16 +186,18 @@ impl Beside {
         Self { overlap: overlap.clone(), beams }
     }
 
-    /// A bound of the growth exponents per length at |w|^2 = `w2`: the root of the equations with absolute values,
-    /// both beams having the larger coefficients of either, and twice the layer for the relative motion.
+    /// A bound of the growth exponents per length at |w|^2 = `w2`: the larger one of both beams where points join
+    /// them, else the root of the equations with absolute values, both beams having the larger coefficients of either,
+    /// and twice the layer for the relative motion.
     pub fn growth(&self, w2: f64) -> f64 {
+        let [inner, outer] = &self.beams;
+        if self.overlap.points > 0 {
+            return inner.wave_number_square(w2).max(outer.wave_number_square(w2)).sqrt();
+        }
         let w = Complex64::new(w2.sqrt(), 0.0);
         let length = self.overlap.length();
-        let layer =
-            self.overlap.stiffness(w).map(|k| if self.overlap.points > 0 { 0.0 } else { k.norm() / length });
-        let largest = |value: &dyn Fn(&Segment<2>, usize) -> f64, i| {
-            value(&self.beams[0], i).max(value(&self.beams[1], i))
-        };
+        let layer = self.overlap.stiffness(w).map(|k| k.norm() / length);
+        let largest = |value: &dyn Fn(&Segment<2>, usize) -> f64, i| value(inner, i).max(value(outer, i));
         let compliance = |beam: &Segment<2>, i: usize| beam.per_length.compliance[i].norm();
         let inertia = |beam: &Segment<2>, i: usize| beam.per_length.kinetic[i] * w2;
         let [alpha, beta] = [0, 1].map(|i| largest(&compliance, i));
@@ -191,13 +209,15 @@ impl Beside {
     /// Pieces at |w|^2 up to `most`.
     pub fn pieces(&self, most: f64) -> Pieces {
         let growth = self.growth(most);
-        let stretches = (2 * self.overlap.points).max(1);
-        let stretch = self.overlap.length() / stretches as f64;
+        let (length, points) = (self.overlap.length(), self.overlap.points);
+        let between = length / points.max(1) as f64;
+        let ends = if points > 0 { 0.5 * between } else { length };
         // Where the model was checked the number is small; the bound keeps a slip from asking for more.
-        let each = (growth * stretch / REACH).ceil().clamp(1.0, MOST_PIECES) as usize;
-        let length = stretch / each as f64;
-        let apart = if self.overlap.points > 0 { 2 * each } else { 0 };
-        Pieces { count: each * stretches, length, size: growth * length, apart }
+        let cut = |stretch: f64| (growth * stretch / REACH).ceil().clamp(1.0, MOST_PIECES) as usize;
+        let stretch = [cut(ends), cut(between)];
+        let count = if points > 0 { 2 * stretch[0] + (points - 1) * stretch[1] } else { stretch[0] };
+        let length = [ends / stretch[0] as f64, between / stretch[1] as f64];
+        Pieces { count, length, size: length.map(|length| growth * length), stretch, points }
     }
 
     /// Impedances that make the displacements (d_y, d_theta, y, theta) comparable with their loads, the outer beam

@@ -10,7 +10,7 @@
 use crate::error::Result;
 use crate::interrupt;
 use crate::line::block::{Block, Prepared};
-use crate::line::layer::{Passed, Wanted};
+use crate::line::overlap::{Passed, Wanted};
 use crate::line::sweep::Observer;
 use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::{EMPTY, Frequencies};
@@ -96,11 +96,11 @@ impl<S: Simd, const D: usize> Observer<S, D> for Logarithms {
     }
 
     #[inline(always)]
-    fn overlapped(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, passed: &[Passed]) {
+    fn overlapped(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, passed: &Passed<S>) {
         self.add(small::det(near_u), 1.0);
         self.add(small::det(far_u), -1.0);
-        for (sum, passed) in self.sum.iter_mut().zip(passed) {
-            *sum += passed.log_determinant;
+        for (sum, logarithm) in self.sum.iter_mut().zip(passed.log_determinant) {
+            *sum += logarithm;
         }
     }
 }
@@ -116,7 +116,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
         for (w, out) in w.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES)) {
             job.prepared.block(simd, w, true, ByLine::default(), &mut block);
             let mut logarithms = Logarithms { sum: [Complex64::ZERO; MAX_LANES] };
-            block.upwards(simd, &job.plan, &[], &mut records, &mut logarithms);
+            block.upwards(simd, &job.plan, &job.prepared, &mut records, &mut logarithms);
             if let Some(top) = records.last() {
                 let (u, f) = top.plane.basis();
                 logarithms.add(small::det(&f), 1.0);

@@ -11,8 +11,9 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::line::block::{Block, Prepared};
 use crate::line::derivatives::Gradient;
+use crate::line::layer::DERIVATIVES;
 use crate::line::sweep::{Blind, Field, Observer, Within};
-use crate::line::{derivatives, exponential, layer};
+use crate::line::{derivatives, exponential, overlap};
 use crate::model::assembly::{Model, Step};
 use crate::model::request::{ByLine, Parameter, check_parameters, singular};
 use crate::model::section::{Segment, column};
@@ -222,14 +223,14 @@ impl<S: Simd, const D: usize> Observer<S, D> for Negatives {
     }
 
     #[inline(always)]
-    fn wanted(&self) -> layer::Wanted {
-        layer::Wanted::Count
+    fn wanted(&self) -> overlap::Wanted {
+        overlap::Wanted::Count
     }
 
     #[inline(always)]
-    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, passed: &[layer::Passed]) {
-        for (count, passed) in self.count.iter_mut().zip(passed) {
-            *count += passed.negatives;
+    fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, passed: &overlap::Passed<S>) {
+        for (count, negatives) in self.count.iter_mut().zip(passed.negatives) {
+            *count += negatives;
         }
     }
 }
@@ -251,7 +252,7 @@ impl<const D: usize> WithSimd for Locate<'_, '_, D> {
                 let mut determinants = [Complex64::ZERO; MAX_LANES];
                 let w = angular(lines);
                 self.search.prepared.block(simd, &w[..lines.len()], true, ByLine::default(), &mut block);
-                block.upwards(simd, &self.search.plan, &[], &mut records, &mut negatives);
+                block.upwards(simd, &self.search.plan, &self.search.prepared, &mut records, &mut negatives);
                 if let Some(top) = records.last() {
                     let (u, f) = top.plane.basis();
                     let entry = small::mul(&f, &small::adjugate(&u))[0][0];
@@ -284,7 +285,7 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
         for (lines, out) in self.angular.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES * count)) {
             let w = angular(lines);
             prepared.block(simd, &w[..lines.len()], false, ByLine::default(), &mut block);
-            block.upwards(simd, &self.search.plan, &[], &mut records, &mut Blind);
+            block.upwards(simd, &self.search.plan, prepared, &mut records, &mut Blind);
             let Some(top) = records.last() else { continue };
             let (_, f) = top.plane.basis();
             let mode = null_vector(&f, &block.weights_of_first());
@@ -305,7 +306,7 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             beside.clear();
             for (row, overlap) in prepared.overlaps.iter().enumerate() {
                 let states = &field.overlaps[row];
-                let found = block.overlaps[row].derivatives(simd, overlap, states, states);
+                let found = block.overlaps[row].derivatives(block.w2, overlap, states, states);
                 for i in 0..4 {
                     by_square = by_square + found[i].scale(overlap.beams[i / 2].per_length.kinetic[i % 2]);
                 }
@@ -347,13 +348,27 @@ impl<const D: usize> Search<D> {
         Self { prepared, plan }
     }
 
-    fn run(&self, model: &Model, mut at: Locating, parameters: &[Parameter]) -> Result<NaturalFrequencies> {
-        Arch::new().dispatch(Locate { search: self, at: &mut at })?;
+    fn run(
+        mut self,
+        model: &Model,
+        mut at: Locating,
+        parameters: &[Parameter],
+    ) -> Result<NaturalFrequencies> {
+        Arch::new().dispatch(Locate { search: &self, at: &mut at })?;
         let angular = at.found();
         let gradients: Vec<Gradient<D>> = parameters.iter().map(|p| Gradient::new(model, p)).collect();
         let mut derivative = Vec::new();
         if !gradients.is_empty() {
-            let work = Slopes { search: self, model, angular: &angular, gradients: &gradients };
+            // The work by w^2 needs the inertia of every beam.
+            let mut inertia = [false; DERIVATIVES];
+            inertia[..4].fill(true);
+            for row in 0..model.overlaps.len() {
+                self.prepared.ask(row, &inertia);
+            }
+            for (row, asked) in gradients.iter().filter_map(Gradient::overlap) {
+                self.prepared.ask(row, &asked);
+            }
+            let work = Slopes { search: &self, model, angular: &angular, gradients: &gradients };
             derivative = Arch::new().dispatch(work);
         }
         if let Some(index) = derivative.iter().position(|value: &f64| !value.is_finite()) {

@@ -1,6 +1,6 @@
 //! Complex logarithm over lanes.
 
-use crate::simd::lane::{C, MAX_LANES};
+use crate::simd::lane::{C, MAX_LANES, negated};
 use core::array::from_fn;
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
 use pulp::Simd;
@@ -85,7 +85,7 @@ fn logarithms<S: Simd, const N: usize>(s: S, quotients: [[C<S>; 2]; N]) -> Parts
     let sum: [_; N] = from_fn(|i| s.add_f64s(near[i].1, b[i]));
     // The angle is that of (x, y), reduced to atan(t) with t <= tan(pi/8).
     let x: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.re, b.re, s.mul_f64s(a.im, b.im)));
-    let y: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.im, b.re, s.neg_f64s(s.mul_f64s(a.re, b.im))));
+    let y: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.im, b.re, negated(s, s.mul_f64s(a.re, b.im))));
     let (ax, ay) = (x.map(|x| s.abs_f64s(x)), y.map(|y| s.abs_f64s(y)));
     let small: [_; N] = from_fn(|i| s.min_f64s(ax[i], ay[i]));
     let large: [_; N] = from_fn(|i| s.max_f64s(ax[i], ay[i]));
@@ -140,7 +140,7 @@ impl<S: Simd> C<S> {
         let s = self.simd;
         let Parts { modulus: [re], angle: [angle], y: [y] } = logarithms(s, [[self, other]]);
         let down = s.less_than_f64s(y, s.splat_f64s(0.0));
-        Self { simd: s, re, im: s.select_f64s(down, s.neg_f64s(angle), angle) }
+        Self { simd: s, re, im: s.select_f64s(down, negated(s, angle), angle) }
     }
 }
 

@@ -10,6 +10,12 @@ use pulp::Simd;
 /// The widest block of lines of any instruction set that pulp dispatches to.
 pub const MAX_LANES: usize = 8;
 
+/// -x. That of pulp is a call of a function, instead of a part of the multiplication that follows.
+#[inline(always)]
+pub fn negated<S: Simd>(simd: S, x: S::f64s) -> S::f64s {
+    simd.sub_f64s(simd.splat_f64s(-0.0), x)
+}
+
 /// Real numbers, one a lane.
 #[derive(Copy, Clone)]
 pub struct R<S: Simd> {
@@ -53,6 +59,24 @@ impl<S: Simd> R<S> {
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
         Self { simd: self.simd, v: self.simd.max_f64s(self.v, other.v) }
+    }
+
+    /// The smallest over the lanes.
+    #[inline(always)]
+    pub fn least(self) -> f64 {
+        self.simd.reduce_min_f64s(self.v)
+    }
+
+    /// One over `self`.
+    #[inline(always)]
+    pub fn recip(self) -> Self {
+        Self { simd: self.simd, v: self.simd.div_f64s(self.simd.splat_f64s(1.0), self.v) }
+    }
+
+    /// Times a real number that all lanes share.
+    #[inline(always)]
+    pub fn scale(self, factor: f64) -> Self {
+        Self { simd: self.simd, v: self.simd.mul_f64s(self.v, self.simd.splat_f64s(factor)) }
     }
 
     /// Copies the lanes out.
@@ -124,7 +148,7 @@ impl<S: Simd> C<S> {
         let im = s.mul_add_e_f64s(self.re, b.im, c.im);
         Self {
             simd: s,
-            re: s.mul_add_e_f64s(s.neg_f64s(self.im), b.im, re),
+            re: s.mul_add_e_f64s(negated(s, self.im), b.im, re),
             im: s.mul_add_e_f64s(self.im, b.re, im),
         }
     }
@@ -170,7 +194,7 @@ impl<S: Simd> C<S> {
     /// Times the imaginary unit.
     #[inline(always)]
     pub fn times_i(self) -> Self {
-        Self { simd: self.simd, re: self.simd.neg_f64s(self.im), im: self.re }
+        Self { simd: self.simd, re: negated(self.simd, self.im), im: self.re }
     }
 
     /// Squared modulus.
@@ -186,7 +210,7 @@ impl<S: Simd> C<S> {
     pub fn recip(self) -> Self {
         let s = self.simd;
         let inverse = s.div_f64s(s.splat_f64s(1.0), self.norm_sqr().v);
-        Self { simd: s, re: s.mul_f64s(self.re, inverse), im: s.neg_f64s(s.mul_f64s(self.im, inverse)) }
+        Self { simd: s, re: s.mul_f64s(self.re, inverse), im: negated(s, s.mul_f64s(self.im, inverse)) }
     }
 
     /// `yes` where the mask holds, else `no`.
@@ -224,7 +248,7 @@ impl<S: Simd> Mul for C<S> {
         let im = s.mul_f64s(self.im, other.re);
         Self {
             simd: s,
-            re: s.mul_add_e_f64s(self.re, other.re, s.neg_f64s(re)),
+            re: s.mul_add_e_f64s(self.re, other.re, negated(s, re)),
             im: s.mul_add_e_f64s(self.re, other.im, im),
         }
     }
@@ -235,6 +259,6 @@ impl<S: Simd> Neg for C<S> {
     #[inline(always)]
     fn neg(self) -> Self {
         let s = self.simd;
-        Self { simd: s, re: s.neg_f64s(self.re), im: s.neg_f64s(self.im) }
+        Self { simd: s, re: negated(s, self.re), im: negated(s, self.im) }
     }
 }
