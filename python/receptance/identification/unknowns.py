@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -239,11 +239,12 @@ class Variables:
 
 def covered(address: str, assembly: Assembly) -> frozenset[str]:
     """Return the parameters of the assembly that match an address, several with `segment[*]`."""
-    return _covered(address, assembly.parameters)
+    found = assembly.matches.get(address)
+    if found is None:
+        found = assembly.matches[address] = _covered(address, assembly.parameters)
+    return found
 
 
-# A diagnosis matches the same addresses with similar assemblies a hundred thousand times.
-@lru_cache(maxsize=1 << 14)
 def _covered(address: str, known: tuple[str, ...]) -> frozenset[str]:
     if "[*]" not in address:
         return frozenset((address,) if address in known else ())

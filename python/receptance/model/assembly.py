@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import tau
 from typing import Any
 
@@ -38,6 +38,12 @@ from receptance.model.tables import (
 from receptance.model.terminals import MeasuredPart
 
 __all__ = ["Assembly"]
+
+
+@lru_cache(maxsize=256)
+def _matches(parameters: tuple[str, ...]) -> dict[str, frozenset[str]]:
+    """Return the matches of addresses with parameters; each caller adds its own."""
+    return {}
 
 
 class Assembly:
@@ -127,6 +133,14 @@ class Assembly:
         `segment[*]` means all segments of a part.
         """
         return tuple(self.flat().entries)
+
+    @cached_property
+    def matches(self) -> dict[str, frozenset[str]]:
+        """Parameters by the addresses that were matched with them; assemblies with the same parameters share them.
+
+        A diagnosis matches the same addresses with similar assemblies millions of times.
+        """
+        return _matches(self.parameters)
 
     def receptance(
         self,
@@ -287,7 +301,10 @@ class Assembly:
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` all segments must have the same value."""
-        values = {self.flat().values[name] for name in self._named(address)}
+        known = self.flat().values
+        if address in known:
+            return known[address]
+        values = {known[name] for name in self._named(address)}
         if len(values) > 1:
             found = ", ".join(f"{value:g}" for value in sorted(values))
             raise ValueError(f"{address!r} has different values in the segments: {found}")
