@@ -10,7 +10,7 @@ from receptance.diagnosis.adequacy import Adequacy, judge, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
-from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE
+from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
 
 __all__ = ["Explanation", "Selection", "behind_limit", "best_of_each"]
 
@@ -141,6 +141,8 @@ class Selection:
         Duration in s.
     interrupted : bool
         Whether a KeyboardInterrupt ended it: later steps are missing, and not all fits have converged.
+    workers : int
+        Number of fits that run at the same time.
     """
 
     base: Fit
@@ -154,6 +156,7 @@ class Selection:
     evaluations: int = 0
     seconds: float = 0.0
     interrupted: bool = False
+    workers: int = 1
 
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
         """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
@@ -183,6 +186,11 @@ class Selection:
     def singles(self) -> list[Explanation]:
         """Explanations by one cause, the highest evidence first."""
         return [one for one in self.explanations if len(one.steps) == 1]
+
+    @property
+    def held_out_singles(self) -> list[Explanation]:
+        """Explanations by one cause whose own improvement on held-out data is measured."""
+        return [one for one in self.singles if one.evidence > 0.0][:SINGLES_HELD_OUT]
 
     @property
     def best(self) -> Explanation | None:

@@ -6,10 +6,11 @@ lines does not affect the result.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Task
 
-__all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "refit", "with_null"]
+__all__ = ["Exploration", "Fit", "at_the_same_time", "evaluate", "explore", "fit_base", "refit", "with_null"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,6 +291,22 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
         if all(_differ(x, other, model.task) for _, other in different):
             different.append((cost, x))
     return Exploration(model, tuple((cost, problem.named(x)) for cost, x in different), problem.evaluations)
+
+
+_T = TypeVar("_T")
+
+
+def at_the_same_time(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
+    """Yield the results of fits in their order; `workers` of them run at the same time."""
+    if workers == 1 or len(fits) < 2:
+        yield from (fit() for fit in fits)
+        return
+    pool = ThreadPoolExecutor(workers)
+    try:
+        yield from (future.result() for future in [pool.submit(fit) for fit in fits])
+    finally:
+        # After a KeyboardInterrupt fits that run end in the background.
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _problem_on_few_lines(model: Model) -> Problem:

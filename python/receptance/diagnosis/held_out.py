@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +13,11 @@ import numpy as np
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import IndescribableError, parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
-from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.fitting import Fit, at_the_same_time, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS, SINGLES_HELD_OUT
+from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
@@ -210,9 +210,10 @@ def cross_validate(
 def select_without(selection: Selection, configurations: Sequence[str]) -> Selection:
     """Return the selection without some configurations.
 
-    The base and every explanation that is close to the best one on the other configurations are fitted to these, from
-    the values of the fit to all. An explanation is close by the rule that decides which explanations are fitted on all
-    lines. `tests/validation/folds.py` compares the answers and the improvement with a selection from the beginning.
+    The base and every explanation that is close to the best one on the other configurations are fitted to these,
+    from the values of the fit to all, and so are the single causes whose own improvement is measured. An
+    explanation is close by the rule that decides which explanations are fitted on all lines.
+    `tests/validation/folds.py` compares the answers and the improvement with a selection from the beginning.
     """
     base = refit(without(selection.base.model, configurations), selection.base.values)
     found = replace(
@@ -226,11 +227,15 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     every = best_of_each([*selection.explanations, *selection.tried])
     remaining = {one: _on_others(one.fit, configurations) - one.expected for one in every}
     limit = behind_limit(_on_others(selection.base, configurations), remaining.values())
-    for one in every:
-        if remaining[one] <= limit:
-            found.add(*_refit(found, one, configurations))
-    for one in selection.alternatives:
-        found.alternatives += _refit(found, one, configurations)
+    singles = selection.held_out_singles
+    chosen = [one for one in every if remaining[one] <= limit or one in singles]
+    both = [*chosen, *selection.alternatives]
+    fits = at_the_same_time([partial(_refit, found, one, configurations) for one in both], selection.workers)
+    for number, refitted in enumerate(fits):
+        if number < len(chosen):
+            found.add(*refitted)
+        else:
+            found.alternatives += refitted
     found.alternatives.sort(key=lambda one: -one.evidence)
     return found
 
@@ -305,7 +310,7 @@ def _fold(
         after, modes_after = _metrics_with(best, base, metrics)
     first = _names(observations)[0]
     singles = {}
-    for one in [single for single in selection.singles if single.evidence > 0.0][:SINGLES_HELD_OUT]:
+    for one in selection.held_out_singles:
         found, _ = _metrics_with(one, base, scored=False)
         singles[one.steps[0].cause.id] = found.get(first, math.nan)
     causes = () if best is None else tuple(sorted(best.ids))

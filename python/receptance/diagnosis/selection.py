@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -14,7 +13,16 @@ from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
-from receptance.diagnosis.fitting import Exploration, Fit, evaluate, explore, fit_base, refit, with_null
+from receptance.diagnosis.fitting import (
+    Exploration,
+    Fit,
+    at_the_same_time,
+    evaluate,
+    explore,
+    fit_base,
+    refit,
+    with_null,
+)
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, detection_threshold, directions, list_variants, rank
@@ -65,12 +73,16 @@ def select(
         base, interrupted = fit_levels(model, partial(report, "base")), False
     except KeyboardInterrupt:
         base, interrupted = evaluate(model, {}), True
-    workers = _checks.worker_count(model.threads)
     # From here on the threads share the fits, and each fit has one.
     base = replace(base, model=replace(base.model, threads=1))
-    selection = Selection(base, math.log(max(base.independent_values, 2.0)), interrupted=interrupted)
+    selection = Selection(
+        base,
+        math.log(max(base.independent_values, 2.0)),
+        interrupted=interrupted,
+        workers=_checks.worker_count(model.threads),
+    )
     if not interrupted:
-        Search(selection, causes, most=most, progress=report, workers=workers).run()
+        Search(selection, causes, most=most, progress=report).run()
     selection.seconds = perf_counter() - began
     return selection
 
@@ -99,21 +111,12 @@ class Search:
         With the fit of the base.
     causes, most, progress
         As in `select`.
-    workers : int, optional
-        Number of fits that run at the same time.
     """
 
     def __init__(
-        self,
-        selection: Selection,
-        causes: Sequence[Cause],
-        *,
-        most: int = 2,
-        progress: Progress | None = None,
-        workers: int = 1,
+        self, selection: Selection, causes: Sequence[Cause], *, most: int = 2, progress: Progress | None = None
     ) -> None:
         self.selection = selection
-        self._workers = workers
         self._causes = causes
         self._most = most
         self._report = progress or Progress()
@@ -375,20 +378,11 @@ class Search:
             yield [(direction, few)] if few.ends else []
 
     def _each(self, stage: str, titles: Sequence[str], fits: Sequence[Callable[[], _T]]) -> Iterator[_T]:
-        """Yield the results of fits in their order; several run at the same time."""
-        if self._workers == 1 or len(fits) == 1:
-            for title, fit in zip(titles, fits, strict=True):
-                self._report(stage, title)
-                yield fit()
-            return
-        pool = ThreadPoolExecutor(self._workers)
-        try:
-            for title, future in zip(titles, [pool.submit(fit) for fit in fits], strict=True):
-                self._report(stage, title)
-                yield future.result()
-        finally:
-            # After a KeyboardInterrupt fits that run end in the background.
-            pool.shutdown(wait=False, cancel_futures=True)
+        """Yield the results of fits in their order, after a report of each."""
+        results = at_the_same_time(fits, self.selection.workers)
+        for title in titles:
+            self._report(stage, title)
+            yield next(results)
 
     def _predict(self, steps: tuple[Step, ...], root: Fit, direction: Direction) -> Explanation:
         """Return a variant at the values of the fit without it, with the gain that its linear effect predicts."""
