@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
-from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.fitting import fit_base, with_null
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
 from receptance.identification import Law
 from receptance.taper import Holder
@@ -113,7 +111,7 @@ def test_cause_found_at_one_level_is_fitted_to_all() -> None:
     model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
     rigid = fit_levels(model)
     assert fit_again(rigid) is None
-    elastic = fit_again(replace(rigid, model=CATALOGUE["flexible_body"].variants(model)[0].model))
+    elastic = fit_again(with_null(CATALOGUE["flexible_body"].variants(model)[0].model, rigid))
     assert elastic is not None
     assert elastic.misfit < 1.3
     assert elastic.values["flexible_body.decades"] == pytest.approx(np.log10(STEEL.youngs_modulus / 2e11), abs=0.02)

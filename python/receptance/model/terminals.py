@@ -468,6 +468,13 @@ class ModalPart(Terminal):
             raise ValueError(f"{self.owner} has no parameter {parameter!r}")
         return int(match[1]), match[2]
 
+    def value(self, parameter: str) -> float:
+        """Return the value of a parameter, as `mode[0].frequency_hz`."""
+        if parameter in RESIDUALS:
+            return float(getattr(self, parameter))
+        index, quantity = self._mode_and_field(parameter)
+        return float(getattr(self.modes[index], quantity))
+
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the part with new values of some parameters, replaced together."""
         residuals: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
