@@ -296,7 +296,7 @@ class Search:
         explored: list[tuple[Direction, Exploration]] = []
         starts = [starts_of(direction, base) for direction in chosen]
         # The joint of the best explanation is closer to the solution than that of an inadequate base.
-        starts = [[*own, *({**one, **best.fit.values} for one in own[-2:])] for own in starts]
+        starts = [[*each, *({**start, **best.fit.values} for start in each[-2:])] for each in starts]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
         for found in self._explore("alternatives", titles, chosen, starts):
             explored += found
