@@ -13,6 +13,7 @@ from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, 
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, PosteriorPrediction, _Fold, gain_of, metrics_of
+from receptance.diagnosis.judgement import doubt_prediction
 from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -171,6 +172,64 @@ def test_intervals() -> None:
     assert alone is not None
     assert alone.interval == (-math.inf, math.inf)
     assert gain_of("else", folds((1.0, 0.5))) is None
+
+
+def materials(tool: float, density: float) -> list[Tolerance]:
+    """Return relative tolerances of modulus and density of both parts."""
+    return [
+        Tolerance(name=f"{part} {field}", moves={f"{part}.segment[*].{field}": deviation}, relative=True)
+        for part in ("tool", "holder")
+        for field, deviation in (("youngs_modulus", tool), ("density", density))
+    ]
+
+
+def test_a_cause_that_predicts_no_better_is_suspected_only() -> None:
+    """The frequency axis is 0.8 % off, which a gain imitates beside the tolerances."""
+    rng = np.random.default_rng(1)
+    overhangs = (0.05, 0.07, 0.09)
+    data = [
+        MeasuredFRF(
+            assembly=make_assembly(x),
+            frequency_hz=LINES,
+            receptance=make_assembly(x).receptance(1.008 * LINES)
+            * np.exp(0.03 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
+            standard_deviation=0.03,
+            label=f"{x}",
+        )
+        for x in overhangs
+    ]
+    tolerances = [*materials(0.01, 0.003), *clamping(*overhangs)]
+    causes = ["calibration_gain", "sensor_mass", "joint_cross_term"]
+    assert diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1).verdict == "named"
+    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1, held_out=True)
+    assert verdict.gain is not None
+    assert verdict.gain.held_out_after > verdict.gain.held_out_before
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["calibration_gain"])
+    before, after = verdict.gain.held_out_before, verdict.gain.held_out_after
+    assert any(f"not better ({SPECTRAL}): {before:.4g} before, {after:.4g} after" in note for note in verdict.notes)
+
+
+@pytest.mark.parametrize("where", [None, 1], ids=["in all", "in one"])
+def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(where: int | None) -> None:
+    """A gain in one configuration cannot improve the prediction of another one."""
+    data = [make_observations(x, seed=i) for i, x in enumerate((0.06, 0.08, 0.1))]
+    data = [
+        replace(one, receptance=one.receptance * (1.06 if where in (None, i) else 1.0)) for i, one in enumerate(data)
+    ]
+    tolerances = [*materials(0.01, 0.005), *clamping(0.06, 0.08, 0.1)]
+    verdict = diagnose(
+        data, JOINT, tolerances=tolerances, causes=["calibration_gain", "sensor_mass"], most=1, held_out=True
+    )
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["calibration_gain"])
+    assert verdict.causes[0].variant == ("all" if where is None else data[where].label)
+    assert verdict.explanation is not None
+    assert verdict.gain is not None
+    # Had the prediction become worse, or had no fold the cause:
+    for after, words in ((0.06, "not better"), (0.05, "in no prediction")):
+        fold = {"configuration": "0.06", "verdict": "named", "causes": [], "before": 0.05, "after": after}
+        gain = replace(verdict.gain, held_out_before=0.05, held_out_after=after, folds=(fold,))
+        doubt = doubt_prediction(verdict.selection.base, verdict.explanation, gain)
+        assert doubt is None if where is not None else words in str(doubt)
 
 
 def test_bad_metrics() -> None:

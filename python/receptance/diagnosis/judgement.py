@@ -9,9 +9,9 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import LEAST_FREEDOM, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
-from receptance.diagnosis.verdict import Answer
+from receptance.diagnosis.verdict import Answer, Gain
 
-__all__ = ["Judgement", "conclude"]
+__all__ = ["Judgement", "conclude", "doubt_prediction"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def conclude(selection: Selection) -> Judgement:
        beyond the 1 % level, where an alternative has as much evidence, or where the data are not sufficient: there is
        one configuration or one mode, a cause that should act everywhere shows in one configuration, or several causes
        share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing fit has
-       not converged.
+       not converged. `doubt_prediction` judges a named one by held-out data.
     """
     notes: list[str] = []
     limit = max(selection.threshold, 0.0)
@@ -169,11 +169,45 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         )
 
 
+def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
+    """Return why held-out data make the only explanation suspected and not named; None where they do not.
+
+    Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
+    single configuration cannot: without it nothing shows the cause, and the others do not have it.
+
+    Parameters
+    ----------
+    base : Fit
+        The model without causes.
+    one : Explanation
+        The explanation.
+    gain : Gain
+        The first metric of the improvement, an error.
+    """
+    if gain.held_out_after < gain.held_out_before or _is_of_one(one) or _improves_one(base, one) is not None:
+        return None
+    if all(fold["before"] == fold["after"] for fold in gain.folds):
+        return f"{one.title} is suspected only: it is in no prediction of configurations that were left out"
+    return (
+        f"{one.title} is suspected only: predictions of configurations that were left out are not better "
+        f"({gain.metric}): {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
+    )
+
+
 def _only_configuration(base: Fit, one: Explanation) -> str | None:
     """Return the only configuration that an explanation improves, if its causes should act in all of them."""
-    of_one = any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
-    if of_one or any(cause.group == "measurement" for cause, _ in one.steps):
+    if _is_of_one(one) or any(cause.group == "measurement" for cause, _ in one.steps):
         return None
+    return _improves_one(base, one)
+
+
+def _is_of_one(one: Explanation) -> bool:
+    """Return whether a cause is declared for some configurations or records."""
+    return any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
+
+
+def _improves_one(base: Fit, one: Explanation) -> str | None:
+    """Return the only configuration whose residuals an explanation improves."""
     before, after = base.by_configuration, one.fit.by_configuration
     gains = {name: max(before[name] - after[name], 0.0) for name in before}
     total, most = sum(gains.values()), max(gains, key=lambda name: gains[name])

@@ -281,12 +281,18 @@ class Verdict(Result):
         return replace(self, final=False, verdict=answer, notes=(note, *self.notes), settings=settings)
 
     def with_improvement(self, found: Improvement) -> Verdict:
-        """Return the verdict with its improvement on held-out data."""
+        """Return the verdict with its improvement on held-out data; without one a named cause is suspected only."""
         from receptance.diagnosis.by_mode import bias_of
+        from receptance.diagnosis.judgement import doubt_prediction
 
+        doubt = None
+        if self.verdict == "named" and self.explanation is not None and found.complete and found.gains:
+            doubt = doubt_prediction(self.selection.base, self.explanation, found.gains[0])
         candidates = tuple(replace(one, held_out=found.singles.get(one.id)) for one in self.candidates)
         return replace(
             self,
+            verdict=self.verdict if doubt is None else "suspected",
+            notes=self.notes if doubt is None else (*self.notes, doubt),
             gains=found.gains,
             candidates=candidates,
             bias=bias_of(found.modes, found.slenderness),
