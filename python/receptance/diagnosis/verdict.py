@@ -104,6 +104,12 @@ class Gain:
         By configuration: verdict and causes without it, and the metric before and after.
     better : int
         Number of folds in which it improves the prediction.
+    units : int
+        Number of units that the interval rests on.
+    unit : str
+        What they are: modes, records, or whole folds.
+    correlation : float
+        Correlation of their improvements within a fold, from 0 to 1.
     """
 
     metric: str
@@ -112,6 +118,9 @@ class Gain:
     interval: tuple[float, float]
     folds: tuple[dict[str, Any], ...] = ()
     better: int = 0
+    units: int = 0
+    unit: str = "folds"
+    correlation: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
