@@ -151,7 +151,9 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if any(one.assembly.tabulated for one in model.observations):
         raise UndecidableError("the model contains a table of receptances, whose frequencies may have the same error")
     addresses = dict.fromkeys(
-        re.sub(r"segment\[\d+\]", "segment[*]", address) for one in model.observations for address in one.assembly.parameters
+        re.sub(r"segment\[\d+\]", "segment[*]", address)
+        for one in model.observations
+        for address in one.assembly.parameters
     )
     powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
     frfs = any(isinstance(one, MeasuredFRF) for one in model.observations)
