@@ -480,7 +480,7 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
     evidence of the other is then expected to be lower by more than the margin, even two standard deviations below the
     expectation.
     """
-    if judgement.answer in ("adequate", "named"):
+    if judgement.answer in ("adequate", "named", "partly explained"):
         return None
     if judgement.answer == "undecided":
         return NextMeasurement(

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from receptance import _checks
+from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import resolve_causes
-from receptance.diagnosis.causes import Cause, Step
+from receptance.diagnosis.causes import Cause, Step, extend
+from receptance.diagnosis.discrepancy import fit_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
-from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.line_selection import select_lines
+from receptance.diagnosis.judgement import Judgement, conclude
+from receptance.diagnosis.line_selection import select_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
+from receptance.diagnosis.thresholds import DISCREPANCY_LINES, EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
+from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import UNUSED_COHERENCE
 from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFrequencies, Observation
@@ -129,7 +133,10 @@ def diagnose(
     report = Progress(progress)
     report.plan("held out", count_folds(model) if held_out else 0)
     selection = select(model, catalogue, most=most, progress=report)
-    verdict = _verdict(selection, most, line_notes, report)
+    verdict = _verdict(selection, conclude(selection), most, line_notes, report)
+    if verdict.verdict == "unexplained" and verdict.final and verdict.alternative is None:
+        verdict = _beside_discrepancy(verdict, catalogue, most, line_notes, report)
+        selection = verdict.selection
     if not held_out or not verdict.final:
         return verdict
     improvement = cross_validate(selection, metrics=metrics, progress=report)
@@ -165,8 +172,36 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
     return given
 
 
-def _verdict(selection: Selection, most: int, line_notes: Sequence[str], report: Progress) -> Verdict:
-    judgement = conclude(selection)
+def _beside_discrepancy(
+    verdict: Verdict, catalogue: Sequence[Cause], most: int, line_notes: Sequence[str], report: Progress
+) -> Verdict:
+    """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
+
+    The causes are tried again in fits that allow for the discrepancy of the base. Where one explains the data partly,
+    the verdict is that of these fits, and its explanation allows for the discrepancy that is left with it.
+    """
+    before = verdict.selection.base
+    few = thin(before.model, DISCREPANCY_LINES)
+    try:
+        discrepancy, base = fit_discrepancy(few, before.values)
+        selection = select(few, catalogue, most=most, progress=report, discrepancy=discrepancy)
+        judgement = conclude(selection)
+        notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
+        if judgement.answer != "partly explained":
+            interrupted = verdict if not selection.interrupted else verdict.interrupt(report.position, tried=True)
+            return replace(interrupted, notes=notes, discrepancy=discrepancy, base_fit=base)
+        best = judgement.reported[0]
+        after, fit = fit_discrepancy(extend(few, best.steps), best.fit.values)
+    except ReceptanceError:
+        return verdict
+    judgement = replace(judgement, reported=(replace(best, fit=fit),), notes=notes)
+    found = _verdict(selection, judgement, most, (), report)
+    return replace(found, adequacy=verdict.adequacy, discrepancy=discrepancy, discrepancy_after=after)
+
+
+def _verdict(
+    selection: Selection, judgement: Judgement, most: int, line_notes: Sequence[str], report: Progress
+) -> Verdict:
     interrupted = selection.interrupted
     next_measurement = None
     if not interrupted:
@@ -182,6 +217,8 @@ def _verdict(selection: Selection, most: int, line_notes: Sequence[str], report:
     alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
     verdict = Verdict(
         verdict=judgement.answer,
+        adequacy=judge(selection.base),
+        base_fit=selection.base,
         causes=tuple(reported.values()),
         candidates=tuple(_candidate(selection, one, one.steps[0]) for one in selection.singles),
         ambiguous_between=judgement.ambiguous_between,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from receptance.diagnosis.adequacy import Adequacy, judge, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
+from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
@@ -143,6 +145,8 @@ class Selection:
         Whether a KeyboardInterrupt ended it: later steps are missing, and not all fits have converged.
     workers : int
         Number of fits that run at the same time.
+    discrepancy : Discrepancy or None
+        The discrepancy of the base that all fits allow for.
     """
 
     base: Fit
@@ -157,13 +161,28 @@ class Selection:
     seconds: float = 0.0
     interrupted: bool = False
     workers: int = 1
+    discrepancy: Discrepancy | None = None
 
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
         """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
         own = sum(unknown.prior is None for unknown in fit.model.unknowns)
         count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
-        gain = self.base.chi_square - fit.chi_square + expected
+        gain = self.gain(fit.chi_square - expected)
         return Explanation(steps, fit, gain, gain - self.penalty * count, expected)
+
+    def gain(self, chi_square: float) -> float:
+        """Return the gain of a fit: twice the difference of the logarithms of the likelihoods.
+
+        A discrepancy has a size of its own in each model. Its likelihood, with the size of largest likelihood, depends
+        on the ratio of chi-square.
+        """
+        if self.discrepancy is None:
+            return self.base.chi_square - chi_square
+        return self.base.independent_values * math.log(self.base.chi_square / chi_square)
+
+    def share(self, one: Explanation) -> float:
+        """Return the share of the rms residuals of the base that an explanation takes."""
+        return 1.0 - math.sqrt(one.fit.chi_square / self.base.chi_square)
 
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
@@ -171,7 +190,7 @@ class Selection:
 
     def replace_base(self, base: Fit) -> None:
         """Replace the fit of the base by a better one; all evidence becomes relative to it."""
-        less = self.base.chi_square - base.chi_square
+        less = self.gain(base.chi_square)
         self.base = base
         self.explanations = [
             replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in self.explanations

@@ -56,7 +56,7 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     """
     from receptance.diagnosis.by_mode import curves
 
-    before = curves(verdict.selection.base)
+    before = curves(verdict.base_fit)
     after = [] if verdict.explanation is None else curves(verdict.explanation.fit)
     receptances = [i for i, one in enumerate(before) if np.iscomplexobj(one.measured)]
     frequencies = [i for i in range(len(before)) if i not in receptances]

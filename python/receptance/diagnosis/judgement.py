@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.thresholds import LEAST_FREEDOM, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
+from receptance.diagnosis.thresholds import LEAST_FREEDOM, LEAST_SHARE, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
 from receptance.diagnosis.verdict import Answer, Gain
 
 __all__ = ["Judgement", "conclude", "doubt_prediction"]
@@ -21,7 +21,7 @@ class Judgement:
     Attributes
     ----------
     answer : str
-        One of the six answers of `Verdict`.
+        One of the seven answers of `Verdict`.
     reported : tuple of Explanation
         Explanations that are reported, the highest evidence first.
     ambiguous_between : tuple of str
@@ -54,7 +54,32 @@ def conclude(selection: Selection) -> Judgement:
        one configuration or one mode, a cause that should act everywhere shows in one configuration, or several causes
        share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing fit has
        not converged. `doubt_prediction` judges a named one by held-out data.
+
+    Where the selection allows for a discrepancy, every model is adequate. What would be named is then partly explained
+    if it takes at least half of the discrepancy; all other answers are unexplained.
     """
+    found = _conclude(selection)
+    return found if selection.discrepancy is None else _with_share(selection, found)
+
+
+def _with_share(selection: Selection, found: Judgement) -> Judgement:
+    """Return the answer of a selection that allows for a discrepancy."""
+    if not found.reported:
+        return replace(found, answer="unexplained", notes=())
+    title = found.reported[0].title
+    share = selection.share(found.reported[0])
+    taken = f"{title} takes {100.0 * share:.0f} % of the discrepancy of the model"
+    if found.answer == "named" and share >= LEAST_SHARE:
+        return replace(found, answer="partly explained", notes=(*found.notes, f"{taken}; the rest has no known cause"))
+    if found.ambiguous_between:
+        reason = f"{', '.join(found.ambiguous_between)} cannot be distinguished beside the discrepancy of the model"
+    else:
+        reason = taken if share >= LEAST_SHARE else f"{taken}, expected at least {100.0 * LEAST_SHARE:.0f} %"
+    return Judgement("unexplained", (), (), (*found.notes, reason))
+
+
+def _conclude(selection: Selection) -> Judgement:
+    """Return the answer, whether the selection allows for a discrepancy or not."""
     notes: list[str] = []
     limit = max(selection.threshold, 0.0)
     best = selection.best
@@ -170,7 +195,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
 
 
 def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
-    """Return why held-out data make the only explanation suspected and not named; None where they do not.
+    """Return why held-out data contradict the only explanation; None where they do not.
 
     Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
     single configuration cannot: without it nothing shows the cause, and the others do not have it.
@@ -187,10 +212,10 @@ def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
     if gain.held_out_after < gain.held_out_before or _is_of_one(one) or _improves_one(base, one) is not None:
         return None
     if all(fold["before"] == fold["after"] for fold in gain.folds):
-        return f"{one.title} is suspected only: it is in no prediction of configurations that were left out"
+        return f"{one.title} is in no prediction of configurations that were left out"
     return (
-        f"{one.title} is suspected only: predictions of configurations that were left out are not better "
-        f"({gain.metric}): {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
+        f"with {one.title} predictions of configurations that were left out are not better ({gain.metric}): "
+        f"{gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
     )
 
 

@@ -12,6 +12,7 @@ from typing import TypeVar
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
+from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import (
     Exploration,
@@ -53,6 +54,7 @@ def select(
     *,
     most: int = 2,
     progress: Progress | None = None,
+    discrepancy: Discrepancy | None = None,
 ) -> Selection:
     """Return the fits of each cause, and of causes together.
 
@@ -66,9 +68,12 @@ def select(
         Largest number of causes that act together.
     progress : Progress, optional
         Reports each step. A KeyboardInterrupt ends the selection with the results so far: `Selection.interrupted`.
+    discrepancy : Discrepancy, optional
+        The discrepancy that all fits allow for.
     """
     report = progress or Progress()
     began = perf_counter()
+    model = model if discrepancy is None else discrepancy.allow(model)
     try:
         base, interrupted = fit_levels(model, partial(report, "base")), False
     except KeyboardInterrupt:
@@ -80,6 +85,7 @@ def select(
         math.log(max(base.independent_values, 2.0)),
         interrupted=interrupted,
         workers=_checks.worker_count(model.threads),
+        discrepancy=discrepancy,
     )
     if not interrupted:
         Search(selection, causes, most=most, progress=report).run()

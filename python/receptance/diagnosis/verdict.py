@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance.diagnosis import wording
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.averaging import Ensemble, Target, extension
 from receptance.identification.observations import MeasuredFrequencies
 from receptance.report import Column, Provenance, Result, Table
@@ -23,7 +22,9 @@ if TYPE_CHECKING:
     from receptance.diagnosis.adequacy import Adequacy
     from receptance.diagnosis.by_mode import Bias, ModeResidual
     from receptance.diagnosis.causes import Parameter
+    from receptance.diagnosis.discrepancy import Discrepancy
     from receptance.diagnosis.explanation import Explanation, Selection
+    from receptance.diagnosis.fitting import Fit
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
@@ -34,7 +35,7 @@ __all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Ver
 _SHOWN = 6
 """Candidates and natural frequencies in the tables; `to_dict` has all of them."""
 
-Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "unexplained"]
+Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,8 +179,8 @@ class Verdict(Result):
 
     Attributes
     ----------
-    verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "unexplained"}
-        The answer.
+    verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"}
+        The answer. "partly explained" is a cause that takes at least half of the discrepancy of the model.
     causes : tuple of Candidate
         The reported causes, the highest evidence first; none where the model is adequate or unexplained.
     candidates : tuple of Candidate
@@ -195,7 +196,13 @@ class Verdict(Result):
     alternative : Candidate or None
         The alternative because of which no cause is reported; it shows where the model is wrong.
     selection : Selection
-        All fits.
+        All fits. Where the data are partly explained these allow for the discrepancy.
+    adequacy : Adequacy
+        Adequacy of the base, without a discrepancy.
+    base_fit : Fit
+        The base; it allows for the discrepancy, if there is one.
+    discrepancy, discrepancy_after : Discrepancy or None
+        Error of the base, and of the extended model, beside the noise, where no cause explains the data to the noise.
     explanation : Explanation or None
         The best of the reported explanations.
     gains : tuple of Gain
@@ -226,6 +233,10 @@ class Verdict(Result):
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
+    adequacy: Adequacy = field(repr=False)
+    base_fit: Fit = field(repr=False)
+    discrepancy: Discrepancy | None = None
+    discrepancy_after: Discrepancy | None = None
     gains: tuple[Gain, ...] = ()
     final: bool = True
     vetoed: tuple[Candidate, ...] = ()
@@ -239,20 +250,15 @@ class Verdict(Result):
 
     heading = "Diagnosis"
 
-    @cached_property
-    def adequacy(self) -> Adequacy:
-        """Adequacy of the base."""
-        return judge(self.selection.base)
-
     @property
     def adequacy_after(self) -> Adequacy | None:
-        """Adequacy of the best of the reported explanations."""
-        return None if self.explanation is None else self.explanation.adequacy
+        """Adequacy of the best of the reported explanations; None beside a discrepancy, with which every fit is."""
+        return None if self.explanation is None or self.discrepancy is not None else self.explanation.adequacy
 
     @property
     def base(self) -> Identification:
-        """The fitted base."""
-        return self.selection.base.identification
+        """The fitted base; its intervals include the discrepancy, if there is one."""
+        return self.base_fit.identification
 
     @property
     def extended(self) -> Identification | None:
@@ -294,14 +300,22 @@ class Verdict(Result):
         from receptance.diagnosis.by_mode import bias_of
         from receptance.diagnosis.judgement import doubt_prediction
 
-        doubt = None
-        if self.verdict == "named" and self.explanation is not None and found.complete and found.gains:
+        doubt, answer = None, self.verdict
+        if answer in ("named", "partly explained") and self.explanation is not None and found.complete and found.gains:
             doubt = doubt_prediction(self.selection.base, self.explanation, found.gains[0])
+        notes = self.notes
+        if doubt is not None:
+            answer = "suspected" if answer == "named" else "unexplained"
+            notes = (*notes, f"{answer}: {doubt}")
+        no_cause = answer == "unexplained"
         candidates = tuple(replace(one, held_out=found.singles.get(one.id)) for one in self.candidates)
         return replace(
             self,
-            verdict=self.verdict if doubt is None else "suspected",
-            notes=self.notes if doubt is None else (*self.notes, doubt),
+            verdict=answer,
+            notes=notes,
+            causes=() if no_cause else self.causes,
+            explanation=None if no_cause else self.explanation,
+            discrepancy_after=None if no_cause else self.discrepancy_after,
             gains=found.gains,
             candidates=candidates,
             bias=bias_of(found.modes, found.slenderness),
@@ -352,12 +366,16 @@ class Verdict(Result):
         -------
         frequency_hz, standard_error_hz : ndarray
             `(n_modes,)` each. The errors include the differences to the other fitted models, weighted by the
-            probabilities of these; they are infinite where the verdict is "unexplained".
+            probabilities of these, and the discrepancy of the model. Where the verdict is "unexplained" and a
+            discrepancy could not be estimated, they are infinite.
         """
         target = Target(assembly, configuration, conditions, tolerances)
         found, errors = self._ensemble.natural_frequencies(
             self.explanation, self.extended or self.base, target, upper_hz
         )
+        left = self.discrepancy_after or self.discrepancy
+        if left is not None:
+            return found, np.hypot(errors, left.frequency * found)
         return found, np.full_like(errors, np.inf) if self.verdict == "unexplained" else errors
 
     @cached_property
@@ -413,6 +431,8 @@ class Verdict(Result):
         times = wording.deviation_factor(self) if self.final else None
         if self.verdict == "unexplained" and times is not None:
             lines.append(f"the model would be adequate if all standard deviations were {times:.2g} times as large")
+        if self.discrepancy is not None:
+            lines.append(wording.discrepancy(self))
         lines += wording.cause_lines(self)
         if self.ambiguous_between:
             lines.append(f"indistinguishable: {', '.join(self.ambiguous_between)}")
@@ -443,10 +463,11 @@ class Verdict(Result):
             "threshold": self.threshold,
             "adequacy": self.adequacy,
             "adequacy_after": self.adequacy_after,
+            "discrepancy": {"before": self.discrepancy, "after": self.discrepancy_after},
             "base": self.base.values,
             "extended": None if self.extended is None else self.extended.values,
             "residuals_by_mode": {
-                "before": residuals_by_mode(self.selection.base),
+                "before": residuals_by_mode(self.base_fit),
                 "after": None if best is None else residuals_by_mode(best.fit),
             },
             "held_out_by_mode": {"before": self.held_out_modes, "after": self.held_out_modes_after},

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "cause_lines",
     "deviation_factor",
+    "discrepancy",
     "implausible",
     "improvement_interval",
     "remarks",
@@ -33,6 +34,7 @@ SENTENCE = {
     "named": "The model is inadequate, and the data identify the cause.",
     "suspected": "The model may be inadequate; one cause is suspected.",
     "ambiguous": "The model is inadequate; these data cannot distinguish between several causes.",
+    "partly explained": "The model is inadequate; a cause explains most of the error, and the rest has no known cause.",
     "unexplained": "The model is inadequate, and no known cause explains the misfit.",
 }
 
@@ -131,7 +133,8 @@ def cause_lines(verdict: Verdict) -> list[str]:
     for one in verdict.causes:
         lines.append(f"{one.id} ({one.group}; {one.variant}): {one.meaning}")
         lines.append(f"  size: {sizes(one) or 'no parameter'}")
-        lines.append(f"  chi-square decreases by {one.gain:.0f}, evidence {one.evidence:+.0f}")
+        if verdict.discrepancy is None:
+            lines.append(f"  chi-square decreases by {one.gain:.0f}, evidence {one.evidence:+.0f}")
         if one.look_alikes:
             cosines = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
             lines.append(f"  look-alikes: {cosines}")
@@ -143,6 +146,12 @@ def cause_lines(verdict: Verdict) -> list[str]:
         lines.append(f"  size: {sizes(other)}")
         lines.append(f"  remedy: {other.remedy}")
     return lines
+
+
+def discrepancy(verdict: Verdict) -> str:
+    """Return the discrepancy of the base, and of the extended model, in one line."""
+    after = "" if verdict.discrepancy_after is None else f"; with the cause {verdict.discrepancy_after}"
+    return f"error of the model beside noise: {verdict.discrepancy}{after}"
 
 
 def _veto(verdict: Verdict, one: Candidate) -> str:
@@ -231,6 +240,12 @@ def _cause_sentences(verdict: Verdict) -> list[str]:
             *_unexplained_sentences(verdict),
         ]
     names = " and ".join(one.id for one in verdict.causes)
+    if verdict.verdict == "partly explained":
+        return [
+            f"{names} explains most of the error of the model, not all of it: "
+            f"{'; '.join(one.meaning for one in verdict.causes)}.",
+            f"{discrepancy(verdict).capitalize()}.",
+        ]
     if verdict.verdict == "suspected":
         return [f"{names} explains the misfit and is suspected only; the notes state the reasons.{misfit}"]
     if verdict.verdict == "named":

@@ -51,7 +51,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    base, explanation = verdict.selection.base, verdict.explanation
+    base, explanation = verdict.base_fit, verdict.explanation
     rate = round(verdict.selection.evaluations_per_second)
     settings = {**verdict.settings, "model_evaluations_per_second": rate}
     before, after = residuals_by_mode(base), residuals_by_mode(explanation.fit) if explanation is not None else ()
@@ -125,7 +125,7 @@ def _html(figure: Any, name: str) -> str:
 
 def _curves(verdict: Verdict) -> list[tuple[str, str]]:
     """Return each receptance with its figure, and all natural frequencies in one."""
-    base, explanation = verdict.selection.base, verdict.explanation
+    base, explanation = verdict.base_fit, verdict.explanation
     before = curves(base)
     after: list[Curve | None] = list(curves(explanation.fit)) if explanation is not None else [None] * len(before)
     complete = []
