@@ -1,17 +1,16 @@
 """Duration of diagnoses: ``python benches/diagnosis.py [OLD] [--only TEXT] [--rounds N] [--cases N] [--json FILE]``.
 
-Each row runs in a process of its own. With OLD, a folder with a `checkout` and its `venv` as for ``versus.py``, every
-row runs in turn with that commit and with this one, and the ratio of the medians is shown; above 1 the old one is
-slower.
-The verdicts are printed beside the times. Nothing is asserted.
+Each row runs in a separate process. With OLD, a folder with a `checkout` and its `venv` as for ``versus.py``, each row
+runs alternately with that commit and with this one, and the ratio of the medians is shown; it is above 1 if the old
+commit is slower. The verdicts are printed beside the times, and not checked.
 
 The rows:
 
 blind I
     A case of the blind laboratory, on one thread: `--cases` N of them from number 0 on (seed 20261123).
 sensor, held out
-    Four records of 1,605 lines each, a sensor of 2 g that the model has not, noise of 1 %, tolerances of dimensions and
-    materials, with the improvement on held-out configurations.
+    Four records of 1,605 lines each, a sensor of 2 g that is not in the model, noise of 1 %, tolerances of dimensions
+    and materials, with the improvement on held-out configurations.
 er32, taper
     `receptance diagnose` of the packaged campaigns, start of the program included.
 """
@@ -36,7 +35,7 @@ SINGLE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THRE
 
 def blind(number: int) -> dict[str, Any]:
     """Diagnose a case of the blind laboratory on one thread."""
-    sys.path.remove(str(Path(__file__).resolve().parent))  # where a file is named as the laboratory
+    sys.path.remove(str(Path(__file__).resolve().parent))  # it has a file with the name of the laboratory
     from blind import bridge
     from blind.generator import draw_case, every
 

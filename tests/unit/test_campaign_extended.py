@@ -111,7 +111,7 @@ def _at_start(model: Model) -> Fit:
 
 
 UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution"}
-"""Causes of what the small campaign does not have, such as a rigid body."""
+"""Causes that require something absent from the small campaign, such as a rigid body."""
 
 
 @pytest.fixture(scope="module")
