@@ -224,7 +224,7 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
         forecasts[name] = forecast
         drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
         assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)
-    # The same joint, holder and material: what differs is the overhang's own error.
+    # The same joint, holder and material: only the error of the overhang differs.
     assert np.corrcoef(drawn["long"], drawn["longest"])[0, 1] > 0.3
     assert forecasts["long"].drawn(400, 1)[3] == forecasts["long"].drawn(400, 1)[3]
 

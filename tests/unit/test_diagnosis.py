@@ -254,7 +254,7 @@ def test_implausible_sizes_are_vetoed_and_reported() -> None:
     )
     assert verdict.verdict == "unexplained"
     assert any("vetoed" in note for note in verdict.notes)
-    # In plain words, in all that is written: what it does, its size, and what would be plausible.
+    # All outputs state in words the effect of the cause, its size and the plausible size.
     assert [one.id for one in verdict.vetoed] == ["sensor_mass"]
     output = f"sensor_mass reduces the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
     size = f"mass {1e3 * verdict.vetoed[0].parameters['sensor_mass.mass'][0]:.3g} g, where 0 g to 30 g is plausible"
