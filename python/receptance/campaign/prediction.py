@@ -363,11 +363,6 @@ def _unmeasured(
     return frequencies, replace(found, name=name, assembly=name)
 
 
-def _counted(assembly: Assembly, upper: float) -> NDArray[np.float64]:
-    """Return the natural frequencies up to a limit; an empty array if they cannot be counted."""
-    return assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
-
-
 def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
     """Return the lines in Hz on which an assembly without measurements is predicted."""
     settings = campaign.table.prediction
@@ -376,7 +371,7 @@ def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float
         raise CampaignError.about(
             campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
         )
-    modes = _counted(assembly, upper)
+    modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
     lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     if lower >= upper:
         text = f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
