@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,8 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import IndescribableError, parameters_of
-from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
+from receptance.diagnosis.fitting import at_the_same_time
 from receptance.identification import Law, Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -144,3 +146,26 @@ def test_a_selection_keeps_the_best_of_each_set_of_causes_in_order() -> None:
     selection.replace_base(again)
     assert selection.base is again
     assert [one.evidence for one in selection.singles] == [3.0, 2.0]
+
+
+def test_explanations_far_behind_the_best_one_are_not_fitted_on_all_lines() -> None:
+    """A fixed distance, and a share of the gain of the best one."""
+    assert behind_limit(1000.0, [200.0, 700.0]) == pytest.approx(200.0 + 60.0 + 0.3 * 800.0)
+    # Without a cause that gains, the model itself is the best one.
+    assert behind_limit(1000.0, [1500.0]) == behind_limit(1000.0, []) == pytest.approx(1060.0)
+
+
+def test_results_are_in_the_order_of_the_fits() -> None:
+    second_is_done = threading.Event()
+
+    def first() -> str:
+        assert second_is_done.wait(10.0), "the second fit does not run at the same time"
+        return "first"
+
+    def second() -> str:
+        second_is_done.set()
+        return "second"
+
+    fits: list[Callable[[], str]] = [first, second, lambda: "third"]
+    assert list(at_the_same_time(fits, 2)) == ["first", "second", "third"]
+    assert list(at_the_same_time(fits[1:], 1)) == ["second", "third"]
