@@ -15,6 +15,7 @@ from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, Undec
 from receptance.diagnosis.causes import IndescribableError, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
 from receptance.diagnosis.fitting import at_the_same_time
+from receptance.diagnosis.selection import Search
 from receptance.identification import Law, Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -169,3 +170,48 @@ def test_results_are_in_the_order_of_the_fits() -> None:
     fits: list[Callable[[], str]] = [first, second, lambda: "third"]
     assert list(at_the_same_time(fits, 2)) == ["first", "second", "third"]
     assert list(at_the_same_time(fits[1:], 1)) == ["second", "third"]
+
+
+@pytest.mark.parametrize(
+    ("base_misfit", "best_misfit", "fitted"),
+    [
+        (30.0, 1.0, [0, 1, 2, 3, 4]),  # an explanation is adequate: those far behind it are not fitted
+        (30.0, 1.5, [0, 1, 2, 3, 4, 5, 6]),  # nothing is adequate, and the base is far from the data
+        (10.0, 1.5, [0, 1, 2, 3, 4]),  # the base is near the data
+    ],
+)
+def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_misfit: float, fitted: list[int]) -> None:
+    """Four causes are always fitted; of the others those within 60 and 30 % of the gain of the best one."""
+    done: list[int] = []
+    of_cause = list(CATALOGUE.values())
+
+    def explored(number: int, chi_square: float) -> Any:
+        def finish() -> Any:
+            done.append(number)
+            return evaluate()
+
+        def evaluate() -> Any:
+            return SimpleNamespace(
+                chi_square=chi_square, evaluations=0, misfit=best_misfit, model=SimpleNamespace(unknowns=[])
+            )
+
+        few = SimpleNamespace(
+            chi_square=chi_square, misfit=best_misfit, evaluations=0, finish=finish, evaluate=evaluate
+        )
+        direction = SimpleNamespace(
+            cause=of_cause[number],
+            variant=SimpleNamespace(name="all"),
+            step=Step(of_cause[number], "all"),
+            predicted_evidence=lambda penalty: 1.0,
+        )
+        return direction, few
+
+    root: Any = SimpleNamespace(
+        chi_square_on_few_lines=1000.0, chi_square=1000.0, misfit=base_misfit, model=SimpleNamespace(unknowns=[])
+    )
+    # The limit is 100 + 60 + 0.3 * 900 = 430.
+    sizes = (100.0, 300.0, 350.0, 400.0, 429.0, 431.0, 900.0)
+    pairs = [explored(number, size) for number, size in enumerate(sizes)]
+    found = list(Search(Selection(root, 7.0), of_cause)._finish((), root, pairs))
+    assert done == fitted
+    assert [one.fit.chi_square for one in found] == list(sizes)

@@ -13,13 +13,14 @@ from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, 
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Selection
-from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.fitting import evaluate, refit
 from receptance.diagnosis.held_out import (
     FREQUENCIES,
     SCORE,
     SPECTRAL,
     PosteriorPrediction,
     _Fold,
+    _on_others,
     cross_validate,
     gain_of,
     metrics_of,
@@ -217,6 +218,8 @@ def test_a_fold_is_a_selection_from_the_beginning(selection: Selection, name: st
     causes = [one.steps[0].cause for one in selection.singles]
     anew = {one.ids: one for one in select(without(selection.base.model, [name]), causes, most=1).explanations}
     assert name not in fold.base.model.configurations
+    on_others = evaluate(fold.base.model, selection.base.values).chi_square
+    assert _on_others(selection.base, [name]) == pytest.approx(on_others, rel=1e-9)
     assert {one.ids for one in fold.explanations} == {one.ids for one in selection.held_out_singles} == set(anew)
     for one in fold.explanations:
         assert one.fit.model.configurations == fold.base.model.configurations
