@@ -100,3 +100,19 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     if path and config.stash[_SUMMARIES]:
         values = {name: found for name, (_, found) in config.stash[_SUMMARIES].items()}
         Path(path).write_text(json.dumps(values, indent=2), encoding="utf-8")
+
+
+@pytest.fixture
+def given_threads(monkeypatch: pytest.MonkeyPatch) -> set[object]:
+    """The numbers of threads that calls of the library are given; None where a call has the default."""
+    from receptance import _checks
+
+    given: set[object] = set()
+    count = _checks.thread_count
+
+    def recorded(threads: int | None) -> int:
+        given.add(threads)
+        return count(threads)
+
+    monkeypatch.setattr(_checks, "thread_count", recorded)
+    return given
