@@ -4,8 +4,9 @@
 Adds an effect exactly to measured FRFs (nothing in a third of the cases), runs the diagnosis, compares it with the
 truth and prints the score table, with exact binomial intervals. The measured files are those of others and are read in
 `../shared/measured` beside the checkout; what is absent is skipped with a message. Structures, effects and the rule of
-the score are described in `tests/real`. `--only` keeps some structures and effects: `--only sensor_mass nothing`.
-Cases, files and budgets are those of `benches/blind.py`.
+the score are described in `tests/real`. `--plain` prints what the models leave with nothing hidden, and runs no case.
+`--only` keeps some structures and effects, for example `--only sensor_mass nothing`. Cases, files and budgets are those
+of `benches/blind.py`.
 """
 
 from __future__ import annotations
@@ -32,10 +33,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from blind.files import append, read, shard
 from blind.outcome import Outcome
 from real.bridge import ask, fit
-from real.cases import ANSWERS, PLAN, available, plan
+from real.cases import ANSWERS, DRIVE, PLAN, available, plan
+from real.discrepancy import describe, text
 from real.outcome import run_case
 from real.score import report, table
 from real.structures import MEASURED, REFUSED
+
+ABSENT = f"its measured files are not in {MEASURED}"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -58,8 +62,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--budget", type=float, default=float("inf"), metavar="MIN", help="begin no case after these minutes"
     )
+    parser.add_argument("--plain", action="store_true", help="what the plain models leave of the records; no case")
     parser.add_argument("--score", type=Path, nargs="+", help="score files of finished cases, run nothing")
     options = parser.parse_args(arguments)
+    if options.plain:
+        for structure, left_out in (("modelab", ()), ("modelab", (DRIVE,)), ("brake_reuss", ())):
+            found = text(describe(structure, left_out)) if available(structure) else f"{structure}: {ABSENT}"
+            sys.stdout.write(f"{found}\n")
+        return 0
     if options.score:
         outcomes = read(options.score)
         seeds = sorted({one.seed for one in outcomes})
@@ -102,7 +112,7 @@ def run(seed: int, options: argparse.Namespace) -> list[Outcome]:
             todo.append((index, structure, effect))
         elif structure not in absent:
             absent.add(structure)
-            sys.stdout.write(f"skipped: the measured files of {structure} are not in {MEASURED}\n")
+            sys.stdout.write(f"skipped: {structure}: {ABSENT}\n")
     one_case = functools.partial(_run, seed, begun + 60.0 * options.budget)
     with ProcessPoolExecutor(options.jobs) if options.jobs > 1 else _Here() as pool:
         for one in pool.map(one_case, todo):

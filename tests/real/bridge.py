@@ -149,8 +149,8 @@ def fit(case: Case) -> Plain:
     )
 
 
-def ask(case: Case, *, threads: int | None = 1, seed: int = 0) -> Answer:
-    """Return the verdict of the package on a case, with its whole catalogue."""
+def ask(case: Case, *, threads: int | None = 1, seed: int = 0, causes: Sequence[str] | None = None) -> Answer:
+    """Return the verdict of the package on a case, from its whole catalogue or from some causes."""
     from receptance.diagnosis import diagnose
 
     begun = time.perf_counter()
@@ -158,7 +158,12 @@ def ask(case: Case, *, threads: int | None = 1, seed: int = 0) -> Answer:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             verdict = diagnose(
-                observations_of(case), unknowns_of(case), tolerances=tolerances_of(case), seed=seed, threads=threads
+                observations_of(case),
+                unknowns_of(case),
+                tolerances=tolerances_of(case),
+                causes=causes,
+                seed=seed,
+                threads=threads,
             )
     except Exception as error:  # a failed diagnosis counts as a wrong answer
         return failed(f"{type(error).__name__}: {error}", time.perf_counter() - begun)

@@ -360,7 +360,7 @@ def _draw_levels(rng: np.random.Generator, effect: str) -> Draw:
         raise FileNotFoundError("the Brake-Reuss beam is not in the folder of measured files")
     chosen = [levels[int(i)] for i in sorted(rng.permutation(len(levels))[:BRAKE_REUSS_LEVELS])]
     order = (1, 2, -1)[int(rng.integers(3))]
-    plain = Case("brake_reuss", tuple(map(_level, chosen)))
+    plain = Case("brake_reuss", tuple(map(level_record, chosen)))
     if not effect:
         return Draw(plain, plain, None)
     one = Effect(effect, {"order": float(order)} if effect == "wrong_quantity" else {})
@@ -376,7 +376,8 @@ def _draw_levels(rng: np.random.Generator, effect: str) -> Draw:
     return Draw(Case("brake_reuss", tuple(map(change, plain.records))), plain, one, ratio=float("inf"))
 
 
-def _level(level: Level) -> Record:
+def level_record(level: Level) -> Record:
+    """Return one stepped sine of the Brake-Reuss beam as a record."""
     return Record(
         label=level.label,
         configuration=level.label,

@@ -3,13 +3,13 @@
 Conventions: e^{+i w t}; accelerance A = s^2 H with the receptance H = x / F, at s = sigma + i w where an exponential
 window exp(-sigma t) was applied to force and response, and s = i w otherwise. All formulas hold at complex s.
 
-A body on the drive point d loads the structure with -Z x_d: Z = m s^2 for a mass, k for a spring to ground. From
-x_i = H_ij F_j - H_id Z x_d follows
+A body on a point b, a mass m and a spring k to ground, has the force (m + k / s^2) a_b at the acceleration a_b. The
+structure gets it reversed, so with L = m + k / s^2
 
-    H_ij' = H_ij - H_id Z H_dj / (1 + Z H_dd),
+    A_ij' = A_ij - A_ib L A_bj / (1 + L A_bb),
 
-and for i = d, where the motion is measured at the body, H_dj' = H_dj / (1 + Z H_dd). Without a window, a mass gives
-H / (1 - w^2 m H).
+and for i = b, where the motion is measured at the body, A_bj' = A_bj / (1 + L A_bb). Without a window and a spring this
+is H / (1 - w^2 m H).
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 Lines = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
-SETTLED_S = 0.005
-"""The end of the period that counts as the time before the hit: a limited band spreads the hit to both sides."""
+BEFORE = 20.0
+"""The end of the period that counts as the time before the hit, in periods of the highest line: a limited band spreads
+the hit to both sides."""
 
 
 def laplace(frequency_hz: Lines, decay_rate: float = 0.0) -> Values:
@@ -52,7 +53,7 @@ def with_body_elsewhere(
     from_body: Values,
     drive: Values,
     s: Values,
-    mass: float,
+    mass: float = 0.0,
     stiffness: float = 0.0,
 ) -> Values:
     """Return A_ij with a body at another point b, from A_ij, A_ib, A_bj and A_bb."""
@@ -102,18 +103,38 @@ def windowed(values: Values, spacing_hz: float, decay_rate: float, end: float | 
 
     Notes
     -----
-    The window of all times shifts the FRF to s + decay_rate. The limited band makes the impulse response begin before
-    the hit; this part, at the end of the period, keeps its negative times. What lies earlier is error and is damped as
-    late response. The error is largest beside the upper end of the band: a tenth of a percent at 5 % of the band below.
+    The window of all times shifts the FRF to s + decay_rate. A band that ends at once would spread the hit over all
+    times, so the FRF is continued beyond the band first; see `continued`. What is left before the hit, at the end of
+    the period, keeps its negative times.
     """
-    response = impulse_response(values, spacing_hz)
+    longer = continued(values, spacing_hz)
+    response = impulse_response(longer, spacing_hz)
     period = 1.0 / spacing_hz
     time = np.arange(response.shape[-1]) * period / response.shape[-1]
-    before = time >= period - SETTLED_S
+    before = time >= period - BEFORE / (spacing_hz * (values.shape[-1] - 1))
     window = np.exp(-decay_rate * np.where(before, time - period, time))
     if end is not None:
         window[(time > end) & ~before] = 0.0
-    return np.fft.rfft(response * window, axis=-1) / (response.shape[-1] * spacing_hz)
+    changed = np.fft.rfft(response * window, axis=-1) / (response.shape[-1] * spacing_hz)
+    return changed[..., : values.shape[-1]]
+
+
+def continued(values: Values, spacing_hz: float) -> Values:
+    """Return an FRF with half as many lines more, on which it goes on as a single mode and fades.
+
+    The mode is fitted to the last 5 % of the band, so that value and slope have no step there: a mode just below its
+    end, as the beam's fourth, would ring before the hit otherwise.
+    """
+    count = values.shape[-1]
+    hz = spacing_hz * np.arange(count + count // 2)
+    own, more = hz[int(0.95 * count) : count], hz[count:]
+    fade = 0.5 * (1.0 + np.cos(np.pi * (more - more[0]) / (more[-1] - more[0])))
+    rows = []
+    for row in np.atleast_2d(values):
+        p, c0, c1 = local_mode(own, row[int(0.95 * count) :], own[0], own[-1])
+        s2 = laplace(more) ** 2
+        rows.append(np.concatenate([row, fade * (c0 + c1 * s2) / (s2 - p)]))
+    return np.array(rows).reshape(*values.shape[:-1], hz.size)
 
 
 def on_wrong_axis(frequency_hz: Lines, share: float) -> Lines:
@@ -121,10 +142,10 @@ def on_wrong_axis(frequency_hz: Lines, share: float) -> Lines:
     return (1.0 + share) * frequency_hz
 
 
-def local_mode(frequency_hz: Lines, drive: Values, low_hz: float, high_hz: float, decay_rate: float = 0.0) -> Values:
+def local_mode(frequency_hz: Lines, drive: Values, low_hz: float, high_hz: float) -> Values:
     """Return p, c0, c1 of A (s^2 - p) = c0 + c1 s^2, the accelerance around one mode, by reweighted least squares."""
     own = (frequency_hz >= low_hz) & (frequency_hz <= high_hz)
-    s2 = laplace(frequency_hz[own], decay_rate) ** 2
+    s2 = laplace(frequency_hz[own]) ** 2
     scale = np.mean(np.abs(s2))
     x, values = s2 / scale, drive[own]
     weight = np.ones(x.size)

@@ -13,9 +13,9 @@ without naming one; any other word names ("named", "partly explained", or whatev
   relative to the measured drive point; an error of that record's gain changes the size of bodies in proportion.
 
 Effects with a ratio above `cases.CLEAR` count for the targets: rightly at least 85 %, wrongly at most 3 %, nothing
-hidden called at most 5 %. A failed diagnosis counts as no answer and has a line. Shares have exact (Clopper and Pearson)
-95 % binomial intervals. The cases are different records, bands, configurations and sizes of two structures: intervals
-are those of this population, not of structures in general.
+hidden called at most 5 %. A failed diagnosis counts as no answer and has a line. Shares have exact (Clopper and
+Pearson) 95 % binomial intervals. The cases are different records, bands, configurations and sizes of two structures:
+intervals are those of this population, not of structures in general.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def row(line: Line) -> str:
     low, high = line.interval
     share = 100.0 * line.hits / line.trials
     counts = f"{line.hits}/{line.trials}"
-    text = f"{line.name:<38} {counts:>7} {share:5.1f} % ({100 * low:5.1f} to {100 * high:5.1f})  {line.target}"
+    text = f"{line.name:<37}{counts:>8} {share:5.1f} % ({100 * low:5.1f} to {100 * high:5.1f}) {line.target}"
     return text.rstrip()
 
 
@@ -114,9 +114,8 @@ def by_effect(outcomes: Sequence[Outcome]) -> list[str]:
         counts = ", ".join(f"{n} {v}" for v, n in verdicts.items())
         first = sum(bool(o.effects) and _first_is_right(o) for o in own)
         right = f"right {sum(map(rightly, own))} wrong {sum(map(wrongly, own))} first {first}"
-        texts.append(
-            f" {kind:<11} {id or 'nothing':<19}{len(own):3d} ({sum(o.large for o in own)} clear) {right}: {counts}"
-        )
+        clear = sum(o.large for o in own)
+        texts += [f"  {kind:<11} {id or 'nothing':<18}{len(own):3d} ({clear} clear): {right};", f"    {counts}"]
     return texts
 
 
