@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 Lines = NDArray[np.float64]
 Values = NDArray[np.complex128]
 
-BEFORE = 20.0
+BEFORE = 5.0
 """The end of the period that counts as the time before the hit, in periods of the highest line: a limited band spreads
-the hit to both sides."""
+the hit to both sides. More of it would amplify noise, which is everywhere in the period."""
 
 
 def laplace(frequency_hz: Lines, decay_rate: float = 0.0) -> Values:
@@ -120,13 +120,13 @@ def windowed(values: Values, spacing_hz: float, decay_rate: float, end: float | 
 
 
 def continued(values: Values, spacing_hz: float) -> Values:
-    """Return an FRF with half as many lines more, on which it goes on as a single mode and fades.
+    """Return an FRF with as many lines more, on which it goes on as a single mode and fades.
 
     The mode is fitted to the last 5 % of the band, so that value and slope have no step there: a mode just below its
     end, as the beam's fourth, would ring before the hit otherwise.
     """
     count = values.shape[-1]
-    hz = spacing_hz * np.arange(count + count // 2)
+    hz = spacing_hz * np.arange(2 * count)
     own, more = hz[int(0.95 * count) : count], hz[count:]
     fade = 0.5 * (1.0 + np.cos(np.pi * (more - more[0]) / (more[-1] - more[0])))
     rows = []
