@@ -267,7 +267,7 @@ def ask(
             threads=threads,
         )
     except Exception as error:  # a failed diagnosis counts as a wrong answer
-        return _failed(f"{type(error).__name__}: {error}", time.perf_counter() - begun)
+        return failed(f"{type(error).__name__}: {error}", time.perf_counter() - begun)
     seconds = time.perf_counter() - begun
     predictions, before = {}, {}
     problem = ""
@@ -281,6 +281,17 @@ def ask(
             before[tool.name] = _lists(verdict.base.predict_natural_frequencies(assembly, UPPER_HZ, **where))
         except Exception as error:  # the table counts it as a missing prediction
             problem = f"prediction: {type(error).__name__}: {error}"
+    return answer_from(verdict, seconds, predictions, before, problem)
+
+
+def answer_from(
+    verdict: Any,
+    seconds: float,
+    predictions: dict[str, tuple[list[float], list[float]]] | None = None,
+    before: dict[str, tuple[list[float], list[float]]] | None = None,
+    error: str = "",
+) -> Answer:
+    """Return a verdict of the package as plain values."""
     after = verdict.adequacy_after
     return Answer(
         verdict=verdict.verdict,
@@ -291,11 +302,11 @@ def ask(
         misfit=float(verdict.adequacy.misfit),
         misfit_after=float(after.misfit) if after is not None else float("nan"),
         seconds=seconds,
-        predictions=predictions,
-        before=before,
+        predictions=predictions or {},
+        before=before or {},
         next_measurement="" if verdict.next_measurement is None else str(verdict.next_measurement.action),
         candidates=[(c.id, round(c.evidence, 2), round(c.misfit, 4)) for c in verdict.candidates[:6]],
-        error=problem,
+        error=error,
     )
 
 
@@ -310,7 +321,8 @@ def _lists(found: tuple[NDArray[np.float64], NDArray[np.float64]]) -> tuple[list
     return found[0].tolist(), found[1].tolist()
 
 
-def _failed(error: str, seconds: float) -> Answer:
+def failed(error: str, seconds: float) -> Answer:
+    """Return the answer of a diagnosis that ended with an error."""
     nan = float("nan")
     return Answer("failed", (), (), {}, False, nan, nan, seconds, {}, {}, error=error)
 

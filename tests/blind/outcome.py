@@ -115,7 +115,7 @@ def run_case(
         misfit_after=answer.misfit_after,
         share=_share(consulted, answer) if consulted else None,
         covered=_coverage(frequencies, answer.predictions),
-        size_covered=_sizes_covered(truth, answer),
+        size_covered=sizes_covered(truth.effects, answer.sizes, _SIZES) if answer.verdict == "named" else (),
         layer=case.nominal.layer,
         error=answer.error,
         candidates=list(answer.candidates),
@@ -205,16 +205,18 @@ _SIZES: dict[str, tuple[str, Callable[[float], float]]] = {
 """Effects whose size the package states as one number, and how ours becomes it."""
 
 
-def _sizes_covered(truth: Any, answer: Any) -> tuple[bool, ...]:
-    """Return whether intervals of rightly named effects hold the true sizes."""
-    if answer.verdict != "named":
-        return ()
+def sizes_covered(
+    effects: Sequence[Any],
+    stated: dict[str, dict[str, tuple[float, float, float]]],
+    known: dict[str, tuple[str, Callable[[float], float]]],
+) -> tuple[bool, ...]:
+    """Return whether intervals of rightly named effects hold the true sizes, of effects whose size is one number."""
     covered = []
-    for effect in truth.effects:
-        stated = answer.sizes.get(effect.id)
-        if effect.id in _SIZES and stated:
-            name, change = _SIZES[effect.id]
+    for effect in effects:
+        own = stated.get(effect.id)
+        if effect.id in known and own:
+            name, change = known[effect.id]
             value = change(effect.sizes[name])
-            _, low, high = next(iter(stated.values()))
+            _, low, high = next(iter(own.values()))
             covered.append(bool(low <= value <= high))
     return tuple(covered)

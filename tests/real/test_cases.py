@@ -1,0 +1,193 @@
+"""Cases: the draw, the exactness of their records, and the sizes, on a beam that is not measured."""
+
+from __future__ import annotations
+
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from real import cases, exact
+from real.cases import ANSWERS, CLEAR, DRIVE, PLAN, Case, Effect, Plain, Setup, draw, modelab_case, plan
+from real.made_beam import DAMPING, HZ, SPACING, accelerance, made_beam
+from real.structures import DECAY_RATE, Level
+
+HERE = Path(__file__).resolve().parent
+SETUP = Setup(((DRIVE, 0.0), (1, 0.0), (6, 0.4)), 700.0)
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return made_beam(DRIVE)
+
+
+@pytest.fixture
+def made(beam, monkeypatch):
+    levels = tuple(
+        Level(f"level {i}", np.linspace(79.0, 81.0, 41), np.exp(1j * np.linspace(0.1, 3.0, 41)), np.full(41, 0.1 * i))
+        for i in range(1, 9)
+    )
+    monkeypatch.setattr(cases, "modelab", lambda: beam)
+    monkeypatch.setattr(cases, "brake_reuss", lambda: levels)
+
+
+def plain_fit(case: Case) -> Plain:
+    """Return a plain model that misses all frequencies by 0.1 % and all lines by three standard deviations."""
+    return Plain(
+        frequencies_hz=tuple(1.001 * HZ),
+        deviations=tuple(np.full(r.frequency_hz.size, 0.01) for r in case.records),
+        residuals=tuple(np.full(2 * r.frequency_hz.size, 3.0) for r in case.records),
+        misfit=9.0,
+    )
+
+
+def true_accelerance(record, hit, rate=DECAY_RATE, **body):
+    return accelerance(exact.laplace(record.frequency_hz, rate), DRIVE, **body)[hit]
+
+
+def test_records_of_configurations_are_those_of_the_loaded_beam(beam):
+    case = modelab_case(beam, SETUP, None)
+    assert [r.configuration for r in case.records] == ["bare", "bare", "with 0.4 kg"]
+    for (hit, known), record in zip(SETUP.hits, case.records, strict=True):
+        true = true_accelerance(record, hit, mass=known)
+        assert np.median(np.abs(record.accelerance / true - 1.0)) < 2e-3
+        assert np.median(np.abs(true_accelerance(record, hit, mass=known + 0.1) / true - 1.0)) > 1e-2
+        assert np.all(np.diff(record.frequency_hz) == pytest.approx(2.5))
+
+
+@pytest.mark.parametrize(
+    ("effect", "body", "rate"),
+    [
+        (Effect("sensor_mass", {"mass": 0.1}), {"mass": 0.1}, DECAY_RATE),
+        (Effect("suspension", {"stiffness": 3e5}), {"stiffness": 3e5}, DECAY_RATE),
+        (Effect("exponential_window", {"rate": 20.0}), {}, DECAY_RATE + 20.0),
+    ],
+)
+def test_hidden_effects_are_exact(beam, effect, body, rate):
+    case, plain = modelab_case(beam, SETUP, effect), modelab_case(beam, SETUP, None)
+    for (hit, known), record, without in zip(SETUP.hits, case.records, plain.records, strict=True):
+        whole = {**body, "mass": known + body.get("mass", 0.0)}
+        true = true_accelerance(record, hit, rate, **whole)
+        away = np.abs(record.accelerance / true - 1.0)
+        assert np.median(away) < 2e-3
+        # The noise of 1e-3 matters beside antiresonances alone.
+        assert np.mean(away < 0.05) > 0.97
+        assert np.max(np.abs(without.accelerance / true - 1.0)) > 0.3
+        assert record.decay_rate == DECAY_RATE
+
+
+def test_an_axis_states_everything_by_its_own_clock(beam):
+    case = modelab_case(beam, SETUP, Effect("frequency_scale", {"share": 0.02}))
+    plain = modelab_case(beam, SETUP, None)
+    for record, without in zip(case.records, plain.records, strict=True):
+        np.testing.assert_allclose(record.frequency_hz, 1.02 * without.frequency_hz)
+        np.testing.assert_array_equal(record.accelerance, without.accelerance)
+        assert record.decay_rate == pytest.approx(1.02 * DECAY_RATE)
+
+
+def test_noise_is_that_of_the_lines(beam):
+    assert np.median(beam.noise) == pytest.approx(1e-3, rel=0.1)
+    # The window leaves 1 / (2 sigma T) of the power of noise that lasts for the period T.
+    clean = accelerance(exact.laplace(beam.frequency_hz), DRIVE)[1]
+    noisy, without = (exact.windowed(one, SPACING, DECAY_RATE) for one in (beam.accelerance[1], clean))
+    own = (beam.frequency_hz > 300.0) & (beam.frequency_hz < 900.0)
+    scatter = np.std((noisy - without)[own].real)
+    assert scatter == pytest.approx(1e-3 / np.sqrt(2.0 * DECAY_RATE / SPACING), rel=0.2)
+
+
+def test_natural_frequencies_of_the_drive_point(beam):
+    found = [exact.shifted_mode(mode)[0] for mode in beam.modes]
+    assert found == pytest.approx(HZ.tolist(), rel=2e-5)
+    assert all(abs(mode[0].real / mode[0].imag) > 1.0 / (3.0 * DAMPING) for mode in beam.modes)
+
+
+@pytest.mark.usefixtures("made")
+@pytest.mark.parametrize("effect", [e for e in ANSWERS if e in cases.BOUNDS])
+@pytest.mark.parametrize("aim", [1.0, 4.0])
+def test_sizes_reach_their_aim(effect, aim):
+    found = draw(5, 1, "modelab", effect, plain_fit, aim=aim)
+    name, low, high = cases.BOUNDS[effect]
+    size = abs(found.effect.sizes[name])
+    assert size > 0.0
+    inside = 1.01 * low < size < 0.99 * high or effect == "calibration_gain"
+    assert not inside or found.ratio == pytest.approx(aim, rel=0.02)
+    assert found.effect.aim == aim
+    assert bool(np.any(found.shifts)) == (effect in ("sensor_mass", "suspension", "frequency_scale"))
+
+
+def test_ratio_of_shifts():
+    # Differences between modes count by the discrepancy, what they have in common by the tolerance.
+    uneven = np.array([0.002, -0.002])
+    assert cases.shift_ratio(uneven, 1e-3, absorbed=0.01) == pytest.approx(2.0)
+    common = np.full(4, 0.02)
+    assert cases.shift_ratio(common, 1e-5, absorbed=0.01) == pytest.approx(1.0, rel=1e-3)  # 2 / sqrt(4)
+    assert cases.shift_ratio(common, 1e-3, absorbed=1e3) < 1e-3
+    assert cases.shift_ratio(common, 1e-3, absorbed=1e-9) == pytest.approx(20.0)
+
+
+def test_contrast(beam):
+    plain = modelab_case(beam, SETUP, None)
+    louder = modelab_case(beam, SETUP, Effect("calibration_gain", {"gain": 0.1}))
+    # ln 1.1 is 9.5 deviations of 0.01 in the real part and none in the imaginary part; the residuals are 3 in both.
+    assert cases.contrast(plain, louder, plain_fit(plain)) == pytest.approx(np.log(1.1) / 0.01 / np.sqrt(2.0) / 3.0)
+
+
+@pytest.mark.usefixtures("made")
+def test_seed_determines_the_case():
+    for structure, effect in (("modelab", "sensor_mass"), ("brake_reuss", "wrong_quantity"), ("modelab", "")):
+        a, b, c = (draw(seed, 3, structure, effect, plain_fit) for seed in (7, 7, 8))
+        assert pickle.dumps(a) == pickle.dumps(b)
+        assert pickle.dumps(a) != pickle.dumps(c)
+
+
+@pytest.mark.usefixtures("made")
+@pytest.mark.parametrize(("structure", "effect"), sorted(set(PLAN)))
+def test_every_planned_effect_is_in_the_records_and_not_in_the_text(structure, effect):
+    found = draw(11, 2, structure, effect, plain_fit)
+    assert 2 <= len(found.case.records) <= 4
+    changed = [
+        not (np.array_equal(a.accelerance, b.accelerance) and np.array_equal(a.frequency_hz, b.frequency_hz))
+        for a, b in zip(found.case.records, found.plain.records, strict=True)
+    ]
+    assert all(changed) if effect else not any(changed)
+    text = " ".join(f"{r.label} {r.configuration} {r.conditions}" for r in found.case.records)
+    assert not any(id in text for id in ANSWERS)
+    assert [r.label for r in found.case.records] == [r.label for r in found.plain.records]
+
+
+@pytest.mark.usefixtures("made")
+def test_setups_vary():
+    drawn = [draw(1, i, "modelab", "", plain_fit).case for i in range(40)]
+    assert {len({r.configuration for r in case.records}) for case in drawn} == {1, 2, 3}
+    assert {round(float(case.records[0].frequency_hz[-1]), -2) for case in drawn} == {400.0, 700.0, 1000.0}
+    with_drive = sum(case.records[0].hit_place == 0.5 for case in drawn)
+    assert 10 < with_drive < 30
+
+
+def test_plan():
+    whole = plan(40)
+    assert [index for index, _, _ in whole] == list(range(40))
+    assert {effect for _, _, effect in whole} == {"", *ANSWERS}
+    nothing = sum(not effect for _, _, effect in whole)
+    assert nothing == 12
+    kept = plan(5, ["sensor_mass", "nothing"])
+    assert {effect for _, _, effect in kept} == {"sensor_mass", ""}
+    # A kept case is the same one as in the whole batch.
+    assert set(kept) < set(whole)
+    assert CLEAR == 3.0
+
+
+def test_only_the_bridge_imports_the_package():
+    code = "import sys; import real.cases; sys.exit(any(m.split('.')[0] == 'receptance' for m in sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=HERE.parent, env={"PYTHONPATH": str(HERE.parent), "PATH": ""}, check=False
+    )
+    assert done.returncode == 0
+    for source in HERE.glob("*.py"):
+        if source.name != "bridge.py" and not source.name.startswith("test_"):
+            text = source.read_text(encoding="utf-8")
+            assert not re.search(r"^\s*(import|from)\s+receptance", text, re.MULTILINE), source.name
