@@ -309,6 +309,7 @@ BOUNDARY_CAUSES = (
         change=_missing_mode,
         meaning="spindle or fixture has a mode that the model does not have",
         remedy="measure the spindle or the fixture alone at that frequency",
+        unspecific=True,
     ),
     Cause(
         id="contact_distribution",

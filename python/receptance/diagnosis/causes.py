@@ -228,6 +228,8 @@ class Cause:
         The cause in the words of the workshop.
     remedy : str
         Remedy for the user.
+    unspecific : bool, optional
+        Whether other errors of a structure have a similar effect. Beside a discrepancy it is not reported.
 
     Raises
     ------
@@ -247,6 +249,7 @@ class Cause:
     change: Callable[[Mapping[str, Parameter], Model], Iterable[Variant]]
     meaning: str
     remedy: str
+    unspecific: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id.isidentifier():

@@ -1,16 +1,18 @@
 """Discrepancy: the error of a model that remains beside the noise of the data.
 
-No beam model agrees with a real structure down to the noise of ten hits. What remains is smooth in frequency and common
-to the lines of a mode, whose natural frequency and level are slightly wrong. Its variance in the logarithm of a
-receptance H, for the real and the imaginary part each, has two parameters: the standard deviation s of the relative error
-of natural frequencies, and the standard deviation r of level and phase,
+No beam model agrees with a real structure down to the noise of ten hits. The remaining error is smooth in frequency:
+natural frequency and level of each mode are slightly wrong. Its variance in the logarithm of a receptance H, for the
+real and the imaginary part each, is
 
-    v(f) = r^2 + (|ln H(f (1 + s)) - ln H(f)|^2 + |ln H(f (1 - s)) - ln H(f)|^2) / 4.
+    v(f) = r^2 + u(f),    u(f) = (|ln H(f (1 + s)) - ln H(f)|^2 + |ln H(f (1 - s)) - ln H(f)|^2) / 4,
 
-Differences stand in place of derivatives because s may exceed the width of a resonance. H is the measured receptance, so
-that the weights are the same for all models. The lines of one mode have one independent error. A natural frequency has
-the relative error s. The parameters have the largest likelihood of the residuals. A fit that allows for the discrepancy
-has intervals that include it.
+with the standard deviation r of level and phase, and s of the relative error of natural frequencies. Differences stand
+in place of derivatives because s may exceed the width of a resonance. H is the measured receptance, so that the weights
+are the same for all models. Errors are common to lines: those of a mode where u > r^2 have its error of frequency, one
+real number in all records of a configuration; the others have its error of level, one complex number in each record. A
+mode has the lines from one midpoint between peaks to the next. Antiresonances are left out: they are small differences
+of modes, and a small error of one mode moves them far. A measured natural frequency has the relative error s. The two
+parameters have the largest likelihood of the residuals. Intervals of a fit that allows for the discrepancy include it.
 """
 
 from __future__ import annotations
@@ -23,11 +25,20 @@ from numpy.typing import NDArray
 
 from receptance._peaks import local_maxima
 from receptance.diagnosis.fitting import Fit, evaluate, refit
+from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.thresholds import DISCREPANCIES, DISCREPANCY_ROUNDS, MODE_NOISE, MODE_PROMINENCE
+from receptance.diagnosis.thresholds import (
+    DIP_RATIO,
+    DIP_WIDTH,
+    DISCREPANCIES,
+    DISCREPANCY_LINES,
+    DISCREPANCY_ROUNDS,
+    MODE_NOISE,
+    MODE_PROMINENCE,
+)
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 
-__all__ = ["Discrepancy", "fit_discrepancy"]
+__all__ = ["Discrepancy", "fit_discrepancy", "resonant"]
 
 
 @dataclass(frozen=True)
@@ -51,18 +62,42 @@ class Discrepancy:
 
     def allow(self, model: Model) -> Model:
         """Return the model with observations whose variance includes the discrepancy."""
-        return model.map(self._enlarge)
+        own = {id(one): records for one, records in zip(model.observations, _records(model), strict=True)}
+        return model.map(lambda one: self._enlarge(one, own.get(id(one), 1)))
 
-    def _enlarge(self, one: Observation) -> Observation:
+    def _enlarge(self, one: Observation, records: int) -> Observation:
         if isinstance(one, MeasuredFrequencies):
             spread = np.hypot(np.asarray(one.standard_deviation_hz), self.frequency * one.frequency_hz)
             return altered(one, standard_deviation_hz=spread)
-        own = np.square(self.relative or 0.0) + _variance_of_shift(one, self.frequency)
-        noise, lines = np.square(one.standard_deviations[: own.size]), _lines_of_mode(one)
+        level, shift = np.square(self.relative or 0.0), _variance_of_shift(one, self.frequency)
+        noise, lines = (
+            np.square(one.standard_deviations[: shift.size]),
+            _common_lines(_modes(one), shift > level, records),
+        )
         # `standard_deviation` is that of independent lines with the information of the correlated ones.
-        share = own / (own + noise / one.correlated_lines)
+        share = (level + shift) / (level + shift + noise / one.correlated_lines)
         correlated = np.maximum(one.correlated_lines + share * (lines - one.correlated_lines), 1.0)
-        return altered(one, standard_deviation=np.sqrt(noise + lines * own), correlated_lines=correlated)
+        return altered(one, standard_deviation=np.sqrt(noise + lines * (level + shift)), correlated_lines=correlated)
+
+
+def resonant(model: Model) -> Model:
+    """Return the model on few lines of each receptance, without those of antiresonances."""
+
+    def select(one: Observation) -> Observation:
+        return one.select(~_in_dip(one)) if isinstance(one, MeasuredFRF) else one
+
+    return thin(model.map(select), DISCREPANCY_LINES)
+
+
+def _in_dip(one: MeasuredFRF) -> NDArray[np.bool_]:
+    """Return the lines with much larger receptances on both sides nearby."""
+    lines, size = one.frequency_hz.real, np.abs(one.receptance)
+    low, high = (np.searchsorted(lines, lines * (1.0 + width)) for width in (-DIP_WIDTH, DIP_WIDTH))
+    deep = [
+        min(size[i : k + 1].max(), size[k:j].max()) > DIP_RATIO * own
+        for k, (i, j, own) in enumerate(zip(low, high, size, strict=True))
+    ]
+    return np.array(deep, dtype=np.bool_)
 
 
 def fit_discrepancy(model: Model, start: Mapping[str, float]) -> tuple[Discrepancy, Fit]:
@@ -105,7 +140,7 @@ def _most_likely(model: Model, errors: Sequence[NDArray[np.complex128]]) -> Disc
     # Minus twice the logarithm of the likelihood, over the level (rows) and the frequency (columns).
     deviance = np.zeros((grid.size, grid.size))
     has_level = False
-    for one, error in zip(model.observations, errors, strict=True):
+    for one, error, records in zip(model.observations, errors, _records(model), strict=True):
         power = np.square(np.abs(error))
         if isinstance(one, MeasuredFrequencies):
             noise = np.square(np.asarray(one.standard_deviation_hz) / one.frequency_hz)
@@ -113,11 +148,13 @@ def _most_likely(model: Model, errors: Sequence[NDArray[np.complex128]]) -> Disc
             deviance += np.sum(power / variance + np.log(variance), axis=1)
             continue
         has_level = True
-        lines = _lines_of_mode(one)
-        noise = np.square(one.standard_deviations[: power.size]) / lines
+        modes, noise = _modes(one), np.square(one.standard_deviations[: power.size])
         for column, frequency in enumerate(grid):
-            variance = np.square(grid)[:, None] + (_variance_of_shift(one, frequency) + noise)
-            deviance[:, column] += np.sum((power / variance + 2.0 * np.log(variance)) / lines, axis=1)
+            shift = _variance_of_shift(one, frequency)
+            for row, level in enumerate(np.square(grid)):
+                lines = _common_lines(modes, shift > level, records)
+                variance = level + shift + noise / lines
+                deviance[row, column] += np.sum((power / variance + 2.0 * np.log(variance)) / lines)
     row, best = divmod(int(np.argmin(deviance)), grid.size)
     return Discrepancy(float(grid[best]), float(grid[row]) if has_level else None)
 
@@ -130,10 +167,24 @@ def _variance_of_shift(one: MeasuredFRF, frequency: float) -> NDArray[np.float64
     return np.asarray(sum(np.square(np.abs(each - logarithm)) for each in moved) / 4.0)
 
 
-def _lines_of_mode(one: MeasuredFRF) -> NDArray[np.float64]:
-    """Return for each line the number of lines of its mode, from one midpoint between peaks to the next."""
+def _records(model: Model) -> list[int]:
+    """Return for each observation the number of receptances of its configuration."""
+    receptances = [isinstance(one, MeasuredFRF) for one in model.observations]
+    names = [name for name, is_one in zip(model.configuration_of, receptances, strict=True) if is_one]
+    return [max(names.count(name), 1) for name in model.configuration_of]
+
+
+def _modes(one: MeasuredFRF) -> NDArray[np.intp]:
+    """Return for each line the number of its mode."""
     least = max(MODE_PROMINENCE, MODE_NOISE * float(np.median(one.standard_deviations)))
     peaks, _ = local_maxima(np.log(np.abs(one.receptance) * one.frequency_hz.real), least)
-    ends = [0, *((peaks[1:] + peaks[:-1] + 1) // 2), one.frequency_hz.size]
-    counts = np.diff(ends)
-    return np.repeat(counts, counts).astype(np.float64)
+    return np.searchsorted((peaks[1:] + peaks[:-1] + 1) // 2, np.arange(one.frequency_hz.size), side="right")
+
+
+def _common_lines(modes: NDArray[np.intp], shifted: NDArray[np.bool_], records: int) -> NDArray[np.float64]:
+    """Return for each line the number of lines that share its two independent values."""
+    groups = 2 * modes + shifted
+    counts = np.bincount(groups).astype(np.float64)
+    # One error of frequency, a real number, for all records.
+    counts[1::2] *= 2 * records
+    return counts[groups]

@@ -13,16 +13,16 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
-from receptance.diagnosis.discrepancy import fit_discrepancy
+from receptance.diagnosis.discrepancy import fit_discrepancy, resonant
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
-from receptance.diagnosis.line_selection import select_lines, thin
+from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import DISCREPANCY_LINES, EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
+from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
@@ -135,7 +135,7 @@ def diagnose(
     selection = select(model, catalogue, most=most, progress=report)
     verdict = _verdict(selection, conclude(selection), most, line_notes, report)
     if verdict.verdict == "unexplained" and verdict.final and verdict.alternative is None:
-        verdict = _beside_discrepancy(verdict, catalogue, most, line_notes, report)
+        verdict = _beside_discrepancy(verdict, catalogue, report)
         selection = verdict.selection
     if not held_out or not verdict.final:
         return verdict
@@ -172,19 +172,17 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
     return given
 
 
-def _beside_discrepancy(
-    verdict: Verdict, catalogue: Sequence[Cause], most: int, line_notes: Sequence[str], report: Progress
-) -> Verdict:
+def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Progress) -> Verdict:
     """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
 
-    The causes are tried again in fits that allow for the discrepancy of the base. Where one explains the data partly,
+    Each cause is tried again in fits that allow for the discrepancy of the base. Where one explains the data partly,
     the verdict is that of these fits, and its explanation allows for the discrepancy that is left with it.
     """
     before = verdict.selection.base
-    few = thin(before.model, DISCREPANCY_LINES)
+    few = resonant(before.model)
     try:
         discrepancy, base = fit_discrepancy(few, before.values)
-        selection = select(few, catalogue, most=most, progress=report, discrepancy=discrepancy)
+        selection = select(few, catalogue, most=1, progress=report, discrepancy=discrepancy)
         judgement = conclude(selection)
         notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
         if judgement.answer != "partly explained":
@@ -195,7 +193,7 @@ def _beside_discrepancy(
     except ReceptanceError:
         return verdict
     judgement = replace(judgement, reported=(replace(best, fit=fit),), notes=notes)
-    found = _verdict(selection, judgement, most, (), report)
+    found = _verdict(selection, judgement, 1, (), report)
     return replace(found, adequacy=verdict.adequacy, discrepancy=discrepancy, discrepancy_after=after)
 
 

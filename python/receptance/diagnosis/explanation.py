@@ -182,8 +182,8 @@ class Selection:
         return self.base.independent_values * math.log(self.base.chi_square / chi_square)
 
     def share(self, one: Explanation) -> float:
-        """Return the share of the rms residuals of the base that an explanation takes."""
-        return 1.0 - math.sqrt(one.fit.chi_square / self.base.chi_square)
+        """Return the share of the misfit of the base that an explanation takes."""
+        return 1.0 - one.fit.chi_square / self.base.chi_square
 
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""

@@ -69,9 +69,11 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     title = found.reported[0].title
     share = selection.share(found.reported[0])
     taken = f"{title} takes {100.0 * share:.0f} % of the discrepancy of the model"
-    if found.answer == "named" and share >= LEAST_SHARE:
+    if any(cause.unspecific for cause, _ in found.reported[0].steps):
+        reason = f"{taken}, but other errors of the structure would have a similar effect"
+    elif found.answer == "named" and share >= LEAST_SHARE:
         return replace(found, answer="partly explained", notes=(*found.notes, f"{taken}; the rest has no known cause"))
-    if found.ambiguous_between:
+    elif found.ambiguous_between:
         reason = f"{', '.join(found.ambiguous_between)} cannot be distinguished beside the discrepancy of the model"
     else:
         reason = taken if share >= LEAST_SHARE else f"{taken}, expected at least {100.0 * LEAST_SHARE:.0f} %"

@@ -120,13 +120,16 @@ TAPER_CYLINDERS = 6
 # The discrepancy of a model.
 
 LEAST_SHARE = 0.5
-"""Least share of the rms discrepancy that a cause takes where it explains the data partly."""
+"""Least share of the misfit that a cause takes where it explains the data partly."""
 DISCREPANCY_LINES = 300
 """Lines of each receptance of fits that allow for a discrepancy."""
 DISCREPANCIES = (1e-4, 0.3, 36)
 """Smallest and largest standard deviation that is tried, and the number of values."""
 DISCREPANCY_ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
+DIP_WIDTH = 0.08
+DIP_RATIO = 2.0
+"""A line is in an antiresonance if receptances within this relative distance on both sides are larger by this factor."""
 MODE_PROMINENCE = math.log(4.0)
 MODE_NOISE = 10.0
 """Least prominence of the peak of a mode in the logarithm of the mobility: absolute, and as a multiple of the noise."""
