@@ -129,7 +129,7 @@ DISCREPANCY_ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 DIP_WIDTH = 0.08
 DIP_RATIO = 2.0
-"""A line is in an antiresonance if receptances within this relative distance on both sides are larger by this factor."""
+"""A line is in an antiresonance if receptances within this relative distance, on both sides, are larger by this ratio."""
 MODE_PROMINENCE = math.log(4.0)
 MODE_NOISE = 10.0
 """Least prominence of the peak of a mode in the logarithm of the mobility: absolute, and as a multiple of the noise."""
