@@ -355,14 +355,12 @@ class Verdict(Result):
             probabilities of these; they are infinite where the verdict is "unexplained".
         """
         target = Target(assembly, configuration, conditions, tolerances)
-        found, errors = self._ensemble.natural_frequencies(
-            self.explanation, self.extended or self.base, target, upper_hz
-        )
+        found, errors = self._ensemble.natural_frequencies(self.extended or self.base, target, upper_hz)
         return found, np.full_like(errors, np.inf) if self.verdict == "unexplained" else errors
 
     @cached_property
     def _ensemble(self) -> Ensemble:
-        return Ensemble(self.selection)
+        return Ensemble(self.selection, self.explanation)
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return calculated less measured natural frequencies in percent, before and after, by mode."""
