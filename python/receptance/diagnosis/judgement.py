@@ -10,6 +10,7 @@ from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import LEAST_FREEDOM, LEAST_SHARE, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
 from receptance.diagnosis.verdict import Answer, Gain
+from receptance.diagnosis.wording import implausible
 
 __all__ = ["Judgement", "conclude", "doubt_prediction"]
 
@@ -47,7 +48,9 @@ def conclude(selection: Selection) -> Judgement:
     2. Only adequate explanations are considered; if there is none: unexplained.
     3. All within the margin of the highest evidence are reported, except those that only add causes to another one of
        them, or that add a negligible cause to any other.
-    4. Implausible explanations are vetoed, with a note; if no other is left: unexplained.
+    4. Implausible explanations are vetoed, with a note, if a plausible one is reported. A single explanation whose only
+       fault is an unusual size is reported and suspected: a simplified drawing or a stated value may be that wrong, and
+       an effect outside the catalogue may act in its place. If no explanation is left: unexplained.
     5. If an alternative has more evidence, see `receptance.diagnosis.alternatives`: unexplained.
     6. If one explanation is left: named. It is only suspected near the detection limit, where it strains the tolerances
        beyond the 1 % level, where an alternative has as much evidence, or where the data are not sufficient: there is
@@ -94,11 +97,12 @@ def _conclude(selection: Selection) -> Judgement:
     passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
     near = [one for one in near if not any(_adds_only(one, other) for other in near)]
-    for one in near:
-        if one.implausible:
-            sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
-            notes.append(f"{one.title} explains the data, but {sizes} is outside the plausible range: vetoed")
     remaining = [one for one in near if not one.implausible]
+    if not remaining and len(near) == 1 and near[0].unusual:
+        remaining = near
+    for one in near:
+        if one.implausible and one not in remaining:
+            notes.append(f"{one.title} explains the data, but only with an implausible size: {_sizes(one)}: vetoed")
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
         reason = _withhold(alternative, (remaining or near)[0])
@@ -112,10 +116,8 @@ def _conclude(selection: Selection) -> Judgement:
         common = frozenset.intersection(*(one.ids for one in remaining))
         between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
-    if unfinished:
-        return Judgement("suspected", tuple(remaining), (), tuple(notes))
     doubts = list(_doubts(selection, remaining[0], limit))
-    return Judgement("suspected" if doubts else "named", tuple(remaining), (), (*notes, *doubts))
+    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), (), (*notes, *doubts))
 
 
 def _judge_base(selection: Selection) -> Judgement:
@@ -156,6 +158,8 @@ def _withhold(alternative: Explanation, best: Explanation) -> str:
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
     """Yield the reasons why the only explanation is suspected and not named."""
     base, name = selection.base, one.title
+    if one.implausible:
+        yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
     if one.evidence <= limit + MARGIN:
         yield f"{name} is suspected only: its evidence is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
@@ -242,6 +246,11 @@ def _improves_one(base: Fit, one: Explanation) -> str | None:
     if total <= 0.5 * one.gain or gains[most] < ONE_CONFIGURATION * total:
         return None
     return most
+
+
+def _sizes(one: Explanation) -> str:
+    """Return the sizes outside their plausible range, and the ranges."""
+    return implausible(one.parameters, {name: one.fit.values[name] for name in one.implausible})
 
 
 def _freedom(fit: Fit) -> str:

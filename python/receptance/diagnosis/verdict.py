@@ -370,9 +370,7 @@ class Verdict(Result):
             discrepancy could not be estimated, they are infinite.
         """
         target = Target(assembly, configuration, conditions, tolerances)
-        found, errors = self._ensemble.natural_frequencies(
-            self.explanation, self.extended or self.base, target, upper_hz
-        )
+        found, errors = self._ensemble.natural_frequencies(self.extended or self.base, target, upper_hz)
         left = self.discrepancy_after or self.discrepancy
         if left is not None:
             return found, np.hypot(errors, left.frequency * found)
@@ -380,7 +378,7 @@ class Verdict(Result):
 
     @cached_property
     def _ensemble(self) -> Ensemble:
-        return Ensemble(self.selection)
+        return Ensemble(self.selection, self.explanation)
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return calculated less measured natural frequencies in percent, before and after, by mode."""
