@@ -1,0 +1,194 @@
+"""The discrepancy of a model: its estimate, fits that allow for it, and causes that explain data partly.
+
+The wrong model is made without the program: the frequency axis of its receptance is stretched smoothly, by
+another share at each mode, and its level is changed smoothly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, PointMass, Segment
+from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis.discrepancy import Discrepancy, fit_discrepancy, resonant
+from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.thresholds import DISCREPANCY_LINES
+from receptance.diagnosis.verdict import Improvement
+from receptance.identification import Tolerance, Unknown
+
+LINES = np.linspace(200.0, 8000.0, 1000)
+OVERHANGS = (0.05, 0.065, 0.08, 0.095)
+SEED = 20261123
+CAUSES = ("sensor_mass", "calibration_gain", "time_delay", "tool_modulus", "hammer_offset", "suspension")
+
+
+def assembled(overhang: float, *masses: PointMass) -> Assembly:
+    """Return a tool in a holder."""
+    tool = Part([Segment(length=overhang, outer_diameter=0.016, material=CARBIDE)], name="tool")
+    holder = Part(
+        [
+            Segment(length=0.04, outer_diameter=0.05, inner_diameter=0.016, material=STEEL, core=CARBIDE),
+            Segment(length=0.09, outer_diameter=0.044, material=STEEL),
+        ],
+        name="holder",
+    )
+    joint = PointJoint(k_y=4e8, k_theta=9e4, c_y=250.0, c_theta=0.3, name="joint")
+    return Assembly([tool, joint, holder], masses)
+
+
+def wrong(exact, modes_hz, frequency: float, level: float, rng: np.random.Generator):
+    """Return a receptance whose modes have errors of frequency and of level with standard deviations."""
+    shift = np.interp(LINES, modes_hz, frequency * rng.normal(size=len(modes_hz)))
+    factor = rng.normal(size=len(modes_hz)) + 1j * rng.normal(size=len(modes_hz))
+    return exact(LINES * (1.0 + shift)) * np.exp(level * np.interp(LINES, modes_hz, factor))
+
+
+def observed(frequency: float, level: float, *masses: PointMass, seed: int = SEED, noise: float = 0.005):
+    """Return the four overhangs, measured on a structure that no parameter of the model describes."""
+    print("seed", seed)
+    rng = np.random.default_rng(seed)
+    found = []
+    for overhang in OVERHANGS:
+        true = assembled(overhang, *masses)
+        data = wrong(true.receptance, true.natural_frequencies(9e3), frequency, level, rng)
+        data *= np.exp(noise * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size)))
+        name = f"{1e3 * overhang:.0f} mm"
+        found.append(
+            MeasuredFRF(
+                assembly=assembled(overhang),
+                frequency_hz=LINES,
+                receptance=data,
+                standard_deviation=noise,
+                label=name,
+                configuration=name,
+            )
+        )
+    return tuple(found)
+
+
+JOINT = (
+    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=1e8),
+    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=3e4),
+    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=100.0),
+    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=0.1),
+)
+TOLERANCES = (
+    Tolerance(name="tool modulus", moves={"tool.segment[*].youngs_modulus": 0.01}, relative=True),
+    Tolerance(name="holder modulus", moves={"holder.segment[*].youngs_modulus": 0.01}, relative=True),
+)
+
+
+@pytest.mark.parametrize(("frequency", "level"), [(0.003, 0.03), (0.01, 0.03), (0.003, 0.15)])
+def test_the_estimate_is_close_to_the_errors_that_were_made(frequency, level):
+    model = resonant(Model(observed(frequency, level), JOINT, TOLERANCES, threads=1))
+    found, fit = fit_discrepancy(model, fit_base(model).values)
+    print(found, "made", frequency, level)
+    assert found.relative is not None
+    # Some ten modes show each of them, and the joint absorbs a part.
+    assert 0.4 < found.frequency / frequency < 2.5
+    assert 0.4 < found.relative / level < 2.5
+    assert 0.5 < fit.misfit < 2.0
+
+
+def test_intervals_of_the_joint_include_the_discrepancy():
+    """Without it the joint misses the truth by many standard errors, with it by a few."""
+    model = resonant(Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1))
+    base = fit_base(model)
+    _, fit = fit_discrepancy(model, base.values)
+    true = {"joint.k_y": 4e8, "joint.k_theta": 9e4}
+    away = [
+        max(
+            abs(np.log(one.identification.values[name] / value))
+            * one.identification.values[name]
+            / one.identification.standard_errors[name]
+            for name, value in true.items()
+        )
+        for one in (base, fit)
+    ]
+    print("standard errors away, without and with the discrepancy:", away)
+    assert away[0] > 8.0
+    assert away[1] < 4.0
+
+
+def test_lines_of_a_mode_count_once():
+    model = Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1)
+    large = Discrepancy(0.01, 0.05).allow(model)
+    small = Discrepancy(1e-9, 1e-9).allow(model)
+    modes = [one.assembly.natural_frequencies(8e3).size for one in model.observations]
+    for one, few, same, count in zip(model.observations, large.observations, small.observations, modes, strict=True):
+        # Two numbers of level, and one of frequency, for each mode; a mode has some lines of either kind.
+        assert count <= few.independent_values <= 4 * count + 2
+        assert same.independent_values == pytest.approx(one.independent_values, rel=1e-3)
+        np.testing.assert_allclose(same.standard_deviation, one.standard_deviation, rtol=1e-3)
+        assert np.all(few.standard_deviation > one.standard_deviation)
+
+
+def test_natural_frequencies_have_the_relative_error():
+    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    measured = bar.natural_frequencies(2e4)
+    one = MeasuredFrequencies(assembly=bar, frequency_hz=measured, standard_deviation_hz=3.0, label="bar")
+    model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2e11),))
+    changed = Discrepancy(0.004, None).allow(model).observations[0]
+    np.testing.assert_allclose(changed.standard_deviation_hz, np.hypot(3.0, 0.004 * measured))
+    assert str(Discrepancy(0.004, None)) == "0.4 % in natural frequencies"
+
+
+def test_antiresonances_are_left_out():
+    model = Model(observed(0.0, 0.0, noise=1e-9), JOINT, TOLERANCES, threads=1)
+    for one, few in zip(model.observations, resonant(model).observations, strict=True):
+        mobility = np.abs(one.receptance) * one.frequency_hz
+        inner, before, after = mobility[1:-1], mobility[:-2], mobility[2:]
+        dips = one.frequency_hz[1:-1][(inner < before) & (inner < after)]
+        peaks = one.frequency_hz[1:-1][(inner > before) & (inner > after) & (inner > 3.0 * np.median(mobility))]
+        assert dips.size
+        assert peaks.size
+        assert few.frequency_hz.size <= DISCREPANCY_LINES
+        assert not set(dips) & set(few.frequency_hz)
+        for peak in peaks:
+            assert np.min(np.abs(few.frequency_hz - peak)) < 20.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
+    sensor = PointMass(mass=6e-3, part="tool", position=0.0)
+    hidden = diagnose(
+        observed(0.001, 0.01, sensor, seed=seed), JOINT, tolerances=TOLERANCES, causes=CAUSES, held_out=True
+    )
+    print(hidden)
+    assert hidden.verdict == "partly explained"
+    assert [one.id for one in hidden.causes] == ["sensor_mass"]
+    ((mass, low, high),) = hidden.causes[0].parameters.values()
+    print(f"{mass:.4f} kg ({low:.4f} to {high:.4f})")
+    assert low < 6e-3 < high
+    assert hidden.adequacy.misfit > 10.0
+    assert hidden.discrepancy.frequency > 2.0 * hidden.discrepancy_after.frequency
+    assert hidden.gains[0].held_out_after < hidden.gains[0].held_out_before
+    assert "verdict: partly explained" in hidden.sentences()
+    frequencies, errors = hidden.predict_natural_frequencies(assembled(0.07), 8e3)
+    assert np.all(errors >= hidden.discrepancy_after.frequency * frequencies)
+    # A prediction that is not better contradicts the cause.
+    worse = replace(hidden.gains[0], held_out_before=0.1, held_out_after=0.2)
+    contradicted = hidden.with_improvement(Improvement(gains=(worse,)))
+    assert contradicted.verdict == "unexplained"
+    assert not contradicted.causes
+    assert contradicted.explanation is None
+
+
+def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
+    found = diagnose(observed(0.005, 0.05), JOINT, tolerances=TOLERANCES, causes=CAUSES)
+    print(found)
+    assert found.verdict == "unexplained"
+    assert not found.causes
+    assert 0.002 < found.discrepancy.frequency < 0.02
+    assert found.discrepancy_after is None
+    frequencies, errors = found.predict_natural_frequencies(assembled(0.07), 8e3)
+    assert np.all(np.isfinite(errors) & (errors >= found.discrepancy.frequency * frequencies))
+    assert found.base.standard_errors["joint.k_theta"] > 0.0
+    assert any(line.startswith("error of the model beside noise: ") for line in found.sentences())
+
+
+def test_only_a_missing_mode_is_too_unspecific():
+    assert [one.id for one in CATALOGUE.values() if one.unspecific] == ["missing_mode"]
