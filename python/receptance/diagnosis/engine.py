@@ -22,7 +22,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
+from receptance.diagnosis.thresholds import DISCREPANCY_SELECTIONS, EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
@@ -175,26 +175,37 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
 def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Progress) -> Verdict:
     """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
 
-    Each cause is tried again in fits that allow for the discrepancy of the base. Where one explains the data partly,
-    the verdict is that of these fits, and its explanation allows for the discrepancy that is left with it.
+    Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which is left with
+    the best cause, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
     """
     before = verdict.selection.base
     few = resonant(before.model)
     try:
         discrepancy, base = fit_discrepancy(few, before.values)
-        selection = select(few, catalogue, most=1, progress=report, discrepancy=discrepancy)
+        left = discrepancy
+        for _ in range(DISCREPANCY_SELECTIONS):
+            selection = select(few, catalogue, most=1, progress=report, discrepancy=left)
+            if selection.best is None or selection.interrupted:
+                break
+            last = left
+            left, _ = fit_discrepancy(extend(few, selection.best.steps), selection.best.fit.values)
+            if left == last:
+                break
         judgement = conclude(selection)
-        notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
-        if judgement.answer != "partly explained":
-            interrupted = verdict if not selection.interrupted else verdict.interrupt(report.position, tried=True)
-            return replace(interrupted, notes=notes, discrepancy=discrepancy, base_fit=base)
-        best = judgement.reported[0]
-        after, fit = fit_discrepancy(extend(few, best.steps), best.fit.values)
     except ReceptanceError:
         return verdict
-    judgement = replace(judgement, reported=(replace(best, fit=fit),), notes=notes)
-    found = _verdict(selection, judgement, 1, (), report)
-    return replace(found, adequacy=verdict.adequacy, discrepancy=discrepancy, discrepancy_after=after)
+    notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
+    if judgement.answer != "partly explained" or selection.interrupted:
+        found = verdict.interrupt(report.position, tried=True) if selection.interrupted else verdict
+        return replace(found, notes=notes, discrepancy=discrepancy, base_fit=base)
+    found = _verdict(selection, replace(judgement, notes=notes), 1, (), report)
+    return replace(
+        found,
+        adequacy=verdict.adequacy,
+        base_fit=base,
+        discrepancy=discrepancy,
+        discrepancy_after=selection.discrepancy,
+    )
 
 
 def _verdict(

@@ -125,6 +125,8 @@ DISCREPANCY_LINES = 300
 """Lines of each receptance of fits that allow for a discrepancy."""
 DISCREPANCIES = (1e-4, 0.3, 36)
 """Smallest and largest standard deviation that is tried, and the number of values."""
+DISCREPANCY_SELECTIONS = 3
+"""Most selections beside a discrepancy, each with the one that is left with the best cause of the selection before."""
 DISCREPANCY_ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 DIP_WIDTH = 0.08
