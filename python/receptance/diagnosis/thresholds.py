@@ -80,6 +80,8 @@ OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
+COLUMNS_TOGETHER = 64
+"""Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
 """Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
 
