@@ -6,7 +6,7 @@ fits, the detection threshold and the look-alikes. The evidence of a cause comes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,7 +17,14 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.tangents import slopes_of
-from receptance.diagnosis.thresholds import CHANCE_DRAWS, CHANCE_LEVEL, INVISIBLE, OTHER_QUANTITY, VARIANTS_FITTED
+from receptance.diagnosis.thresholds import (
+    CHANCE_DRAWS,
+    CHANCE_LEVEL,
+    COLUMNS_TOGETHER,
+    INVISIBLE,
+    OTHER_QUANTITY,
+    VARIANTS_FITTED,
+)
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
 
@@ -110,28 +117,47 @@ def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Dire
     before = {unknown.name for unknown in fit.model.unknowns}
     parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
     seen = [i for i, (_, one) in enumerate(variants) if parameters[i] and not one.changes_data]
-    slopes = dict(zip(seen, slopes_of(fit, [variants[i][1].model for i in seen]), strict=True))
+    found = slopes_of(fit, [variants[i][1].model for i in seen])
+    slopes = dict(zip(seen, _after_a_refit(found, basis), strict=True))
     return [
-        _direction((cause, variant), parameters[i], slopes.get(i), basis, rest)
-        for i, (cause, variant) in enumerate(variants)
+        _direction((cause, variant), parameters[i], slopes.get(i), rest) for i, (cause, variant) in enumerate(variants)
     ]
+
+
+def _after_a_refit(
+    found: Sequence[NDArray[np.float64] | None], basis: NDArray[np.float64]
+) -> Iterator[NDArray[np.float64] | None]:
+    """Yield derivatives of all residuals after a refit of the unknowns of the fit, from those of the observed ones.
+
+    A cause does not change the residuals of the priors of the fit, and that of its own prior is zero at its null.
+    """
+    for first in range(0, len(found), COLUMNS_TOGETHER):
+        some = found[first : first + COLUMNS_TOGETHER]
+        known = [one for one in some if one is not None]
+        if known:
+            together = np.hstack(known)
+            size = len(together)
+            projected = -(basis @ (basis[:size].T @ together))
+            projected[:size] += together
+        begin = 0
+        for one in some:
+            if one is None:
+                yield None
+                continue
+            yield projected[:, begin : begin + one.shape[1]]
+            begin += one.shape[1]
 
 
 def _direction(
     of: tuple[Cause, Variant],
     parameters: dict[str, Parameter],
-    of_data: NDArray[np.float64] | None,
-    basis: NDArray[np.float64],
+    slopes: NDArray[np.float64] | None,
     rest: NDArray[np.float64],
 ) -> Direction:
-    """Return the linear effect of a variant from the derivatives of the observed residuals, if there are any."""
+    """Return the linear effect of a variant from the derivatives of the residuals, if there are any."""
     empty = Direction(*of, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
-    if of_data is None:
+    if slopes is None:
         return empty
-    # The cause does not change the residuals of the base's priors, and that of its own prior is zero at its null.
-    slopes = np.zeros((rest.size, len(parameters)))
-    slopes[: len(of_data)] = of_data
-    slopes = slopes - basis @ (basis.T @ slopes)
     norms = np.linalg.norm(slopes, axis=0)
     is_visible = norms > INVISIBLE * max(float(norms.max(initial=0.0)), 1e-300)
     slopes = slopes[:, is_visible]

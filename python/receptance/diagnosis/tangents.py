@@ -8,7 +8,6 @@ linear map from small changes to the parameters of the assemblies.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +16,8 @@ from numpy.typing import NDArray
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
-from receptance.identification.mapping import ParameterMap
+from receptance.identification.mapping import ParameterMap, Parameters
 from receptance.identification.problem import InfeasibleError, Observed, slopes_at
-from receptance.identification.task import Task
 
 __all__ = ["slopes_of"]
 
@@ -28,29 +26,15 @@ _ROUNDING = 1e-12
 
 
 class _Place(NamedTuple):
-    """The parameters of one observation, `(m,)`, and their derivatives by the own unknowns of a variant, `(m, k)`."""
+    """Parameters of one observation, `(m,)`, and their derivatives by the own unknowns of a variant, `(m, k)`."""
 
     addresses: tuple[str, ...]
     values: NDArray[np.float64]
     slopes: NDArray[np.float64]
 
-    @property
-    def mapping(self) -> ParameterMap:
-        """The parameters as linear functions of small changes of these unknowns."""
-        return ParameterMap.linear(self.addresses, self.values, self.slopes)
 
-
-@dataclass(frozen=True)
-class _Own:
-    """A variant at the values of the fit.
-
-    Attributes
-    ----------
-    number : int
-        Its place in the list of variants.
-    places : list of _Place
-        One for each observation. The first parameters are those of the model without the variant's own unknowns.
-    """
+class _Own(NamedTuple):
+    """A variant at the values of the fit: its place in the list of variants, and one place for each observation."""
 
     number: int
     places: list[_Place]
@@ -79,14 +63,13 @@ def slopes_of(fit: Fit, models: Sequence[Model]) -> list[NDArray[np.float64] | N
     """
     names = {unknown.name for unknown in fit.model.unknowns}
     found: list[NDArray[np.float64] | None] = [None] * len(models)
-    groups: dict[int, list[int]] = {}
-    without = [_without(model, names) for model in models]
-    for number, model in enumerate(without):
-        groups.setdefault(id(model), []).append(number)
-    for numbers in groups.values():
-        base = without[numbers[0]]
-        for batch in _batches(fit, base, [(number, models[number]) for number in numbers], names):
-            for number, slopes in _evaluate(base, batch):
+    groups: dict[Model, list[int]] = {}
+    for number, model in enumerate(models):
+        groups.setdefault(_without(model, names), []).append(number)
+    for base, numbers in groups.items():
+        group = _Group(base, fit, names)
+        for batch in group.batches([(number, models[number]) for number in numbers]):
+            for number, slopes in group.evaluate(batch):
                 found[number] = slopes
     return found
 
@@ -99,87 +82,133 @@ def _without(model: Model, names: set[str]) -> Model:
     return model
 
 
-def _batches(fit: Fit, base: Model, models: Sequence[tuple[int, Model]], names: set[str]) -> Iterator[list[_Own]]:
-    """Yield variants that are evaluated together: those that change nothing at their starts, and each other one."""
-    values = _values(fit, base.task)
-    before = [own.values(values) for own in base.task.mappings]
-    together: list[_Own] = []
-    for number, model in models:
-        own = _Own(number, _places(fit, model, names))
-        if not all(_is_same(base, i, place, before[i]) for i, place in enumerate(own.places)):
-            yield [own]
-            continue
-        if sum(one.columns for one in together) + own.columns > COLUMNS_TOGETHER and together:
+class _Group:
+    """Variants that add unknowns to one model.
+
+    Parameters
+    ----------
+    base : Model
+        That model.
+    fit : Fit
+        The fit.
+    names : set of str
+        Names of the unknowns of the fit.
+    """
+
+    def __init__(self, base: Model, fit: Fit, names: set[str]) -> None:
+        self._base, self._fit, self._names = base, fit, names
+        self._maps = base.task.mappings
+        self._unknowns = self._values(base.task.parameters)
+        values = {one: one.values(self._unknowns) for one in dict.fromkeys(self._maps)}
+        self._present = [values[one] for one in self._maps]
+
+    def batches(self, models: Sequence[tuple[int, Model]]) -> Iterator[list[_Own]]:
+        """Yield variants that are evaluated together: those that change nothing at their starts, and each other one."""
+        together: list[_Own] = []
+        for number, model in models:
+            further = self._further(model)
+            own = _Own(number, self._all_places(model) if further is None else self._own_places(further))
+            if further is None or not all(self._is_same(i, place) for i, place in enumerate(own.places)):
+                yield [own]
+                continue
+            if together and sum(one.columns for one in together) + own.columns > COLUMNS_TOGETHER:
+                yield together
+                together = []
+            together.append(own)
+        if together:
             yield together
-            together = []
-        together.append(own)
-    if together:
-        yield together
+
+    def evaluate(self, batch: Sequence[_Own]) -> Iterator[tuple[int, NDArray[np.float64] | None]]:
+        """Yield the numbers of variants, and the derivatives by their own unknowns."""
+        base = self._base
+        joined: dict[tuple[int, ...], ParameterMap] = {}
+        mappings = []
+        for own, present, places in zip(
+            self._maps, self._present, zip(*(b.places for b in batch), strict=True), strict=True
+        ):
+            key = (id(own), *map(id, places))
+            if key not in joined:
+                joined[key] = _join(own.addresses, present, places)
+            mappings.append(joined[key])
+        observed = [Observed(*one) for one in zip(base.observations, mappings, base.task.units, strict=True)]
+        try:
+            slopes = slopes_at(observed, base.threads)
+        except InfeasibleError:
+            if len(batch) == 1:
+                yield batch[0].number, None
+            else:
+                for one in batch:
+                    yield from self.evaluate([one])
+            return
+        begin = 0
+        for one in batch:
+            yield one.number, slopes[:, begin : begin + one.columns]
+            begin += one.columns
+
+    def _values(self, parameters: Parameters) -> NDArray[np.float64]:
+        """Return the values of unknowns: those of the fit, and the starts of others."""
+        values = self._fit.values
+        return np.array([values.get(one.name, one.start or 0.0) for one in parameters.unknowns], dtype=np.float64)
+
+    def _further(self, model: Model) -> Parameters | None:
+        """Return the parameters as functions of a variant's own unknowns, if these alone have been added."""
+        if any(unknown.name not in self._names for unknown in self._base.unknowns):
+            return None
+        return self._base.task.parameters.further(model.unknowns[len(self._base.unknowns) :])
+
+    def _own_places(self, further: Parameters) -> list[_Place]:
+        """Return the parameters that a variant's own unknowns move."""
+        values = self._values(further)
+        sites = [one.site(i) for i, one in enumerate(self._base.observations)]
+        pairs = list(zip(self._maps, further.of(sites), strict=True))
+        found: dict[tuple[ParameterMap, ParameterMap], _Place] = {}
+        for pair in pairs:
+            if pair not in found:
+                own, shifts = pair[0].around(pair[1], self._unknowns)
+                found[pair] = _Place(own.addresses, own.values(values) + shifts, own.jacobian(values))
+        return [found[pair] for pair in pairs]
+
+    def _all_places(self, model: Model) -> list[_Place]:
+        """Return all parameters of a variant whose unknowns are not independent of those of the fit."""
+        values = self._values(model.task.parameters)
+        fresh = {unknown.name for unknown in model.unknowns} - self._names
+        columns = np.array([unknown.name in fresh for unknown in model.task.parameters.unknowns])
+        maps = model.task.mappings
+        found = {
+            one: _Place(one.addresses, one.values(values), one.jacobian(values)[:, columns])
+            for one in dict.fromkeys(maps)
+        }
+        return [found[one] for one in maps]
+
+    def _is_same(self, number: int, place: _Place) -> bool:
+        """Return whether an observation has the same parameters as in the model without the variant's own unknowns."""
+        own, site = self._maps[number], self._base.observations[number].site(number)
+        before = own.numbers
+        for address, value in zip(place.addresses, place.values.tolist(), strict=True):
+            row = before.get(address)
+            present = site.value(address) if row is None else float(self._present[number][row])
+            if abs(value - present) > _ROUNDING * abs(present):
+                return False
+        return True
 
 
-def _values(fit: Fit, task: Task) -> NDArray[np.float64]:
-    """Return the values of the unknowns of a task: those of the fit, and the starts of others."""
-    unknowns = task.parameters.unknowns
-    return np.array([fit.values.get(one.name, one.start or 0.0) for one in unknowns], dtype=np.float64)
+def _join(addresses: Sequence[str], present: NDArray[np.float64], places: Sequence[_Place]) -> ParameterMap:
+    """Return the parameters of one observation as linear functions of small changes of the unknowns of variants.
 
-
-def _places(fit: Fit, model: Model, names: set[str]) -> list[_Place]:
-    task, own = model.task, {unknown.name for unknown in model.unknowns} - names
-    values = _values(fit, task)
-    fresh = np.array([unknown.name in own for unknown in task.parameters.unknowns])
-    found = {
-        id(one): _Place(one.addresses, one.values(values), one.jacobian(values)[:, fresh])
-        for one in dict.fromkeys(task.mappings)
-    }
-    return [found[id(one)] for one in task.mappings]
-
-
-def _is_same(base: Model, number: int, place: _Place, before: NDArray[np.float64]) -> bool:
-    """Return whether an observation has the same parameters as in the model without the variant's own unknowns."""
-    site = base.observations[number].site(number)
-    rest = [site.value(address) for address in place.addresses[before.size :]]
-    same = np.concatenate([before, rest])
-    return bool(np.all(np.abs(place.values - same) <= _ROUNDING * np.abs(same)))
-
-
-def _evaluate(base: Model, batch: Sequence[_Own]) -> Iterator[tuple[int, NDArray[np.float64] | None]]:
-    """Yield the numbers of variants, and the derivatives by their own unknowns."""
-    joined: dict[tuple[int, ...], ParameterMap] = {}
-    mappings = []
-    for places in zip(*(one.places for one in batch), strict=True):
-        key = tuple(map(id, places))
-        if key not in joined:
-            joined[key] = (_join(places) if len(places) > 1 else places[0]).mapping
-        mappings.append(joined[key])
-    observed = [Observed(*one) for one in zip(base.observations, mappings, base.task.units, strict=True)]
-    try:
-        slopes = slopes_at(observed, base.threads)
-    except InfeasibleError:
-        if len(batch) == 1:
-            yield batch[0].number, None
-        else:
-            for one in batch:
-                yield from _evaluate(base, [one])
-        return
-    begin = 0
-    for one in batch:
-        yield one.number, slopes[:, begin : begin + one.columns]
-        begin += one.columns
-
-
-def _join(places: Sequence[_Place]) -> _Place:
-    """Return the parameters of one observation with the columns of several variants side by side."""
-    rows: dict[str, int] = {}
-    values: list[float] = []
+    `addresses` and `present` are the parameters without the variants and their values.
+    """
+    rows = {address: i for i, address in enumerate(addresses)}
+    values = present.tolist()
     for place in places:
         for address, value in zip(place.addresses, place.values.tolist(), strict=True):
-            if address not in rows:
-                rows[address] = len(values)
+            if rows.setdefault(address, len(values)) == len(values):
                 values.append(value)
+            else:
+                values[rows[address]] = value
     slopes = np.zeros((len(values), sum(place.slopes.shape[1] for place in places)))
     begin = 0
     for place in places:
         end = begin + place.slopes.shape[1]
         slopes[[rows[address] for address in place.addresses], begin:end] = place.slopes
         begin = end
-    return _Place(tuple(rows), np.array(values), slopes)
+    return ParameterMap.linear(tuple(rows), np.array(values), slopes)

@@ -177,6 +177,32 @@ class ParameterMap:
         more = ((0, 0), (0, count - self.exponents.shape[1]))
         return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
 
+    def around(self, more: ParameterMap, unknowns: NDArray[np.float64]) -> tuple[ParameterMap, NDArray[np.float64]]:
+        """Return the parameters of `more` as functions of its unknowns alone, where these unknowns have some values.
+
+        Parameters
+        ----------
+        more : ParameterMap
+            As of `joined`.
+        unknowns : ndarray
+            Values of the unknowns of this map.
+
+        Returns
+        -------
+        mapping : ParameterMap
+            The parameters less their shifts by these unknowns.
+        shifts : ndarray
+            These shifts.
+        """
+        rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
+        is_known = rows >= 0
+        own = rows[is_known]
+        factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
+        exponents = np.exp(self.exponents[own] @ unknowns)
+        factor[is_known], fixed[is_known] = exponents, self._before(unknowns)[own] * exponents
+        shifts[is_known] = self.shifts[own] @ unknowns
+        return replace(more, scale=more.scale * factor, fixed=fixed, share=more.share * factor), shifts
+
     def joined(self, more: ParameterMap, at: int) -> ParameterMap:
         """Return the functions of further unknowns too, which are inserted before the unknown of index `at`.
 
@@ -189,9 +215,9 @@ class ParameterMap:
             Index of the first further unknown.
         """
         count = more.exponents.shape[1]
-        fresh = [i for i, address in enumerate(more.addresses) if address not in self._numbers]
+        fresh = [i for i, address in enumerate(more.addresses) if address not in self.numbers]
         size = len(self.addresses) + len(fresh)
-        rows = np.array([self._numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
+        rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
         rows[fresh] = np.arange(len(self.addresses), size)
 
         def matrix(own: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -222,7 +248,7 @@ class ParameterMap:
         )
 
     @cached_property
-    def _numbers(self) -> dict[str, int]:
+    def numbers(self) -> dict[str, int]:
         """Row of each address."""
         return {address: i for i, address in enumerate(self.addresses)}
 
@@ -305,23 +331,37 @@ class Parameters:
         """
         if not more:
             return self
-        sites = [site for site, _ in self._maps]
-        if not any(isinstance(unknown, Law) for unknown in more):
-            further = Parameters(more, (), sites)
-            pairs = [(own, other) for (_, own), (_, other) in zip(self._maps, further._maps, strict=True)]
-            if further._index.keys().isdisjoint(self._index) and not any(_share_a_base(*pair) for pair in pairs):
-                result = copy.copy(self)
-                result.given = (*self.given, *more)
-                result.notes = [*self.notes, *further.notes]
-                result.unknowns = (*self.unknowns[: self.count], *further.unknowns, *self.unknowns[self.count :])
-                result.count = self.count + further.count
-                result._index = {unknown.name: i for i, unknown in enumerate(result.unknowns)}
-                maps = {(id(own), id(other)): own.joined(other, self.count) for own, other in dict.fromkeys(pairs)}
-                result._maps = [
-                    (site, maps[id(own), id(other)]) for site, (own, other) in zip(sites, pairs, strict=True)
-                ]
-                return result
-        return Parameters((*self.given, *more), self.tolerances, sites)
+        further = self.further(more)
+        if further is None:
+            return Parameters((*self.given, *more), self.tolerances, [site for site, _ in self._maps])
+        result = copy.copy(self)
+        result.given = (*self.given, *more)
+        result.notes = [*self.notes, *further.notes]
+        result.unknowns = (*self.unknowns[: self.count], *further.unknowns, *self.unknowns[self.count :])
+        result.count = self.count + further.count
+        result._index = {unknown.name: i for i, unknown in enumerate(result.unknowns)}
+        pairs = [(own, other) for (_, own), (_, other) in zip(self._maps, further._maps, strict=True)]
+        maps = {pair: pair[0].joined(pair[1], self.count) for pair in dict.fromkeys(pairs)}
+        result._maps = [(site, maps[pair]) for (site, _), pair in zip(self._maps, pairs, strict=True)]
+        return result
+
+    def further(self, more: Sequence[Unknown]) -> Parameters | None:
+        """Return the parameters of the same sites as functions of more unknowns alone.
+
+        None is returned where these are laws, or not independent of the given unknowns, which may be an error.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As the constructor.
+        """
+        if any(isinstance(unknown, Law) for unknown in more):
+            return None
+        result = Parameters(more, (), [site for site, _ in self._maps])
+        pairs = zip(self._maps, result._maps, strict=True)
+        if not result._index.keys().isdisjoint(self._index) or any(_share_a_base(own, o) for (_, own), (_, o) in pairs):
+            return None
+        return result
 
     def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
         """Return the parameters of sites; those of the observed sites are cached."""
@@ -528,7 +568,7 @@ def _has(address: str, sites: Sequence[Site]) -> bool:
 def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
     """Return whether two maps of an assembly have an unknown as the base of the same parameter."""
     return any(
-        base >= 0 and (row := own._numbers.get(address, -1)) >= 0 and own.base[row] >= 0
+        base >= 0 and (row := own.numbers.get(address, -1)) >= 0 and own.base[row] >= 0
         for address, base in zip(other.addresses, other.base, strict=True)
     )
 
