@@ -19,7 +19,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
+from receptance.diagnosis.thresholds import CANDIDATES_ON_INTERRUPT, EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.identification.from_frf import UNUSED_COHERENCE
@@ -180,10 +180,11 @@ def _verdict(selection: Selection, most: int, line_notes: Sequence[str], report:
             if step.cause.id not in reported:
                 reported[step.cause.id] = _candidate(selection, one, step)
     alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
+    singles = selection.singles[: CANDIDATES_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
-        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in selection.singles),
+        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in singles),
         ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
         notes=(*judgement.notes, *_data_notes(selection), *line_notes),

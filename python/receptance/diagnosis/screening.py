@@ -112,7 +112,7 @@ def _is_other_quantity(fit: Fit) -> bool:
 
 def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Direction]:
     """Return the linear effect of each variant on a fit."""
-    basis, _ = np.linalg.qr(fit.jacobian)
+    basis = fit.basis
     rest = fit.residual - basis @ (basis.T @ fit.residual)
     before = {unknown.name for unknown in fit.model.unknowns}
     parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]

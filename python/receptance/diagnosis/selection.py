@@ -427,7 +427,7 @@ class Search:
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
         except KeyboardInterrupt:
-            for direction, few in finished[done:]:
+            for direction, few in finished[done : max(done, EVALUATED_ON_INTERRUPT)]:
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 

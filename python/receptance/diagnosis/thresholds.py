@@ -98,8 +98,11 @@ ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
-EVALUATED_ON_INTERRUPT = 12
-"""Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines."""
+EVALUATED_ON_INTERRUPT = 3
+"""Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines: the answer
+comes within a second."""
+CANDIDATES_ON_INTERRUPT = 3
+"""Candidates, with intervals, of an answer after an interruption."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0
