@@ -106,12 +106,12 @@ def _at_start(model: Model) -> Fit:
         values[unknown.name] = min(max(float(unknown.start or 0.0) + small, unknown.lower), unknown.upper)
     x = task.variables.from_values(np.array(list(values.values())))
     residual = model.problem.residual(x)
-    assert np.isfinite(residual).all(), model.problem.reason
+    assert np.isfinite(residual).all(), model.problem.reason(x)
     return Fit(model, x, float(residual @ residual), True)
 
 
 UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution"}
-"""Causes of what the small campaign does not have, such as a rigid body."""
+"""Causes that require something absent from the small campaign, such as a rigid body."""
 
 
 @pytest.fixture(scope="module")

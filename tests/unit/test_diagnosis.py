@@ -254,7 +254,7 @@ def test_implausible_sizes_are_vetoed_and_reported() -> None:
     )
     assert verdict.verdict == "unexplained"
     assert any("vetoed" in note for note in verdict.notes)
-    # In plain words, in all that is written: what it does, its size, and what would be plausible.
+    # All outputs state in words the effect of the cause, its size and the plausible size.
     assert [one.id for one in verdict.vetoed] == ["sensor_mass"]
     output = f"sensor_mass reduces the misfit from {verdict.adequacy.misfit:.2f} to {verdict.vetoed[0].misfit:.2f}"
     size = f"mass {1e3 * verdict.vetoed[0].parameters['sensor_mass.mass'][0]:.3g} g, where 0 g to 30 g is plausible"
@@ -612,6 +612,13 @@ def make_fluted_tool(length: float) -> tuple[Segment, ...]:
             1e-4,
         ),
         ("joint_spread", "layer", {"length": 0.0199}, {"joint": LAYER, "cut": 0.02}, 0.02),
+        (
+            "joint_spread",
+            "4 points, uneven",
+            {"length": 0.0199, "slope": -0.6},
+            {"joint": replace(LAYER, points=4, slope=-0.6), "cut": 0.02},
+            0.02,
+        ),
         ("overhang_error", "all", {"length": 1e-3}, {"overhang": 0.051}, 0.0),
         (
             "fluted_part",
@@ -638,6 +645,8 @@ def test_places_stay_where_they_are_as_a_length_changes(
     model = Model(tuple(of_places(data, *pair, cut=cut) for pair in pairs), tuple(STARTED))
     chosen = next(one for one in CATALOGUE[cause].variants(model) if one.name == variant)
     requested = {f"{cause}.{name}": value for name, value in values.items()}
+    bounds = {unknown.name: (unknown.lower, unknown.upper) for unknown in chosen.model.unknowns}
+    assert all(bounds[name][0] <= value <= bounds[name][1] for name, value in requested.items())
     assert any(values.values()) == (np.abs(relative_error(chosen.model, {})).max() > 1.0)
     assert np.abs(relative_error(chosen.model, requested)).max() < 1e-4
 

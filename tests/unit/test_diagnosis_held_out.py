@@ -11,8 +11,24 @@ import pytest
 
 from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
-from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, PosteriorPrediction, _Fold, gain_of, metrics_of
+from receptance.diagnosis.causes import transfer
+from receptance.diagnosis.explanation import Selection
+from receptance.diagnosis.fitting import evaluate, refit
+from receptance.diagnosis.held_out import (
+    FREQUENCIES,
+    SCORE,
+    SPECTRAL,
+    PosteriorPrediction,
+    _Fold,
+    _on_others,
+    cross_validate,
+    gain_of,
+    metrics_of,
+    select_without,
+    without,
+)
+from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.selection import select
 from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -188,3 +204,44 @@ def test_digits_follow_the_interval_width(value: float, width: float, shown: str
 
     assert float(_rounded(1e3 * value, width, 1e3)) == pytest.approx(1e3 * value, abs=0.3 * 1e3 * width + 1e-9)
     assert len(_rounded(1e3 * value, width, 1e3)) <= len(shown)
+
+
+@pytest.fixture(scope="module")
+def selection() -> Selection:
+    model = Model(tuple(make_observations(x, 1.08, seed=int(100 * x)) for x in (0.06, 0.08, 0.1)), tuple(JOINT))
+    return select(model, [CATALOGUE[name] for name in ("tool_density", "calibration_gain")], most=1)
+
+
+@pytest.mark.parametrize("name", ["0.06", "0.08", "0.1"])
+def test_a_fold_is_a_selection_from_the_beginning(selection: Selection, name: str) -> None:
+    fold = select_without(selection, [name])
+    causes = [one.steps[0].cause for one in selection.singles]
+    anew = {one.ids: one for one in select(without(selection.base.model, [name]), causes, most=1).explanations}
+    assert name not in fold.base.model.configurations
+    on_others = evaluate(fold.base.model, selection.base.values).chi_square
+    assert _on_others(selection.base, [name]) == pytest.approx(on_others, rel=1e-9)
+    assert {one.ids for one in fold.explanations} == {one.ids for one in selection.held_out_singles} == set(anew)
+    for one in fold.explanations:
+        assert one.fit.model.configurations == fold.base.model.configurations
+        assert one.fit.chi_square == pytest.approx(anew[one.ids].fit.chi_square, rel=1e-4)
+        assert one.evidence == pytest.approx(anew[one.ids].evidence, abs=1e-4 * fold.base.chi_square)
+
+
+def test_predictions_of_a_fold_are_those_of_its_own_fits(selection: Selection) -> None:
+    found = cross_validate(selection)
+    squares: dict[str, list[float]] = {}
+    for name, observation, fold in zip(
+        selection.base.model.configurations, selection.base.model.observations, found.gains[0].folds, strict=True
+    ):
+        own = select_without(selection, [name])
+        held_out = Model((observation,), tuple(JOINT))
+        best = conclude(own).reported[0]
+        distances = {
+            one.ids: metrics_of(one.fit, transfer(held_out, one.steps))[0][SPECTRAL] for one in (best, *own.singles)
+        }
+        assert fold["configuration"] == name
+        assert fold["after"] == pytest.approx(distances[best.ids], rel=1e-6)
+        for ids, distance in distances.items():
+            squares.setdefault(*ids, []).append(distance**2)
+    for id, single in found.singles.items():
+        assert single == pytest.approx(math.sqrt(np.mean(squares[id])), rel=1e-6)

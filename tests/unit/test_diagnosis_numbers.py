@@ -12,12 +12,13 @@ from scipy import stats
 
 from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
-from receptance.diagnosis.adequacy import _strain, judge
+from receptance.diagnosis.adequacy import _strain, judge, misfit_limit
 from receptance.diagnosis.averaging import Ensemble, Target
+from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.thresholds import MARGIN
+from receptance.diagnosis.thresholds import MARGIN, MISFIT_CHANCE, MISFIT_LIMIT
 from receptance.identification import Law
 
 SEED = 31
@@ -67,15 +68,24 @@ def test_folds_exclude_their_held_out_data() -> None:
 def test_small_common_offset_is_not_noise() -> None:
     """Half the noise, slowly waving: each line has it within its noise, eight neighbours together do not."""
     slowly = np.exp(0.0075j * np.exp(1j * LINES / 250.0))
-    quiet, waving = (
-        judge(refit(Model((make_observations(0.06, f), make_observations(0.08, f)), tuple(JOINT)), {}))
-        for f in (1.0, slowly)
-    )
+    fits = [
+        refit(Model((make_observations(0.06, f), make_observations(0.08, f)), tuple(JOINT)), {}) for f in (1.0, slowly)
+    ]
+    quiet, waving = (judge(fit) for fit in fits)
     assert quiet.passed
     assert waving.misfit < waving.limit
     assert waving.strain.passed
     assert not waving.passed
     assert "neighbouring lines together" in waving.shortcoming
+    # An explanation is adequate by the same rules.
+    assert [Explanation((), fit, 0.0, 0.0).passed for fit in fits] == [True, False]
+
+
+def test_the_limit_of_the_misfit_is_a_quantile_of_few_values() -> None:
+    few, many = (misfit_limit(SimpleNamespace(expected_chi_square=n)) for n in (5.0, 1e4))  # type: ignore[arg-type]
+    assert few == pytest.approx(stats.chi2.isf(MISFIT_CHANCE, 5.0) / 5.0)
+    assert few > 4.0
+    assert many == MISFIT_LIMIT == 1.25
 
 
 @pytest.mark.parametrize("count", [1, 10, 40])

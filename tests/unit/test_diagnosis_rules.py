@@ -100,7 +100,7 @@ def test_record_without_coherence_is_excluded_with_its_unknowns() -> None:
 
 
 def test_excess_scatter_between_clampings_is_inadequate() -> None:
-    # Joints that differ by 5 % where 1 % was stated: the lines fit, the clampings are what is strained.
+    # Joints that differ by 5 % where 1 % was stated: the lines fit, and the clampings are strained.
     stiff = (1.05e5, 0.95e5, 1.05e5, 0.95e5)
     places = zip((0.05, 0.065, 0.08, 0.09), stiff, strict=True)
     data = [measure(make_assembly(x), make_assembly(x, k_theta=k), f"{x}", i) for i, (x, k) in enumerate(places)]

@@ -57,6 +57,7 @@ class Explanation:
     @cached_property
     def passed(self) -> bool:
         """Whether the fit is adequate."""
+        # The misfit comes first, because the rest of the adequacy takes longer.
         return self.fit.misfit <= misfit_limit(self.fit) and self.adequacy.passed
 
     @cached_property

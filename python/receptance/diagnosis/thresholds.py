@@ -108,7 +108,8 @@ LEADING_CAUSES = 4
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
-BEHIND plus this share of the gain of the best one."""
+BEHIND plus this share of the gain of the best one. By the same rule on the other configurations it is left out of a
+fold."""
 
 # Alternatives that are not causes.
 

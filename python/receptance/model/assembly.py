@@ -331,7 +331,7 @@ class Assembly:
                 for i, field in segment_fields(address, owner, rest):
                     in_segments.setdefault((name, i), {})[field] = value
             else:
-                self._named(address)
+                self._named(address)  # raises if there is no such parameter
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
         for (name, i), fields in in_segments.items():
