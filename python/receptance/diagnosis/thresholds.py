@@ -99,10 +99,9 @@ ADDED_CAUSES = 6
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
 EVALUATED_ON_INTERRUPT = 3
-"""Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines: the answer
-comes within a second."""
+"""Causes that are evaluated on all lines when a selection is interrupted before their fits."""
 CANDIDATES_ON_INTERRUPT = 3
-"""Candidates, with intervals, of an answer after an interruption."""
+"""Candidates of an answer after an interruption: each needs intervals."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0
