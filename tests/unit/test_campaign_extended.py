@@ -133,6 +133,16 @@ def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: 
             assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
 
 
+def test_a_frequency_scale_acts_in_measured_assemblies_only(small: campaign.Campaign) -> None:
+    read, verdict = as_if_found(small, ("frequency_scale", "in accelerations"))
+    again = campaign.load(campaign.write_extended(read, verdict, small.file.with_name("extended.toml")))
+    scale = again.unknowns[-1]
+    assert scale.name == "frequency_scale.log_scale"
+    assert scale.configurations == tuple({one.assembly: None for one in again.measurements.values()})
+    assert "other" in again.assemblies
+    assert "other" not in scale.configurations
+
+
 def test_spread_joint_with_positions_on_the_holder(tmp_path: Path) -> None:
     """Responses and masses behind the contact are written where they are on the holder that has become shorter."""
     read = write_campaign(tmp_path, 'response = { part = "holder", position = "100 mm" }')

@@ -125,13 +125,13 @@ def test_explanations_within_the_margin_are_reported_and_others_are_not() -> Non
 def test_predictions_include_other_adequate_models(monkeypatch: pytest.MonkeyPatch) -> None:
     """The law of total variance: the mean of the variances, and that of the squared distances."""
     predicted = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
-    ensemble = Ensemble(SimpleNamespace())  # type: ignore[arg-type]
+    ensemble = Ensemble(SimpleNamespace(), None)  # type: ignore[arg-type]
     other_explanation: Any = "else"
     ensemble.__dict__["members"] = [(None, 0.75), (other_explanation, 0.25)]
     monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: predicted[one or "base"])
     monkeypatch.setattr(ensemble, "_identified", lambda one: None)
     found: Any = None
-    middle, spread = ensemble.natural_frequencies(None, found, Target(make_assembly(0.06)), 2000.0)
+    middle, spread = ensemble.natural_frequencies(found, Target(make_assembly(0.06)), 2000.0)
     assert middle == 1000.0
     assert spread**2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
 

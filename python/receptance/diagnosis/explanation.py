@@ -89,6 +89,11 @@ class Explanation:
             if not self.parameters[name].is_plausible(value)
         )
 
+    @property
+    def unusual(self) -> bool:
+        """Whether it is implausible by its size alone, and not by the place where it acts."""
+        return bool(self.implausible) and not any(self.parameters[name].secondary for name in self.implausible)
+
 
 def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
     """Return the explanation with the highest evidence of each set of causes, the highest evidence first."""

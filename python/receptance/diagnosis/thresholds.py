@@ -197,6 +197,9 @@ RESONANCE_STEP = 0.08
 ORDINARY_MODULUS = 0.15
 ORDINARY_DENSITY = 0.1
 """Natural logarithms up to which a change is an error of the stated material and not another material."""
+DRAWING = 0.25
+"""Largest share by which effective density and modulus of holder and spindle plausibly differ from a simplified
+drawing, which leaves out bores, flanges and balancing cut-outs."""
 MATERIAL_DEVIATIONS = 4.0
 """Plausible range of a material, in standard deviations of its grades."""
 SUSPENSION_PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
