@@ -22,7 +22,14 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import DISCREPANCY_SELECTIONS, EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
+from receptance.diagnosis.thresholds import (
+    CANDIDATES_ON_INTERRUPT,
+    DISCREPANCY_SELECTIONS,
+    EXPLORING_LINES,
+    LISTED,
+    LOOK_ALIKE,
+    MARGIN,
+)
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
@@ -224,12 +231,13 @@ def _verdict(
             if step.cause.id not in reported:
                 reported[step.cause.id] = _candidate(selection, one, step)
     alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
+    singles = selection.singles[: CANDIDATES_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
         verdict=judgement.answer,
         adequacy=judge(selection.base),
         base_fit=selection.base,
         causes=tuple(reported.values()),
-        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in selection.singles),
+        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in singles),
         ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
         notes=(*judgement.notes, *_data_notes(selection), *line_notes),

@@ -365,7 +365,7 @@ class Search:
                 self._report.leading = _title(steps, leading, variant=False)
         except KeyboardInterrupt:
             explored.sort(key=lambda pair: pair[1].chi_square)
-            for direction, few in explored[:EVALUATED_ON_INTERRUPT]:
+            for direction, few in _leading_causes(explored):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
         explored.sort(key=lambda pair: pair[1].chi_square)
@@ -431,7 +431,7 @@ class Search:
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
         except KeyboardInterrupt:
-            for direction, few in finished[done:]:
+            for direction, few in _leading_causes(finished, done):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 
@@ -447,6 +447,18 @@ def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
     for one in ranked:
         found.setdefault(one.cause.id, one)
     return list(found.values())
+
+
+def _leading_causes(
+    explored: Sequence[tuple[Direction, Exploration]], done: int = 0
+) -> list[tuple[Direction, Exploration]]:
+    """Return the first variant of each cause that is not among the first `done` ones, and of few causes."""
+    known = {direction.cause.id for direction, _ in explored[:done]}
+    found: dict[str, tuple[Direction, Exploration]] = {}
+    for pair in explored[done:]:
+        if pair[0].cause.id not in known:
+            found.setdefault(pair[0].cause.id, pair)
+    return list(found.values())[:EVALUATED_ON_INTERRUPT]
 
 
 def _changes_data(model: Model, steps: Sequence[Step]) -> bool:

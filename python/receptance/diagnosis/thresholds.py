@@ -80,6 +80,8 @@ OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
+COLUMNS_TOGETHER = 64
+"""Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
 """Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
 
@@ -96,8 +98,10 @@ ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
-EVALUATED_ON_INTERRUPT = 12
-"""Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines."""
+EVALUATED_ON_INTERRUPT = 3
+"""Causes that are evaluated on all lines when a selection is interrupted before their fits."""
+CANDIDATES_ON_INTERRUPT = 3
+"""Candidates of an answer after an interruption: each needs intervals."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0
