@@ -17,6 +17,7 @@ parameters have the largest likelihood of the residuals. Intervals of a fit that
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -59,6 +60,17 @@ class Discrepancy:
     def __str__(self) -> str:
         level = "" if self.relative is None else f" and {100.0 * self.relative:.2g} % in level"
         return f"{100.0 * self.frequency:.2g} % in natural frequencies{level}"
+
+    def times(self, factor: float) -> Discrepancy:
+        """Return a discrepancy that is larger by a factor, up to the largest one that is tried."""
+        largest = DISCREPANCIES[1]
+        level = None if self.relative is None else min(factor * self.relative, largest)
+        return Discrepancy(min(factor * self.frequency, largest), level)
+
+    def is_close(self, other: Discrepancy) -> bool:
+        """Return whether another discrepancy is the same to a tenth."""
+        ratios = (self.frequency / other.frequency, (self.relative or 1.0) / (other.relative or 1.0))
+        return all(abs(math.log(ratio)) < 0.1 for ratio in ratios)
 
     def allow(self, model: Model) -> Model:
         """Return the model with observations whose variance includes the discrepancy."""
@@ -117,7 +129,9 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> tuple[Discrepan
         before, found = found, _most_likely(model, _errors(fit))
         if found == before:
             break
-    return before, fit
+    # Lines and priors may agree less with these two parameters than their likelihood expects.
+    larger = before.times(math.sqrt(max(fit.misfit, 1.0)))
+    return larger, refit(larger.allow(model), fit.values)
 
 
 def _errors(fit: Fit) -> list[NDArray[np.complex128]]:

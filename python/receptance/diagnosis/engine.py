@@ -196,7 +196,7 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
                 break
             last = left
             left, _ = fit_discrepancy(extend(few, selection.best.steps), selection.best.fit.values)
-            if left == last:
+            if left.is_close(last):
                 break
         judgement = conclude(selection)
     except ReceptanceError:

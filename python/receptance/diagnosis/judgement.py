@@ -168,7 +168,8 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     if one.fit.degrees_of_freedom < LEAST_FREEDOM:
         yield f"{name} is suspected only: {_freedom(one.fit)}"
     strain = one.adequacy.strain
-    if strain.chance < STRAIN_CHANCE:
+    # Beside a discrepancy the tolerances absorb a part of it.
+    if strain.chance < STRAIN_CHANCE and selection.discrepancy is None:
         errors = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
         yield (
             f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "

@@ -175,14 +175,16 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    holders = {anatomy.holder for anatomy in model.anatomies if anatomy.holder}
-    if len(holders) != 1:
-        raise UndecidableError("the model has no holder, or several")
-    lengths = {name: model.parts(name)[0].length for name in holders.pop()}
+    # A structure without a joint hangs as a whole.
+    hanging = {anatomy.holder or anatomy.tool for anatomy in model.anatomies}
+    if len(hanging) != 1:
+        raise UndecidableError("the model has several holders")
+    lengths = {name: model.parts(name)[0].length for name in hanging.pop()}
+    what = "holder" if model.joints else "structure"
     for share in SUSPENSION_PLACES:
         part, position = _at(lengths, share)
         spring = GroundSpring(part=part, position=position, name="cause_rope")
-        name = f"at {100 * share:.0f} % of the holder"
+        name = f"at {100 * share:.0f} % of the {what}"
         hung = model.attach(spring).plus(p["stiffness"].unknown("cause_rope.k_y"))
         yield Variant(name, hung)
         # Without the damping of a rope another cause would explain its loss.
