@@ -69,18 +69,20 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     """Return the answer of a selection that allows for a discrepancy."""
     if not found.reported:
         return replace(found, answer="unexplained", notes=())
-    title = found.reported[0].title
-    share = selection.share(found.reported[0])
-    taken = f"{title} takes {100.0 * share:.0f} % of the discrepancy of the model"
-    if any(cause.unspecific for cause, _ in found.reported[0].steps):
+    best = found.reported[0]
+    share = selection.share(best)
+    taken = f"beside a discrepancy of {selection.discrepancy} {best.title} takes {100.0 * share:.0f} % of the misfit"
+    if any(cause.unspecific for cause, _ in best.steps):
         reason = f"{taken}, but other errors of the structure would have a similar effect"
-    elif found.answer == "named" and share >= LEAST_SHARE:
+    elif share < LEAST_SHARE:
+        reason = f"{taken}, expected at least {100.0 * LEAST_SHARE:.0f} %"
+    elif found.answer == "named":
         return replace(found, answer="partly explained", notes=(*found.notes, f"{taken}; the rest has no known cause"))
     elif found.ambiguous_between:
-        reason = f"{', '.join(found.ambiguous_between)} cannot be distinguished beside the discrepancy of the model"
+        reason = f"{taken}, but these cannot be distinguished: {', '.join(found.ambiguous_between)}"
     else:
-        reason = taken if share >= LEAST_SHARE else f"{taken}, expected at least {100.0 * LEAST_SHARE:.0f} %"
-    return Judgement("unexplained", (), (), (*found.notes, reason))
+        reason = f"{taken}, but this is not certain"
+    return Judgement("unexplained", (), (), (reason,))
 
 
 def _conclude(selection: Selection) -> Judgement:
