@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from receptance.diagnosis import Verdict
     from receptance.diagnosis.by_mode import Curve
@@ -23,6 +24,8 @@ _CANDIDATES = 12
 _RECEPTANCES = 5
 """Receptances that are drawn; the report has all of them."""
 _COLUMNS = 3
+_GAP = 4.0
+"""Ratio of the distance of two lines to those around it from which lines are left out between them."""
 
 
 def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
@@ -78,12 +81,23 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
 
 def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
     set_up(axes, before.label or before.configuration, "frequency [Hz]", "receptance [m/N]")
-    axes.plot(before.frequency_hz, np.abs(before.measured), color=PALE, lw=3.0, label="measured")
-    axes.plot(before.frequency_hz, np.abs(before.modelled), color=COLOURS[1], lw=1.0, ls="--", label="model as given")
+    axes.plot(*_with_gaps(before.frequency_hz, before.measured), color=PALE, lw=3.0, label="measured")
+    given = _with_gaps(before.frequency_hz, before.modelled)
+    axes.plot(*given, color=COLOURS[1], lw=1.0, ls="--", label="model as given")
     if after is not None:
-        axes.plot(after.frequency_hz, np.abs(after.modelled), color=COLOURS[2], lw=1.0, label="model extended")
+        axes.plot(*_with_gaps(after.frequency_hz, after.modelled), color=COLOURS[2], lw=1.0, label="model extended")
     axes.set_yscale("log")
     axes.legend(fontsize=8, frameon=False)
+
+
+def _with_gaps(
+    lines: NDArray[np.float64], values: NDArray[np.complex128] | NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return lines and magnitudes with NaN where lines are left out, so that no curve is drawn there."""
+    spacing = np.diff(lines)
+    around = np.maximum(np.append(spacing[:1], spacing[:-1]), np.append(spacing[1:], spacing[-1:]))
+    gaps = np.flatnonzero(spacing > _GAP * around) + 1
+    return np.insert(lines, gaps, np.nan), np.insert(np.abs(values), gaps, np.nan)
 
 
 def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve]) -> None:
