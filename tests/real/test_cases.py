@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from real import cases, exact
+from real import cases, exact, structures
 from real.cases import ANSWERS, CLEAR, DRIVE, PLAN, Case, Effect, Plain, Setup, draw, modelab_case, plan
 from real.made_beam import DAMPING, HZ, SPACING, accelerance, made_beam
 from real.structures import DECAY_RATE, Level
@@ -191,3 +191,13 @@ def test_only_the_bridge_imports_the_package():
         if source.name != "bridge.py" and not source.name.startswith("test_"):
             text = source.read_text(encoding="utf-8")
             assert not re.search(r"^\s*(import|from)\s+receptance", text, re.MULTILINE), source.name
+
+
+def test_absent_files_are_told(monkeypatch, tmp_path):
+    monkeypatch.setattr("real.structures.MEASURED", tmp_path)
+    monkeypatch.setattr(cases, "modelab", structures.modelab.__wrapped__)
+    monkeypatch.setattr(cases, "brake_reuss", structures.brake_reuss.__wrapped__)
+    for structure in ("modelab", "brake_reuss"):
+        assert not cases.available(structure)
+        with pytest.raises(FileNotFoundError, match="is not in the folder of measured files"):
+            draw(1, 0, structure, "", plain_fit)
