@@ -65,7 +65,8 @@ def test_tolerances_address_the_model():
     assert [t.name for t in stated if t.labels] == ["place of bare, 1", "place of with 0.4 kg, 7"]
     for tolerance in stated:
         for address in tolerance.moves:
-            for one in observations:
+            loaded = observations[2:] if address == "load.mass" else observations
+            for one in loaded:
                 assert one.assembly.get(address.replace("[*]", "[0]")) > 0.0
 
 
