@@ -164,6 +164,6 @@ def text(found: Discrepancy) -> str:
     for one in found.records:
         sizes = f"{one.decibels_between:+6.2f} {one.rms_between:5.2f} {one.rms_near:9.2f} {one.rms_deep:12.2f}"
         lines.append(f"{one.label[-23:]:<23} {one.misfit:6.3g} {sizes} {one.radians:6.3f} {one.length_hz:6.3g}")
-    lags = ", ".join(f"{value:.2f} at {lag:.3g}" for lag, value in found.correlation)
-    lines.append(f"correlation: {lags} Hz; of records {found.between_records:+.2f}")
+    lags = ", ".join(f"{value:.2f} ({lag:.3g})" for lag, value in found.correlation)
+    lines.append(f"correlation (Hz): {lags}; records {found.between_records:+.2f}")
     return "\n".join(lines)
