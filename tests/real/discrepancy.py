@@ -15,7 +15,7 @@ from real.structures import HIT_PLACES, brake_reuss, modelab
 DECIBELS = 20.0 / np.log(10.0)
 NEAR_HZ = 8.0
 """Distance from a natural frequency up to which a line is near it: some five half-power widths with the window."""
-LAGS = (1, 4, 12, 24, 40)
+LAGS = (4, 12, 24, 40)
 """Lags in lines."""
 DEEP_HZ = 12.0
 """The same for antiresonances, the lowest points of a record."""
