@@ -1,17 +1,16 @@
 """Duration of diagnoses: ``python benches/diagnosis.py [OLD] [--only TEXT] [--rounds N] [--cases N] [--json FILE]``.
 
-Each row runs in a process of its own. With OLD, a folder with a `checkout` and its `venv` as for ``versus.py``, every
-row runs in turn with that commit and with this one, and the ratio of the medians is shown; above 1 the old one is
-slower.
-The verdicts are printed beside the times. Nothing is asserted.
+Each row runs in a separate process. With OLD, a folder with a `checkout` and its `venv` as for ``versus.py``, each row
+runs alternately with that commit and with this one, and the ratio of the medians is shown; it is above 1 if the old
+commit is slower. The verdicts are printed beside the times, and not checked.
 
 The rows:
 
 blind I
     A case of the blind laboratory, on one thread: `--cases` N of them from number 0 on (seed 20261123).
 sensor, held out
-    Four records of 1,605 lines each, a sensor of 2 g that the model has not, noise of 1 %, tolerances of dimensions and
-    materials, with the improvement on held-out configurations.
+    Four records of 1,605 lines each, a sensor of 2 g that is not in the model, noise of 1 %, tolerances of dimensions
+    and materials, with the improvement on held-out configurations.
 er32, taper
     `receptance diagnose` of the packaged campaigns, start of the program included.
 """
@@ -36,7 +35,7 @@ SINGLE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THRE
 
 def blind(number: int) -> dict[str, Any]:
     """Diagnose a case of the blind laboratory on one thread."""
-    sys.path.remove(str(Path(__file__).resolve().parent))  # where a file is named as the laboratory
+    sys.path.remove(str(Path(__file__).resolve().parent))  # it has a file with the name of the laboratory
     from blind import bridge
     from blind.generator import draw_case, every
 
@@ -57,7 +56,10 @@ def sensor() -> dict[str, Any]:
     carbide = Material(youngs_modulus=580e9, density=14500.0, poisson_ratio=0.22, loss_factor=0.002)
     steel = Material(youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, loss_factor=0.002)
 
-    def assembled(overhang: float, *points: Any) -> Any:
+    true = PointJoint(k_y=4e8, k_theta=7e4, c_y=250.0, c_theta=0.3, name="joint")
+    stated = PointJoint(k_y=1e8, k_theta=5e4, c_y=300.0, c_theta=0.2, name="joint")
+
+    def assembled(overhang: float, joint: PointJoint, *points: Any) -> Any:
         tool = Part([Segment(length=overhang, outer_diameter=0.016, material=carbide)], name="tool")
         holder = Part(
             [
@@ -67,16 +69,15 @@ def sensor() -> dict[str, Any]:
             ],
             name="holder",
         )
-        joint = PointJoint(k_y=4e8, k_theta=7e4, c_y=250.0, c_theta=0.3, name="joint")
         return Assembly([tool, joint, holder], points)
 
     rng = np.random.default_rng(SEED)
     lines = np.linspace(300.0, 8320.0, 1605)
     observations = [
         MeasuredFRF(
-            assembly=assembled(overhang),
+            assembly=assembled(overhang, stated),
             frequency_hz=lines,
-            receptance=assembled(overhang, PointMass(mass=2e-3, part="tool", position=0.0)).receptance(lines)
+            receptance=assembled(overhang, true, PointMass(mass=2e-3, part="tool", position=0.0)).receptance(lines)
             * np.exp(0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))),
             standard_deviation=0.01,
             label=f"overhang {1e3 * overhang:.0f} mm",
@@ -84,15 +85,10 @@ def sensor() -> dict[str, Any]:
         )
         for overhang in (0.045, 0.06, 0.075, 0.09)
     ]
-    bounds = {
-        "k_y": (1e6, 1e11, 1e8),
-        "k_theta": (1e3, 1e7, 5e4),
-        "c_y": (1.0, 1e5, 300.0),
-        "c_theta": (1e-4, 1e2, 0.2),
-    }
+    bounds = {"k_y": (1e6, 1e11), "k_theta": (1e3, 1e7), "c_y": (1.0, 1e5), "c_theta": (1e-4, 1e2)}
     unknowns = [
-        Unknown(address=f"joint.{name}", lower=low, upper=high, start=start)
-        for name, (low, high, start) in bounds.items()
+        Unknown(address=f"joint.{name}", lower=low, upper=high, start=getattr(stated, name))
+        for name, (low, high) in bounds.items()
     ]
     shared = {
         "tool.segment[*].outer_diameter": 1e-3,

@@ -1,9 +1,8 @@
 """Floating-point operations of the kernels beside the machine's measured peak: ``python benches/roofline.py``.
 
-The peak is what the BLAS that NumPy brings reaches on one thread with a product of large matrices, the most that any
-program is likely to see. Times are the least processor times of many calls, which hold on a busy machine too; those of
-the chain are slopes over the lines, without what a call costs by itself. How operations are counted stands beside each
-kernel.
+The peak is that of the BLAS of NumPy on one thread with a product of large matrices, about the highest of any program.
+Times are the least processor times of many calls, which are valid on a busy machine too; those of the chain are slopes
+over the lines, without the constant cost of a call. The count of operations is explained at each kernel.
 """
 
 from __future__ import annotations
@@ -73,7 +72,7 @@ def peak(repeats: int) -> float:
 
 
 def chains(repeats: int) -> list[Kernel]:
-    """Return the ten-segment chain's tip: the slope of the time over the lines, without what a call costs by itself."""
+    """Return the ten-segment chain's tip: the slope of the time over the lines, without the constant cost of a call."""
     table = ten_segments()
     few, many = sweep(2_000)[0], sweep(12_000)[0]
     powers = TipSeries(table, sweep(2)[1][-1]).series.powers

@@ -3,7 +3,7 @@
 Draws k_y, k_theta, c_y and c_theta of a joint, compares each candidate with a receptance of 2,000 lines, and writes the
 misfits to a Zarr store: a tenth of the candidates first, then all, in this process on one thread and on two, then on
 dask workers of one thread each, all numbers of workers in turns. Prints candidates a second, the largest memory of this
-process, and what it and the workers took of the processors; whoever computes, the numbers must be the same.
+process, and the processor time of it and of the workers. The misfits must be the same in all cases.
 """
 
 from __future__ import annotations

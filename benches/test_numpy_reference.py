@@ -221,7 +221,7 @@ def test_assembly_and_its_derivatives(joint, w):
         step = joint[k] * 1e-4
         high, low = (joint._replace(**{joint._fields[k]: joint[k] + sign * step}) for sign in (1, -1))
         difference = (tip_receptance(w, parts, high)[0] - tip_receptance(w, parts, low)[0]) / (2 * step)
-        # Cancellation in the difference, relative to H itself, limits what it can confirm.
+        # Cancellation in the difference, relative to H itself, limits the accuracy of this check.
         assert_allclose(slopes[:, k], difference, rtol=1e-5, atol=1e-10 * np.abs(receptance).max() / joint[k])
 
 
@@ -283,7 +283,7 @@ def test_grounded_and_loaded_chain():
         h = plain_receptance(x, rows)
         clamped = h[:2, :2] - h[:2, 2:] @ np.linalg.solve(h[2:, 2:], h[2:, :2])
         loaded = np.eye(2) - x**2 * clamped @ np.diag([0.005, 1e-7])
-        # Singular within what the nearly rigid ground leaves.
+        # Singular but for the nearly rigid ground.
         assert np.linalg.cond(loaded) > 1e4
     assert found.size >= 2
 

@@ -22,7 +22,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 def run(*words: str | Path, cwd: Path = REPOSITORY) -> str:
-    """Run a command that must end well, and return what it prints."""
+    """Run a command that must succeed, and return its output."""
     done = subprocess.run([str(word) for word in words], cwd=cwd, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{' '.join(map(str, words))} ended with {done.returncode}:\n{done.stderr[-2000:]}")

@@ -29,7 +29,7 @@ _built = functools.cache(typer.main.get_command)
 
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     """Run the command line in this process and return its exit code."""
-    # Typer reads the annotations of every command again at each call, which takes as long as many a command.
+    # Typer reads the annotations of all commands at each call, which takes as long as many of the commands.
     monkeypatch.setattr(typer.main, "get_command", _built)
     monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:

@@ -54,7 +54,7 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_collection_finish() -> None:
-    """Spare the garbage collector the objects of imports and collection: it took a tenth of the time of all tests."""
+    """Exclude imported and collected objects from garbage collection, which took a tenth of the time of all tests."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
@@ -100,3 +100,19 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     if path and config.stash[_SUMMARIES]:
         values = {name: found for name, (_, found) in config.stash[_SUMMARIES].items()}
         Path(path).write_text(json.dumps(values, indent=2), encoding="utf-8")
+
+
+@pytest.fixture
+def given_threads(monkeypatch: pytest.MonkeyPatch) -> set[object]:
+    """The numbers of threads that calls of the library are given; None where a call has the default."""
+    from receptance import _checks
+
+    given: set[object] = set()
+    count = _checks.thread_count
+
+    def recorded(threads: int | None) -> int:
+        given.add(threads)
+        return count(threads)
+
+    monkeypatch.setattr(_checks, "thread_count", recorded)
+    return given

@@ -1,4 +1,4 @@
-"""The study of the ER32 chuck for tests that need its results, not its work."""
+"""Cached results of the ER32 study, for tests of other parts of the program."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ _once = functools.cache(er32.run)
 
 
 def results(settings: er32.ER32Settings, progress: object = None) -> dict[str, Any]:
-    """Return the results of the study in place of `er32.run`, which runs once for equal settings."""
+    """Return the results of `er32.run`, which runs once for equal settings."""
     return _once(settings)

@@ -66,7 +66,7 @@ def _is_number(node: ast.expr) -> bool:
 
 
 def kinds_asked(tree: ast.Module) -> int:
-    """Return the number of `isinstance` calls that ask for the kind of an observation or of an element."""
+    """Return the number of `isinstance` calls on the kind of an observation or of an element."""
     count = 0
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":

@@ -1,4 +1,4 @@
-"""A tool in a holder and what is measured on it, for the tests of identification."""
+"""A tool in a holder and its measurements, for the tests of identification."""
 
 from dataclasses import replace
 

@@ -94,7 +94,7 @@ def _compiled() -> tuple[Any, ...]:
 
 
 def _constants(table: Real) -> tuple[Real, Complex]:
-    """Return what the lines share: half length, mass; bending stiffness, the parts of the wave numbers."""
+    """Return the constants of all lines: half length, mass; bending stiffness, the parts of the wave numbers."""
     length, shear, bending, mass, rotary = segment_constants(table)
     slow, fast = mass / shear, rotary / bending
     real = np.column_stack([length / 2, mass])

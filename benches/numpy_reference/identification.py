@@ -25,8 +25,8 @@ class Fit(NamedTuple):
 class LogResidual:
     """Residual log(H_measured / H_model) as (2n,) real and imaginary parts, and its Jacobian (2n, 4).
 
-    The residual's values at a point are kept for the Jacobian at the same point, which SciPy always asks for
-    next.
+    The residual's values at a point are kept for the Jacobian at the same point, which SciPy
+    always evaluates next.
 
     Parameters
     ----------

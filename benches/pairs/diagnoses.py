@@ -19,7 +19,7 @@ from .pair import Pair
 DELAY = 5e-6
 """Seconds by which one channel lags behind the other."""
 CAUSES = ("time_delay", "calibration_gain", "sensor_mass", "tool_modulus", "joint_cross_term", "overhang_error")
-"""What it may be: so few that this is soon done."""
+"""The causes that are tried, few so that the pair is fast."""
 
 
 def diagnosis_pairs(lines: int) -> Iterator[Pair]:

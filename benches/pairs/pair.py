@@ -18,23 +18,23 @@ class Pair:
     Parameters
     ----------
     subject, against : str
-        What is computed, and what our time is compared with.
+        The computation, and the reference that our time is compared with.
     ours, reference : callable
         The two sides, without arguments.
     difference : callable
-        How far two results are apart, see `tolerance`.
+        Difference of two results, see `tolerance`.
     tolerance : float
-        What `difference` may be at most.
+        Largest permitted value of `difference`.
     lines, segments : int, optional
         Frequency lines of a call and segments of the model.
     threads : int
         Threads on our side.
     is_cost : bool
-        The ratio is our time over the reference's (what more costs), not the reference's over ours (how much faster).
+        Whether the ratio is our time over that of the reference, for the cost of more work, instead of the inverse.
     most_rounds : int, optional
-        Turns of each side, at most, where they take long.
+        Largest number of turns of each side, for long calls.
     remark : callable, optional
-        What is worth knowing of two results beside their time.
+        Returns a remark on two results for the table.
     """
 
     subject: str

@@ -29,7 +29,7 @@ FROM_HZ = 100.0
 ROSS_TO_HZ, ROSS_SHARE = 2_000.0, 10
 """ROSS keeps all receptances between all degrees of freedom, thrice: a tenth of the lines."""
 ROSS_TOLERANCE, BESIDE_RESONANCE = 1e-2, 0.1
-"""One element a segment, no damping on either side: what is this close to a natural frequency is not compared."""
+"""One element a segment, no damping on either side: lines this close to a natural frequency are not compared."""
 LOSS_FACTOR = 8
 """Its column."""
 

@@ -189,7 +189,7 @@ def joint_pairs(lines: int) -> Iterator[Pair]:
 def spread_pairs(lines: int) -> Iterator[Pair]:
     """Yield the cost of the derivatives of a joint along an insertion; the receptance alone is the other side."""
     f, _ = sweep(lines)
-    for points, what in ((None, "a layer"), (4, "four points")):
+    for points, what in ((None, "a layer"), (4, "four points"), (12, "twelve points")):
         assembly = spread(points)
         own = [name for name in assembly.parameters if name.startswith("joint.")]
         yield Pair(

@@ -162,7 +162,7 @@ def tolerances_of(nominal: Nominal) -> list[Tolerance]:
 
 
 def unknowns_of(nominal: Nominal) -> list[Law]:
-    """Return the joint's unknowns, with what a clamping changes."""
+    """Return the unknowns of the joint, with those that differ between clampings."""
     return [
         Law(
             address=address,

@@ -16,7 +16,7 @@ from blind.generator.case import UPPER_HZ
 from blind.oracle import consult, same_answer
 
 COMPARED_HZ = 0.95 * UPPER_HZ
-"""New tools are compared up to here: a mode near the limit of what is predicted may be on one side only."""
+"""New tools are compared up to here: a mode near the limit of the prediction may be on one side only."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Outcome:
     candidates: list[Any] = field(default_factory=list)
     next_measurement: str = ""
     shuffled: tuple[str, ...] = ()
-    """Verdict and reported ids under other names and without remarks, where that was asked."""
+    """Verdict and reported ids under other names and without remarks, for misleading cases."""
     resolved: bool | None = None
     """Whether the advised measurement led from an ambiguous verdict to the right name."""
 
@@ -93,7 +93,7 @@ def run_case(
     names = tuple(effect.id for effect in truth.effects)
     resolved = _resolved(ask, case, truth, answer) if answer.verdict == "ambiguous" and names else None
     again = ask(shuffled(case)) if kind == "misleading" else None
-    told = consult(case, truth) if oracle else None
+    consulted = consult(case, truth) if oracle else None
     wrong = [id for id in answer.reported if id not in names and id in CATALOGUE]
     beside = [id for id in answer.reported if id in names] if len(names) > 1 else []
     same = tuple(id for id in wrong if oracle and names and same_answer(case, truth, id, beside))
@@ -104,8 +104,8 @@ def run_case(
         kind=kind,
         effects=names,
         sizes=tuple(effect.u for effect in truth.effects),
-        large=told.large if told else True,
-        oracle={} if told is None else dataclasses.asdict(told),
+        large=consulted.large if consulted else True,
+        oracle={} if consulted is None else dataclasses.asdict(consulted),
         verdict=answer.verdict,
         reported=tuple(answer.reported),
         together=tuple(answer.together),
@@ -113,7 +113,7 @@ def run_case(
         seconds=answer.seconds,
         misfit=answer.misfit,
         misfit_after=answer.misfit_after,
-        share=_share(told, answer) if told else None,
+        share=_share(consulted, answer) if consulted else None,
         covered=_coverage(frequencies, answer.predictions),
         size_covered=sizes_covered(truth.effects, answer.sizes, _SIZES) if answer.verdict == "named" else (),
         layer=case.nominal.layer,
@@ -128,9 +128,9 @@ def run_case(
 def _resolved(ask: Callable[..., Any], case: Case, truth: Truth, answer: Any) -> bool:
     """Return whether the advised measurement, when taken, resolves an ambiguous verdict to the right name.
 
-    What it shows by itself (a weight, a length, a gain) is known afterwards: either it is the effect, or it is none and
-    the diagnosis is repeated without it. Other measurements are taken, and the diagnosis is repeated with them. Where
-    two things are advised both are done.
+    A directly measured quantity (a weight, a length, a gain) is known afterwards: either it is the effect, or it is
+    none and the diagnosis is repeated without it. Other measurements are taken, and the diagnosis is repeated with
+    them. If two are advised, both are taken.
     """
     names = {effect.id for effect in truth.effects}
     shown = shown_by(answer.next_measurement)
@@ -158,10 +158,10 @@ def _error(predicted: dict[str, list[float]], true: dict[str, list[float]]) -> f
     return float(np.sqrt(np.mean(np.square(found)))) if found else None
 
 
-def _share(told: Any, answer: Any) -> float | None:
+def _share(consulted: Any, answer: Any) -> float | None:
     """Return the share of the oracle's improvement on new tools; None if that is negligible."""
-    true = told.frequencies_true
-    before, best = (_error(one, true) for one in (told.frequencies_before, told.frequencies_after))
+    true = consulted.frequencies_true
+    before, best = (_error(one, true) for one in (consulted.frequencies_before, consulted.frequencies_after))
     after = _error({name: pair[0] for name, pair in answer.predictions.items()}, true)
     if before is None or best is None or after is None or before - best < 0.02:
         return None

@@ -1,7 +1,7 @@
 """Diagnosis of hidden effects: a few cases in every run, many under `slow`.
 
-Every run draws new cases from a seed that it prints; RECEPTANCE_TEST_SEED repeats one. What is asked for here is what a
-good engine does nearly always and a failed one cannot do: the score itself is measured by `benches/blind.py`.
+Every run draws new cases from a seed that it prints; RECEPTANCE_TEST_SEED repeats one. The conditions
+here are met nearly always by a good engine and never by a failed one; `benches/blind.py` measures the score.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from blind.seeds import fresh_seed
 
 SEED = fresh_seed()
 PLAIN = ("time_delay", "calibration_gain", "joint_amplitude", "exponential_window", "sensor_mass", "joint_overhang_law")
-"""Effects that, when large, nobody should miss."""
+"""Effects that must always be found if they are large."""
 ASKED = (*PLAIN, "tool_modulus", "tool_density", "hammer_offset", "joint_cross_term")
-"""What the quick part lets the package choose from, for time's sake; the slow part leaves it the whole catalogue."""
+"""Causes that the quick part tries; the slow part tries the whole catalogue."""
 NAN = float("nan")
 
 

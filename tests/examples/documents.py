@@ -1,4 +1,4 @@
-"""Code blocks of the Markdown documents, and the comparison of what they print with what is shown."""
+"""Code blocks of the Markdown documents, and the comparison of their output with the text below them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Block:
     line: int
     """Line of the document on which the body begins, counted from 1."""
     shown: str | None
-    """Body of a `text` block that follows with nothing but blank lines between: what is printed, or lines of it."""
+    """Body of a `text` block that follows with only blank lines between: the output, or lines of it."""
 
 
 def blocks(document: Path) -> list[Block]:

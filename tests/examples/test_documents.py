@@ -1,4 +1,4 @@
-"""Every Python block and every `receptance` line of the documents runs and prints what is shown below it."""
+"""Every Python block and every `receptance` line of the documents runs and prints the text below it."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ BLIND_BLOCK = 5
 
 @dataclass(frozen=True)
 class Run:
-    """One case: its name, the arguments of the interpreter, and where it writes what is recorded."""
+    """One case: its name, the arguments of the interpreter, and the files that it writes."""
 
     name: str
     arguments: tuple[str, ...]

@@ -256,16 +256,23 @@ class _Line:
         return 1.0
 
 
+class TooFewDigitsError(ArithmeticError):
+    """A matrix that is regular with more digits is singular with these."""
+
+
 def _converged(evaluate: Callable[[int], list[Scalar]], first_digits: int, ar: Arithmetic) -> tuple[list[Scalar], int]:
     """Return the values at the first precision that agrees with the one before it, and its digits."""
-    before = evaluate(first_digits)
+    before: list[Scalar] = []
     digits = first_digits
-    while (digits := int(1.6 * digits)) <= MOST_DIGITS:
-        values = evaluate(digits)
+    while digits <= MOST_DIGITS:
+        try:
+            values = evaluate(digits)
+        except TooFewDigitsError:
+            values = []
         with ar.precision(digits):
-            if all(_agree(x, y) for x, y in zip(before, values, strict=True)):
+            if before and values and all(_agree(x, y) for x, y in zip(before, values, strict=True)):
                 return values, digits
-        before = values
+        before, digits = values, int(1.6 * digits)
     raise ArithmeticError(f"{MOST_DIGITS} digits are not enough")
 
 

@@ -235,7 +235,7 @@ def _solve(matrix: Matrix, right: Matrix) -> Matrix:
     for column in range(n):
         pivot = max(range(column, n), key=lambda i, column=column: abs(rows[i][column]))
         if rows[pivot][column] == 0:
-            raise ArithmeticError("singular")
+            raise exact.TooFewDigitsError("the end of the overlap that is loaded cannot be solved for")
         rows[column], rows[pivot] = rows[pivot], rows[column]
         inverse = 1 / rows[column][column]
         rows[column] = [value * inverse for value in rows[column]]

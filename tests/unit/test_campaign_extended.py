@@ -106,12 +106,12 @@ def _at_start(model: Model) -> Fit:
         values[unknown.name] = min(max(float(unknown.start or 0.0) + small, unknown.lower), unknown.upper)
     x = task.variables.from_values(np.array(list(values.values())))
     residual = model.problem.residual(x)
-    assert np.isfinite(residual).all(), model.problem.reason
+    assert np.isfinite(residual).all(), model.problem.reason(x)
     return Fit(model, x, float(residual @ residual), True)
 
 
 UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution"}
-"""Causes of what the small campaign does not have, such as a rigid body."""
+"""Causes that require something absent from the small campaign, such as a rigid body."""
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +131,16 @@ def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: 
         assert set(again.measurements) == {"short", "long", "longest"}
         if CATALOGUE[cause].group == "measurement":
             assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
+
+
+def test_a_frequency_scale_acts_in_measured_assemblies_only(small: campaign.Campaign) -> None:
+    read, verdict = as_if_found(small, ("frequency_scale", "in accelerations"))
+    again = campaign.load(campaign.write_extended(read, verdict, small.file.with_name("extended.toml")))
+    scale = again.unknowns[-1]
+    assert scale.name == "frequency_scale.log_scale"
+    assert scale.configurations == tuple({one.assembly: None for one in again.measurements.values()})
+    assert "other" in again.assemblies
+    assert "other" not in scale.configurations
 
 
 def test_spread_joint_with_positions_on_the_holder(tmp_path: Path) -> None:

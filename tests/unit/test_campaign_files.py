@@ -1,4 +1,4 @@
-"""Data files of campaigns: FRFs and hammer records, what the campaign adds to them, and the simulated examples."""
+"""Data files of campaigns: FRFs and hammer records, additions by the campaign, and the simulated examples."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def load_campaign(folder: Path, text: str) -> campaign.Campaign:
 
 
 def fit_to(folder: Path, text: str, true: dict[str, float]) -> tuple[campaign.Campaign, dict[str, float]]:
-    """Return a campaign whose frequencies are those of these values, and what it identifies."""
+    """Return a campaign whose frequencies are those of these values, and its identified values."""
     drawn = load_campaign(folder, text)
     for name, written in (("short", '"2500 Hz", "10000 Hz"'), ("long", '"1400 Hz", "6600 Hz"')):
         modes = drawn.measurements[name].observation.assembly.replace(true).natural_frequencies(40e3)[:2]
@@ -116,7 +116,7 @@ def test_a_collet(tmp_path: Path) -> None:
 
 
 def test_unknown_applies_to_held_out_assembly(tmp_path: Path) -> None:
-    """No measurement to identify from has the second joint; what is held out is predicted with it."""
+    """No measurement to identify from has the second joint; the held-out assembly is predicted with it."""
     edits = (
         ("[joints.joint]\n", '[joints.joint]\n\n[joints.second]\nk_y = "1e9 N/m"\nk_theta = "1e5 N m/rad"\n'),
         (

@@ -63,7 +63,7 @@ def test_prior_weight_follows_its_deviation(tmp_path, text):
     free = load(tmp_path, text).identify()
     assert known.values["joint.k_theta"] == pytest.approx(9e4, rel=1e-3)
     assert free.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-3)
-    # Errors of dimensions cannot move what is known: the interval is that of the prior.
+    # Errors of dimensions cannot change a known value: the interval is that of the prior.
     share = known.standard_errors["joint.k_theta"] / known.values["joint.k_theta"]
     assert share == pytest.approx(1e-4, rel=0.1)
     assert free.standard_errors["joint.k_theta"] > 3.0 * known.standard_errors["joint.k_theta"]

@@ -1,4 +1,4 @@
-"""Mistakes in a campaign file: all at once, each with its place, its line, what was found and what was expected."""
+"""Mistakes in a campaign file: all at once, each with its key, its line, the value and the expected one."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +225,7 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
         forecasts[name] = forecast
         drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
         assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)
-    # The same joint, holder and material: what differs is the overhang's own error.
+    # The same joint, holder and material: only the error of the overhang differs.
     assert np.corrcoef(drawn["long"], drawn["longest"])[0, 1] > 0.3
     assert forecasts["long"].drawn(400, 1)[3] == forecasts["long"].drawn(400, 1)[3]
 
@@ -267,3 +268,14 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     Path("c.toml").write_text(TEXT)
     assert call(monkeypatch, "stability", "c.toml") == 2
     assert "there is no cut, expected [cuts.NAME]" in capsys.readouterr().err
+
+
+def test_stability_has_the_threads_of_the_campaign(tmp_path: Path, given_threads: set[object]) -> None:
+    fast = PREDICTED.replace('step = "500 rpm"\ndraws = 40', 'step = "6000 rpm"\ndraws = 20\nlargest_depth = "20 mm"')
+    mean = replace(load(tmp_path, changed(*DAMPED) + fast), threads=3)
+    identified = mean.identify()
+    periods = fast.replace("draws = 20", 'draws = 20\nmethod = "semi-discretisation"').partition("[cuts.boring]")[0]
+    for read in (mean, replace(load(tmp_path, changed(*DAMPED) + periods), threads=3)):
+        given_threads.clear()
+        read.stability(identified)
+        assert given_threads == {3}

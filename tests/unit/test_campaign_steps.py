@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaign_text import TEXT, load
+from campaign_text import TEXT, load, write
 from command_line import call
 from receptance import campaign, examples
 from receptance.campaign import CampaignError
@@ -169,3 +169,18 @@ def test_invert_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
     assert call(monkeypatch, "invert", free_free, "--joint", "taper") == 2
     assert 'no joint "taper"' in capsys.readouterr().err
     assert not Path("joint.png").exists()
+
+
+def test_threads_of_a_campaign_are_those_of_its_analyses(tmp_path):
+    """Three is neither the default nor the number of processors of most machines."""
+    read = campaign.load(write(tmp_path), threads=3)
+    assert read.threads == 3
+    assert read.identify().task.threads == 3
+    assert read.diagnose(causes=["tool_density"]).selection.workers == 3
+
+
+def test_an_inverse_coupling_has_the_threads_of_the_campaign(free_free, given_threads):
+    read = campaign.load(free_free, threads=3)
+    given_threads.clear()
+    read.invert()
+    assert given_threads == {3}

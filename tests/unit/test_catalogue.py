@@ -378,3 +378,10 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     for option in ("--out", "--json"):
         assert call(monkeypatch, "catalogue", ".", option, "tools.csv") == 2
         assert "which is read" in capsys.readouterr().err
+
+
+def test_as_many_tools_at_the_same_time_as_the_campaign_has_threads(
+    machine: Any, identified: Any, given_threads: set[object]
+) -> None:
+    next(iter(predict_catalogue(Catalogue(replace(machine, threads=3)), identified)))
+    assert given_threads == {1, 3}  # one of each tool

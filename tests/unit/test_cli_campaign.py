@@ -293,7 +293,7 @@ def test_no_assembly_to_predict(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
 
 
 def test_confirmation_declined(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Exit code 3 where a verdict was asked to fail on, after everything is written."""
+    """Exit code 3 with --at-most or --strict, after all files are written."""
     assert call(monkeypatch, "example", "er32") == 0
     assert call(monkeypatch, "predict", "er32", "--at-most", "3") == 0
     assert "At most 3 %: yes, the largest error is 2.07 %" in capsys.readouterr().out

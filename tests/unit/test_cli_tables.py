@@ -39,9 +39,9 @@ NO_ANSWER = {
     "machine": ("invert", "next"),
     "taper": ("invert", "next", "stability", "catalogue"),
 }
-"""What an example does not ask for, so that the command says that there is nothing to do."""
+"""Examples without the tables of a command, which then reports that there is nothing to do."""
 FEW_LEVELS = {"transfer", "diagnose"}
-"""What fits the whole taper again and again; a few of its levels print the same tables."""
+"""Commands that fit all levels of the taper many times; with a few levels they print the same tables."""
 SLOW = {
     *((example, command) for example in ("er32", "hammer") for command in ("diagnose", "transfer")),
     *(("taper", command) for command in COMMANDS),

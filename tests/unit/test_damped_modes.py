@@ -69,7 +69,7 @@ def test_a_mass_on_a_spring() -> None:
 
 
 def test_the_modes_make_up_the_receptance() -> None:
-    """Poles and residues of all modes, and what is smooth beside them."""
+    """Poles and residues of all modes, with a smooth remainder."""
     own = machine()
     modes = damped_modes(own, 15e3)
     f = np.linspace(100.0, 6000.0, 1200)

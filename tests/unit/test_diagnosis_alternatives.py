@@ -22,8 +22,10 @@ from receptance import (
 )
 from receptance.diagnosis import Cause, Model, diagnose
 from receptance.diagnosis.alternatives import ALTERNATIVES
+from receptance.diagnosis.causes import extend
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.held_out import select_without
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.report import diagnosis_html
 from receptance.diagnosis.thresholds import MARGIN
@@ -128,16 +130,27 @@ def test_an_alternative_withholds_a_name(selection: Selection, more: float, alon
     assert judgement.answer == together
 
 
-def test_alternative_is_reported_with_a_vetoed_cause(selection: Selection) -> None:
+def test_a_fold_has_pairs_and_alternatives(selection: Selection) -> None:
+    """A second cause gains little, so the pair is as close to the data as the first one alone."""
+    best, other = selection.singles[:2]
+    steps = (*best.steps, *other.steps)
+    pair = selection.explain(steps, refit(extend(selection.base.model, steps), best.fit.values))
+    fold = select_without(replace(selection, tried=[pair]), ["0.07"])
+    assert pair.ids in {one.ids for one in fold.explanations}
+    assert {one.ids for one in fold.alternatives} == {one.ids for one in selection.alternatives} != set()
+    for one in (*fold.explanations, *fold.alternatives):
+        assert one.fit.model.configurations == ("0.05", "0.09")
+
+
+def test_an_alternative_withholds_a_cause_with_an_unusual_size(selection: Selection) -> None:
     best = selection.singles[0]
-    vetoed = replace(best)
-    vetoed.__dict__["parameters"] = {name: replace(one, plausible=(0.0, 1e-4)) for name, one in best.parameters.items()}
-    for more, better_alternative in ((1.1 * MARGIN, True), (-1.1 * MARGIN, False)):
+    large = replace(best)
+    large.__dict__["parameters"] = {name: replace(one, plausible=(0.0, 1e-4)) for name, one in best.parameters.items()}
+    for more, answer in ((1.1 * MARGIN, "unexplained"), (-1.1 * MARGIN, "suspected")):
         better = replace(selection.alternatives[0], evidence=best.evidence + more)
-        found = conclude(replace(selection, explanations=[vetoed], alternatives=[better]))
-        assert found.answer == "unexplained"
-        assert any("vetoed" in note for note in found.notes)
-        assert (found.alternative is better) == better_alternative
+        found = conclude(replace(selection, explanations=[large], alternatives=[better]))
+        assert found.answer == answer
+        assert (found.alternative is better) == (answer == "unexplained")
 
 
 @pytest.mark.parametrize("alternative", ALTERNATIVES, ids=lambda one: one.id)

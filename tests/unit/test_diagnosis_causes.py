@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,9 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import IndescribableError, parameters_of
-from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
+from receptance.diagnosis.fitting import at_the_same_time
+from receptance.diagnosis.selection import Search
 from receptance.identification import Law, Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -144,3 +147,71 @@ def test_a_selection_keeps_the_best_of_each_set_of_causes_in_order() -> None:
     selection.replace_base(again)
     assert selection.base is again
     assert [one.evidence for one in selection.singles] == [3.0, 2.0]
+
+
+def test_explanations_far_behind_the_best_one_are_not_fitted_on_all_lines() -> None:
+    """A fixed distance, and a share of the gain of the best one."""
+    assert behind_limit(1000.0, [200.0, 700.0]) == pytest.approx(200.0 + 60.0 + 0.3 * 800.0)
+    # Without a cause that gains, the model itself is the best one.
+    assert behind_limit(1000.0, [1500.0]) == behind_limit(1000.0, []) == pytest.approx(1060.0)
+
+
+def test_results_are_in_the_order_of_the_fits() -> None:
+    second_is_done = threading.Event()
+
+    def first() -> str:
+        assert second_is_done.wait(10.0), "the second fit does not run at the same time"
+        return "first"
+
+    def second() -> str:
+        second_is_done.set()
+        return "second"
+
+    fits: list[Callable[[], str]] = [first, second, lambda: "third"]
+    assert list(at_the_same_time(fits, 2)) == ["first", "second", "third"]
+    assert list(at_the_same_time(fits[1:], 1)) == ["second", "third"]
+
+
+@pytest.mark.parametrize(
+    ("base_misfit", "best_misfit", "fitted"),
+    [
+        (30.0, 1.0, [0, 1, 2, 3, 4]),  # an explanation is adequate: those far behind it are not fitted
+        (30.0, 1.5, [0, 1, 2, 3, 4, 5, 6]),  # nothing is adequate, and the base is far from the data
+        (10.0, 1.5, [0, 1, 2, 3, 4]),  # the base is near the data
+    ],
+)
+def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_misfit: float, fitted: list[int]) -> None:
+    """Four causes are always fitted; of the others those within 60 and 30 % of the gain of the best one."""
+    done: list[int] = []
+    of_cause = list(CATALOGUE.values())
+
+    def explored(number: int, chi_square: float) -> Any:
+        def finish() -> Any:
+            done.append(number)
+            return evaluate()
+
+        def evaluate() -> Any:
+            return SimpleNamespace(
+                chi_square=chi_square, evaluations=0, misfit=best_misfit, model=SimpleNamespace(unknowns=[])
+            )
+
+        few = SimpleNamespace(
+            chi_square=chi_square, misfit=best_misfit, evaluations=0, finish=finish, evaluate=evaluate
+        )
+        direction = SimpleNamespace(
+            cause=of_cause[number],
+            variant=SimpleNamespace(name="all"),
+            step=Step(of_cause[number], "all"),
+            predicted_evidence=lambda penalty: 1.0,
+        )
+        return direction, few
+
+    root: Any = SimpleNamespace(
+        chi_square_on_few_lines=1000.0, chi_square=1000.0, misfit=base_misfit, model=SimpleNamespace(unknowns=[])
+    )
+    # The limit is 100 + 60 + 0.3 * 900 = 430.
+    sizes = (100.0, 300.0, 350.0, 400.0, 429.0, 431.0, 900.0)
+    pairs = [explored(number, size) for number, size in enumerate(sizes)]
+    found = list(Search(Selection(root, 7.0), of_cause)._finish((), root, pairs))
+    assert done == fitted
+    assert [one.fit.chi_square for one in found] == list(sizes)

@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
-from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, PosteriorPrediction, _Fold, gain_of, metrics_of
+from receptance.diagnosis.causes import transfer
+from receptance.diagnosis.explanation import Selection
+from receptance.diagnosis.fitting import evaluate, refit
+from receptance.diagnosis.held_out import (
+    FREQUENCIES,
+    SCORE,
+    SPECTRAL,
+    PosteriorPrediction,
+    _Fold,
+    _measure,
+    _on_others,
+    cross_validate,
+    gain_of,
+    metrics_of,
+    select_without,
+    without,
+)
+from receptance.diagnosis.judgement import conclude, doubt_prediction
+from receptance.diagnosis.selection import select
+from receptance.diagnosis.verdict import Gain
 from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -26,13 +47,16 @@ JOINT = [
 ]
 
 
-def make_assembly(overhang: float, density: float = 1.0) -> Assembly:
+def make_assembly(overhang: float, density: float = 1.0, masses: Sequence[PointMass] = ()) -> Assembly:
     heavy = replace(STEEL, density=density * STEEL.density)
     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=heavy)], name="tool")
-    return Assembly([tool, TRUE, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, TRUE, holder], masses)
 
 
-def make_observations(overhang: float, density: float = 1.0, seed: int = 1, factor: float = 1.0) -> MeasuredFRF:
+def make_observations(
+    overhang: float, density: float = 1.0, seed: int = 1, factor: float | np.ndarray = 1.0
+) -> MeasuredFRF:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
     return MeasuredFRF(
@@ -152,18 +176,27 @@ def test_prediction_without_a_model_is_missing() -> None:
 
 
 def folds(*pairs: tuple[float, float]) -> list[_Fold]:
-    return [
-        _Fold(f"{i}", "named", (), {SPECTRAL: b, SCORE: b}, {SPECTRAL: a, SCORE: a}) for i, (b, a) in enumerate(pairs)
-    ]
+    """Return folds of one unit each."""
+
+    def units(value: float) -> dict[str, np.ndarray]:
+        return {SPECTRAL: np.array([[100.0 * value**2, 100.0]]), SCORE: np.array([[value, 1.0]])}
+
+    return [_Fold(f"{i}", "named", (), units(b), units(a)) for i, (b, a) in enumerate(pairs)]
 
 
 def test_intervals() -> None:
     better = gain_of(SPECTRAL, folds((1.0, 0.5), (1.1, 0.6), (0.9, 0.4)))
     assert better is not None
     assert 0.0 < better.interval[0] < 0.5 < better.interval[1]
+    assert (better.units, better.correlation, better.better) == (3, 0.0, 3)
+    assert [(one["before"], one["after"]) for one in better.folds] == [(1.0, 0.5), (1.1, 0.6), (0.9, 0.4)]
     score = gain_of(SCORE, folds((-100.0, -50.0), (-110.0, -62.0), (-90.0, -41.0)))
     assert score is not None
     assert 40.0 < score.interval[0] < 49.0 < score.interval[1] < 60.0
+    # The jackknife of a mean is the interval of the mean.
+    found = np.array([50.0, 48.0, 49.0])
+    half_width = 4.3027 * np.std(found, ddof=1) / np.sqrt(3.0)
+    np.testing.assert_allclose(score.interval, [49.0 - half_width, 49.0 + half_width], rtol=1e-4)
     nothing = gain_of(SPECTRAL, folds((1.0, 1.0), (2.0, 2.0)))
     assert nothing is not None
     assert nothing.interval == (0.0, 0.0)
@@ -171,6 +204,131 @@ def test_intervals() -> None:
     assert alone is not None
     assert alone.interval == (-math.inf, math.inf)
     assert gain_of("else", folds((1.0, 0.5))) is None
+
+
+def test_intervals_of_units_in_folds() -> None:
+    """Means of a user-defined metric: with and without a correlation of the units of one fold."""
+
+    def found(differences: np.ndarray) -> Gain:
+        table = [
+            _Fold(f"{i}", "named", (), {"own": np.column_stack([3.0 + d, np.ones(d.size)])}, {"own": three})
+            for i, d in enumerate(differences)
+        ]
+        gain = gain_of("own", table)
+        assert gain is not None
+        assert gain.held_out_before - gain.held_out_after == pytest.approx(np.mean(differences))
+        assert np.mean(gain.interval) == pytest.approx(np.mean(differences))
+        return gain
+
+    three = np.array([[3.0, 1.0]] * 3)
+    alone = np.array([[0.4, 0.5, 0.6], [0.6, 0.4, 0.5], [0.5, 0.6, 0.4]])
+    # No differences between folds: the variance within them, with eight degrees of freedom.
+    gain = found(alone)
+    assert (gain.units, gain.unit, gain.correlation) == (9, "records", 0.0)
+    assert np.diff(gain.interval) == pytest.approx(2.0 * 2.3060 * 0.1 / 3.0, rel=1e-3)
+    # Folds that differ and nothing within: three values, two degrees of freedom.
+    gain = found(np.array([[0.4] * 3, [0.5] * 3, [0.6] * 3]))
+    assert gain.correlation == pytest.approx(1.0)
+    assert np.diff(gain.interval) == pytest.approx(2.0 * 4.3027 * 0.1 / math.sqrt(3.0), rel=1e-3)
+    # Mean squares of 0.06 between and 0.01 within the folds.
+    gain = found(alone + np.sqrt(0.02) * np.array([[-1.0], [0.0], [1.0]]))
+    assert gain.correlation == pytest.approx((0.06 - 0.01) / (0.06 + 2.0 * 0.01))
+    effective = 9.0 / (1.0 + 2.0 * gain.correlation)
+    half_width = stats.t.ppf(0.975, effective - 1.0) * math.sqrt(0.06 / 9.0)
+    assert np.diff(gain.interval) == pytest.approx(2.0 * half_width)
+
+
+def test_modes_are_the_units_of_distances() -> None:
+    """The metric of all lines is that of the lines of each mode; natural frequencies have one unit each."""
+    model = Model((make_observations(0.06), make_observations(0.08, seed=2)), tuple(JOINT))
+    fit = refit(model, {})
+    other = Model((make_observations(0.1, 1.05, seed=3),), tuple(JOINT))
+    units, modes = _measure(fit, other)
+    assert len(modes) == len(units[SPECTRAL]) == len(units[FREQUENCIES]) >= 2
+    assert units[SPECTRAL][:, 1].sum() == LINES.size
+    assert units[SCORE].shape == (1, 2)
+    edges = [0.5 * (a.measured_hz + b.measured_hz) for a, b in itertools.pairwise(modes)]
+    assert units[SPECTRAL][0, 1] == np.count_nonzero(edges[0] > LINES)
+    found, _ = metrics_of(fit, other)
+    total, count = units[SPECTRAL].sum(axis=0)
+    assert found[SPECTRAL] == pytest.approx(math.sqrt(total / count))
+    assert found[FREQUENCIES] == pytest.approx(np.sqrt(np.mean([mode.frequency_percent**2 for mode in modes])))
+
+
+def materials(tool: float, density: float) -> list[Tolerance]:
+    """Return relative tolerances of modulus and density of both parts."""
+    return [
+        Tolerance(name=f"{part} {field}", moves={f"{part}.segment[*].{field}": deviation}, relative=True)
+        for part in ("tool", "holder")
+        for field, deviation in (("youngs_modulus", tool), ("density", density))
+    ]
+
+
+def test_a_cause_that_predicts_no_better_is_suspected_only() -> None:
+    """The frequency axis is 0.8 % off, which a gain imitates beside the tolerances."""
+    rng = np.random.default_rng(1)
+    overhangs = (0.05, 0.07, 0.09)
+    data = [
+        MeasuredFRF(
+            assembly=make_assembly(x),
+            frequency_hz=LINES,
+            receptance=make_assembly(x).receptance(1.008 * LINES)
+            * np.exp(0.03 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
+            standard_deviation=0.03,
+            label=f"{x}",
+        )
+        for x in overhangs
+    ]
+    tolerances = [*materials(0.01, 0.003), *clamping(*overhangs)]
+    causes = ["calibration_gain", "sensor_mass", "joint_cross_term"]
+    assert diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1).verdict == "named"
+    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1, held_out=True)
+    assert verdict.gain is not None
+    assert verdict.gain.held_out_after > verdict.gain.held_out_before
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["calibration_gain"])
+    before, after = verdict.gain.held_out_before, verdict.gain.held_out_after
+    assert any(f"not better ({SPECTRAL}): {before:.4g} before, {after:.4g} after" in note for note in verdict.notes)
+
+
+def test_a_forgotten_sensor_is_named_and_the_interval_of_the_improvement_excludes_zero() -> None:
+    overhangs = (0.06, 0.08, 0.1)
+    sensor = [PointMass(mass=1e-3)]
+    data = [
+        make_observations(x, seed=i, factor=make_assembly(x, 1.0, sensor).receptance(LINES) / plain.receptance(LINES))
+        for i, (x, plain) in enumerate((x, make_assembly(x)) for x in overhangs)
+    ]
+    tolerances = [*materials(0.01, 0.005), *clamping(*overhangs)]
+    causes = ["sensor_mass", "calibration_gain"]
+    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1, held_out=True)
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["sensor_mass"])
+    assert verdict.gain is not None
+    assert verdict.gain.units > 3
+    assert 0.0 < verdict.gain.interval[0] < verdict.gain.held_out_before - verdict.gain.held_out_after
+    correlation = f"{verdict.gain.correlation:.2f}"
+    assert f"from {verdict.gain.units} modes with a correlation of {correlation} within a fold" in verdict.summary(1000)
+
+
+@pytest.mark.parametrize("where", [None, 1], ids=["in all", "in one"])
+def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(where: int | None) -> None:
+    """A gain in one configuration cannot improve the prediction of another one."""
+    data = [make_observations(x, seed=i) for i, x in enumerate((0.06, 0.08, 0.1))]
+    data = [
+        replace(one, receptance=one.receptance * (1.06 if where in (None, i) else 1.0)) for i, one in enumerate(data)
+    ]
+    tolerances = [*materials(0.01, 0.005), *clamping(0.06, 0.08, 0.1)]
+    verdict = diagnose(
+        data, JOINT, tolerances=tolerances, causes=["calibration_gain", "sensor_mass"], most=1, held_out=True
+    )
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["calibration_gain"])
+    assert verdict.causes[0].variant == ("all" if where is None else data[where].label)
+    assert verdict.explanation is not None
+    assert verdict.gain is not None
+    # Had the prediction become worse, or had no fold the cause:
+    for after, words in ((0.06, "not better"), (0.05, "in no prediction")):
+        fold = {"configuration": "0.06", "verdict": "named", "causes": [], "before": 0.05, "after": after}
+        gain = replace(verdict.gain, held_out_before=0.05, held_out_after=after, folds=(fold,))
+        doubt = doubt_prediction(verdict.selection.base, verdict.explanation, gain)
+        assert doubt is None if where is not None else words in str(doubt)
 
 
 def test_bad_metrics() -> None:
@@ -188,3 +346,44 @@ def test_digits_follow_the_interval_width(value: float, width: float, shown: str
 
     assert float(_rounded(1e3 * value, width, 1e3)) == pytest.approx(1e3 * value, abs=0.3 * 1e3 * width + 1e-9)
     assert len(_rounded(1e3 * value, width, 1e3)) <= len(shown)
+
+
+@pytest.fixture(scope="module")
+def selection() -> Selection:
+    model = Model(tuple(make_observations(x, 1.08, seed=int(100 * x)) for x in (0.06, 0.08, 0.1)), tuple(JOINT))
+    return select(model, [CATALOGUE[name] for name in ("tool_density", "calibration_gain")], most=1)
+
+
+@pytest.mark.parametrize("name", ["0.06", "0.08", "0.1"])
+def test_a_fold_is_a_selection_from_the_beginning(selection: Selection, name: str) -> None:
+    fold = select_without(selection, [name])
+    causes = [one.steps[0].cause for one in selection.singles]
+    anew = {one.ids: one for one in select(without(selection.base.model, [name]), causes, most=1).explanations}
+    assert name not in fold.base.model.configurations
+    on_others = evaluate(fold.base.model, selection.base.values).chi_square
+    assert _on_others(selection.base, [name]) == pytest.approx(on_others, rel=1e-9)
+    assert {one.ids for one in fold.explanations} == {one.ids for one in selection.held_out_singles} == set(anew)
+    for one in fold.explanations:
+        assert one.fit.model.configurations == fold.base.model.configurations
+        assert one.fit.chi_square == pytest.approx(anew[one.ids].fit.chi_square, rel=1e-4)
+        assert one.evidence == pytest.approx(anew[one.ids].evidence, abs=1e-4 * fold.base.chi_square)
+
+
+def test_predictions_of_a_fold_are_those_of_its_own_fits(selection: Selection) -> None:
+    found = cross_validate(selection)
+    squares: dict[str, list[float]] = {}
+    for name, observation, fold in zip(
+        selection.base.model.configurations, selection.base.model.observations, found.gains[0].folds, strict=True
+    ):
+        own = select_without(selection, [name])
+        held_out = Model((observation,), tuple(JOINT))
+        best = conclude(own).reported[0]
+        distances = {
+            one.ids: metrics_of(one.fit, transfer(held_out, one.steps))[0][SPECTRAL] for one in (best, *own.singles)
+        }
+        assert fold["configuration"] == name
+        assert fold["after"] == pytest.approx(distances[best.ids], rel=1e-6)
+        for ids, distance in distances.items():
+            squares.setdefault(*ids, []).append(distance**2)
+    for id, single in found.singles.items():
+        assert single == pytest.approx(math.sqrt(np.mean(squares[id])), rel=1e-6)

@@ -12,12 +12,13 @@ from scipy import stats
 
 from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
-from receptance.diagnosis.adequacy import _strain, judge
+from receptance.diagnosis.adequacy import _strain, judge, misfit_limit
 from receptance.diagnosis.averaging import Ensemble, Target
+from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.thresholds import MARGIN
+from receptance.diagnosis.thresholds import MARGIN, MISFIT_CHANCE, MISFIT_LIMIT
 from receptance.identification import Law
 
 SEED = 31
@@ -67,15 +68,24 @@ def test_folds_exclude_their_held_out_data() -> None:
 def test_small_common_offset_is_not_noise() -> None:
     """Half the noise, slowly waving: each line has it within its noise, eight neighbours together do not."""
     slowly = np.exp(0.0075j * np.exp(1j * LINES / 250.0))
-    quiet, waving = (
-        judge(refit(Model((make_observations(0.06, f), make_observations(0.08, f)), tuple(JOINT)), {}))
-        for f in (1.0, slowly)
-    )
+    fits = [
+        refit(Model((make_observations(0.06, f), make_observations(0.08, f)), tuple(JOINT)), {}) for f in (1.0, slowly)
+    ]
+    quiet, waving = (judge(fit) for fit in fits)
     assert quiet.passed
     assert waving.misfit < waving.limit
     assert waving.strain.passed
     assert not waving.passed
     assert "neighbouring lines together" in waving.shortcoming
+    # An explanation is adequate by the same rules.
+    assert [Explanation((), fit, 0.0, 0.0).passed for fit in fits] == [True, False]
+
+
+def test_the_limit_of_the_misfit_is_a_quantile_of_few_values() -> None:
+    few, many = (misfit_limit(SimpleNamespace(expected_chi_square=n)) for n in (5.0, 1e4))  # type: ignore[arg-type]
+    assert few == pytest.approx(stats.chi2.isf(MISFIT_CHANCE, 5.0) / 5.0)
+    assert few > 4.0
+    assert many == MISFIT_LIMIT == 1.25
 
 
 @pytest.mark.parametrize("count", [1, 10, 40])
@@ -115,13 +125,13 @@ def test_explanations_within_the_margin_are_reported_and_others_are_not() -> Non
 def test_predictions_include_other_adequate_models(monkeypatch: pytest.MonkeyPatch) -> None:
     """The law of total variance: the mean of the variances, and that of the squared distances."""
     predicted = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
-    ensemble = Ensemble(SimpleNamespace())  # type: ignore[arg-type]
+    ensemble = Ensemble(SimpleNamespace(), None)  # type: ignore[arg-type]
     other_explanation: Any = "else"
     ensemble.__dict__["members"] = [(None, 0.75), (other_explanation, 0.25)]
     monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: predicted[one or "base"])
     monkeypatch.setattr(ensemble, "_identified", lambda one: None)
     found: Any = None
-    middle, spread = ensemble.natural_frequencies(None, found, Target(make_assembly(0.06)), 2000.0)
+    middle, spread = ensemble.natural_frequencies(found, Target(make_assembly(0.06)), 2000.0)
     assert middle == 1000.0
     assert spread**2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
 

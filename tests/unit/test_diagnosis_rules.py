@@ -28,6 +28,7 @@ from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.selection import Search, select
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.observations import altered
 
@@ -100,7 +101,7 @@ def test_record_without_coherence_is_excluded_with_its_unknowns() -> None:
 
 
 def test_excess_scatter_between_clampings_is_inadequate() -> None:
-    # Joints that differ by 5 % where 1 % was stated: the lines fit, the clampings are what is strained.
+    # Joints that differ by 5 % where 1 % was stated: the lines fit, and the clampings are strained.
     stiff = (1.05e5, 0.95e5, 1.05e5, 0.95e5)
     places = zip((0.05, 0.065, 0.08, 0.09), stiff, strict=True)
     data = [measure(make_assembly(x), make_assembly(x, k_theta=k), f"{x}", i) for i, (x, k) in enumerate(places)]
@@ -176,6 +177,57 @@ def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> N
     data = [measure(make_assembly(x, flutes=0.0105), make_assembly(x, flutes=0.011), f"{x}", 0) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["fluted_part", "calibration_gain"], most=1)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["fluted_part"])
+
+
+@pytest.mark.parametrize(
+    ("field", "factor", "cause", "answer"),
+    [
+        ("density", 0.88, "holder_inertia", "named"),
+        ("youngs_modulus", 1.18, "holder_modulus", "named"),
+        ("density", 0.65, "holder_inertia", "suspected"),
+    ],
+)
+def test_a_simplified_holder_is_off_by_a_quarter_at_most(field: str, factor: float, cause: str, answer: str) -> None:
+    assemblies = [make_assembly(x).replace({"holder.segment[0].length": 0.3}) for x in OVERHANGS]
+    data = [
+        measure(one, one.replace({f"holder.segment[*].{field}": factor * getattr(STEEL, field)}), f"{x}", i)
+        for i, (one, x) in enumerate(zip(assemblies, OVERHANGS, strict=True))
+    ]
+    causes = ["holder_inertia", "holder_modulus", "sensor_mass", "calibration_gain"]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=causes, most=1)
+    assert (verdict.verdict, [one.id for one in verdict.causes]) == (answer, [cause])
+    ((value, _, _),) = verdict.causes[0].parameters.values()
+    assert value == pytest.approx(np.log(factor), abs=2e-3)
+    unusual = [note for note in verdict.notes if "with an unusual size: density -" in note]
+    assert (len(unusual) == 1) == (answer == "suspected")
+    assert all("where -25 % to +25 % is plausible; check the drawing" in note for note in unusual)
+
+
+def test_unusual_sizes_are_reported_only_where_nothing_else_explains_the_data() -> None:
+    data = [
+        measure(make_assembly(x), make_assembly(x, PointMass(mass=2e-3)), f"{x}", i) for i, x in enumerate(OVERHANGS)
+    ]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "calibration_gain"], most=1)
+    assert verdict.verdict == "named"
+    plausible = verdict.selection.singles[0]
+
+    def large(evidence: float, id: str = "other", **changes: object) -> Explanation:
+        found = replace(plausible, evidence=evidence, steps=(Step(replace(CATALOGUE["sensor_mass"], id=id), "all"),))
+        declared = replace(plausible.parameters["sensor_mass.mass"], plausible=(0.0, 1e-3), cause=id, **changes)
+        found.__dict__["parameters"] = {"sensor_mass.mass": declared}
+        return found
+
+    def answer(*explanations: Explanation) -> tuple[str, int]:
+        found = conclude(replace(verdict.selection, explanations=list(explanations), alternatives=[]))
+        return found.answer, len([note for note in found.notes if note.endswith("is plausible: vetoed")])
+
+    own = plausible.evidence
+    assert answer(large(own)) == ("suspected", 0)
+    assert answer(large(own + 1.0), plausible) == ("named", 1)
+    assert answer(large(own + 1.1 * MARGIN), plausible) == ("suspected", 0)
+    # Several of them, and one that acts at an implausible place, explain nothing.
+    assert answer(large(own), large(own, "another")) == ("unexplained", 2)
+    assert answer(large(own, secondary=True)) == ("unexplained", 1)
 
 
 def test_lossy_rope_is_a_single_cause() -> None:

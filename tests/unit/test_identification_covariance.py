@@ -1,4 +1,4 @@
-"""Standard errors, intervals and advice: what the data determine and what they do not."""
+"""Standard errors, intervals and advice: determined and undetermined parameters."""
 
 import numpy as np
 import pytest

@@ -102,7 +102,7 @@ def test_weights_are_independent_of_the_noise_of_their_line(correlated, left):
     quiet = level < 0.3 * np.abs(clean)
     biases, smoothed_variance = [], []
     for draw in range(20):
-        if draw % 2 == 0:  # each noise with both signs, so that what is odd in it cancels
+        if draw % 2 == 0:  # each noise with both signs, so that odd terms cancel
             parts = np.cumsum(rng.standard_normal((2, LINES.size + correlated)), axis=1) / np.sqrt(correlated)
             noise = level * ((parts[0] + 1j * parts[1])[correlated:] - (parts[0] + 1j * parts[1])[:-correlated])
         measured = clean + (-1.0) ** draw * noise
@@ -223,7 +223,7 @@ def test_integrated_noise_at_low_frequencies_is_noted_and_a_floating_body_is_not
     scatter = random.standard_normal(lines.size) + 1j * random.standard_normal(lines.size)
 
     def notes(assembly, noise, **changes):
-        """Return what is noted where the accelerometer has white noise, relative to the accelerance of a mass."""
+        """Return the notes for white noise of the accelerometer, relative to the accelerance of a mass."""
         accelerance = -((2.0 * np.pi * lines) ** 2) * assembly.receptance(lines) + noise * inertia * scatter
         frf = FRF(frequency_hz=lines, values=accelerance, form="accelerance", responses=TIP, excitations=TIP, **changes)
         return [one for one in MeasuredFRF.from_frf(assembly, frf).notes if "1/f^2" in one]

@@ -11,6 +11,7 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Prior, Tolerance, identify
 from receptance.identification.mapping import Parameters, Site
+from receptance.identification.unknowns import covered
 
 LINES = np.linspace(200.0, 6000.0, 150)
 
@@ -315,3 +316,15 @@ def test_a_free_law_has_a_value_between_those_of_neighbours_along_a_condition():
         parameters.at(Site(make_assembly(), "unknown"))
     with pytest.raises(ValueError, match="of a free law only"):
         Law(address="joint.k_y", lower=1e6, upper=1e10, along="force")
+
+
+def test_addresses_match_the_segments_of_their_own_assembly():
+    """Elements of the same names, one segment and two; one segment of several, then all."""
+    one = make_assembly()
+    (segment,) = one.elements["tool"].segments
+    two = Assembly([Part([segment] * 2, name="tool"), one.elements["joint"], one.elements["holder"]])
+    for assembly, count in ((one, 1), (two, 2), (one.replace({"joint.k_y": 1e9}), 1)):
+        names = [f"tool.segment[{i}].length" for i in range(count)]
+        assert covered(names[0], assembly) == {names[0]}
+        assert covered("tool.segment[*].length", assembly) == set(names)
+        assert covered("tool.segment[1].length", assembly) == set(names[1:])

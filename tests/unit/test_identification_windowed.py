@@ -16,7 +16,7 @@ def complex_lines(sigma=SIGMA, lines=LINES):
 
 
 def windowed(assembly=None, sigma=SIGMA, **options):
-    """Return what an FRF of a windowed force and a windowed response is."""
+    """Return an FRF of a windowed force and a windowed response."""
     assembly = assembly or make_assembly()
     return FRF(
         frequency_hz=LINES,
@@ -59,7 +59,7 @@ def test_ignoring_the_window_puts_its_damping_into_the_joint():
     ignored = windowed().with_(decay_rate=0.0)
     result = identify(MeasuredFRF.from_frf(make_assembly(), ignored), STIFFNESSES + DASHPOTS)
     error = {address: result.values[address] / TRUE[address] - 1.0 for address in TRUE}
-    # The window's decay is more than a quarter of what the joint's rotation takes from the modes in this band.
+    # The decay of the window is more than a quarter of the damping by the rotation of the joint in this band.
     assert error["joint.c_theta"] > 0.25
     right = identify(MeasuredFRF.from_frf(make_assembly(), windowed()), STIFFNESSES + DASHPOTS)
     assert np.abs(result.residuals[0]).max() > 0.05

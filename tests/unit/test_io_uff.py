@@ -220,7 +220,7 @@ def test_damaged_lines(line: int, text: str, message: str | None, tmp_path: Path
     lines[line - 1] = text
     path = file(tmp_path, lines)
     if message is None:
-        assert len(values(read(path))) == 1, "what is behind the values on the last line is padding"
+        assert len(values(read(path))) == 1, "text behind the values on the last line is padding"
         return
     with pytest.raises(FileFormatError, match=message):
         read(path)

@@ -179,7 +179,7 @@ def test_correlated_lines_enlarge_the_errors():
     shared = frf.with_(correlated_lines=9.0)
     for method in (find_peaks, circle_fit):
         one, nine = highest(method, frf), highest(method, shared)
-        # The more, the nearer what is estimated is to a mean over lines.
+        # The factor is larger the closer an estimate is to a mean over lines.
         assert 1.2 < nine.damping_standard_error / one.damping_standard_error <= 3.01
     assert highest(half_power, shared).damping_standard_error > highest(half_power, frf).damping_standard_error
 

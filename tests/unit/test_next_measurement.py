@@ -302,7 +302,7 @@ def test_the_cost_decides(in_the_machine):
 
 
 def test_floor_limits_the_gain(in_the_machine):
-    """A tenth of the noise on the same lines is worth ten times as much, but not with a floor of what it was."""
+    """A tenth of the noise on the same lines has ten times the benefit, but not with a floor of the previous noise."""
     fit = in_the_machine[1]
     options = {"assembly": make_machine(free=True), "frequency_hz": WIDE, "tolerances": clamped("free")}
     noisy = Candidate(label="noisy", standard_deviation=0.01, **options)

@@ -29,7 +29,7 @@ def _toml(path: str) -> dict[str, Any]:
 
 
 def _requirements(extra: str | None = None) -> set[str]:
-    """Return the names of what is installed with the package, or of what one of its extras adds."""
+    """Return the names of the packages that are installed with this one, or that one of its extras adds."""
     found = set()
     for line in importlib.metadata.requires("receptance") or []:
         requirement, _, marker = line.partition(";")

@@ -20,7 +20,6 @@ from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, S
 from receptance.identification import Identification
 from receptance.report import Column, Provenance, Renderable, Result, Results, Table
 from receptance.report.figure import finished, surface
-from receptance.report.notes import grouped
 from receptance.report.plain import plain
 from receptance.report.table import interval, joined, number
 
@@ -124,7 +123,7 @@ def test_text_and_html_show_findings_notes_and_campaign_path() -> None:
 
 def test_notes_of_many_sources_are_counted() -> None:
     notes = [f"measurements.m{i}: {text}" for i in range(6) for text in ("simulated", "few lines")]
-    shown = list(grouped(["before", *notes, "other: alone"]))
+    shown = list(Found(notes=("before", *notes, "other: alone")).grouped_notes())
     assert shown[:4] == ["before", "measurements.m0:", "  simulated", "  few lines"]
     assert shown[-2:] == ["other: alone", "the notes of 3 more sources are in the JSON"]
     assert len(shown) == 1 + 3 * 3 + 2

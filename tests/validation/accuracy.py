@@ -1,7 +1,7 @@
 """How many digits the core keeps, over random models and against the reference of fifty and more digits.
 
-The rule, from the issue "Foundation": a relative error of at most 1e-9 (derivatives 1e-7), or of a hundred times
-what a relative change of 1e-15 in every input would cause where that is more. Entries below 1e-290 are exempt.
+The rule: a relative error of at most 1e-9 (derivatives 1e-7), or of a hundred times the effect of a relative change of
+1e-15 in every input if that is more. Entries below 1e-290 are exempt.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ NAMES = ("k_y", "k_theta", "c_y", "c_theta")
 
 
 def model(joint: dict[str, float]) -> Assembly:
-    """Return what is fitted, of the same parts as the finite elements."""
+    """Return the fitted assembly, of the same parts as the finite elements."""
     carbide, steel = (
         Material(youngs_modulus=e, density=rho, poisson_ratio=nu)
         for e, rho, nu in (hammer_joint.CARBIDE, hammer_joint.STEEL)

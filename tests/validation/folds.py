@@ -1,8 +1,9 @@
-"""Folds of the diagnosis against selections from the beginning: `python tests/validation/folds.py --cases N --seed S`.
+"""Folds of the diagnosis against complete selections: `python tests/validation/folds.py --cases N --seed S`.
 
 For improvements on held-out configurations the explanations close to the best one are fitted again, from the values of
-the fit to all data. Here the whole selection is repeated without each configuration, on cases of the blind laboratory,
-and answer, causes and the distances before and after are compared. A distance differs if it does by more than 2 %.
+the fit to all data. Here the complete selection is repeated without each configuration, on cases of the blind
+laboratory, and answer, causes, and the distances before and after are compared. Distances are counted as different if
+they differ by more than 2 %.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SAME = 0.02
 
 
 def folds(seed: int, number: int, *, repeated: bool, quick: bool) -> Any:
-    """Return the folds of a case; `repeated` begins each selection anew."""
+    """Return the folds of a case; with `repeated` each is a complete selection."""
     kind, effects = list(every(number + 1))[number]
     case, _ = draw_case(seed, number, kind, tuple(effects), quick=quick)
     warm = held_out.select_without

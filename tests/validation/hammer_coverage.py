@@ -1,8 +1,8 @@
 """Does the stated variance of an FRF cover the truth? `python tests/validation/hammer_coverage.py --seed S --runs 200`.
 
-Every run draws a structure, hits and noise anew, estimates the FRF, takes one usable line at random, and asks whether
-the 95 % intervals of the real and of the imaginary part of the logarithm hold the truth there, and whether the disc of
-both does. Runs are independent, so the number of hits is binomial.
+Every run draws a structure, hits and noise anew, estimates the FRF, takes one usable line at random, and counts whether
+the 95 % intervals of the real and of the imaginary part of the logarithm contain the truth there, and whether the disc
+of both does. Runs are independent, so the number of hits is binomial.
 """
 
 from __future__ import annotations

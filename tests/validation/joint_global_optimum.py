@@ -61,7 +61,7 @@ def fit(campaign: SimulatedCampaign, starts: dict[str, float], strategy: str) ->
 
 
 def feasible(stage: Problem, x: np.ndarray) -> np.ndarray | None:
-    """Return a start at which the model has a value: what may have either sign goes back to its own start."""
+    """Return a start at which the model has a value: variables that may have either sign return to their start."""
     if np.isfinite(stage.residual(x)).all():
         return x
     variables = stage.variables
@@ -70,7 +70,7 @@ def feasible(stage: Problem, x: np.ndarray) -> np.ndarray | None:
 
 
 def dense_reference(task: Task, problem: Problem, starts: int, seed: int) -> float:
-    """Return the least cost from many starts over all bounds, straight into the problem: what a fit is held to.
+    """Return the least cost from many starts over all bounds, directly in the problem, as the reference for fits.
 
     Dimensions and materials are exact first, as in the early stages, and then free from every different end.
     """

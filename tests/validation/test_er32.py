@@ -1,7 +1,7 @@
 """The ER32 study against Matthias et al. 2016 (doi 10.1016/j.cirpj.2016.02.005): tables 1 to 5 and figures 8 to 10.
 
 The holder is inferred from frequencies of tables 2 and 4 with the stiffnesses of table 5, so agreement in those is
-consistency. No number here comes from our own output: they are the paper's, or the tolerances that were asked for.
+consistency. No number here comes from our own output: they are those of the paper, or required tolerances.
 """
 
 from __future__ import annotations

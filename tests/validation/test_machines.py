@@ -24,7 +24,7 @@ def test_the_tools_are_those_of_table_5() -> None:
 
 
 def test_spindles_and_tools(study: dict[str, Any]) -> None:
-    """Nine tenths of the lines are usable; frequencies within the paper's 2 %, heights within what is stated."""
+    """Nine tenths of the lines are usable; frequencies within the paper's 2 %, heights within the stated deviation."""
     for case in study["virtual"]:
         peaks = [peak for one in case["tools"] for peak in one["peaks"]]
         assert case["usable"] >= 0.9

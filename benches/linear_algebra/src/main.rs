@@ -12,7 +12,7 @@ use faer::{Mat, Side};
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix};
 use num_complex::Complex64;
 
-/// The core's counts of negative pivots; they need nothing but complex numbers.
+/// The core's counts of negative pivots, which depend on complex numbers only.
 #[path = "../../../rust/core/src/line/signs.rs"]
 #[allow(dead_code)]
 mod signs;
@@ -54,8 +54,8 @@ fn nanoseconds<T>(mut call: impl FnMut() -> T) -> f64 {
 }
 
 fn row(what: &str, nalgebra: Option<f64>, faer: Option<f64>, core: Option<f64>) {
-    let told = |time: Option<f64>| time.map_or("-".to_owned(), |t| format!("{t:.0} ns"));
-    println!("| {what} | {} | {} | {} |", told(nalgebra), told(faer), told(core));
+    let text = |time: Option<f64>| time.map_or("-".to_owned(), |t| format!("{t:.0} ns"));
+    println!("| {what} | {} | {} | {} |", text(nalgebra), text(faer), text(core));
 }
 
 /// Cholesky factor of a normal matrix of n variables and the solution for one right-hand side; LU of the same size.

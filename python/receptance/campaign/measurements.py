@@ -403,22 +403,22 @@ def restrict_to_bands(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
     for low, high in bands:
         if low >= high:
             raise ValueError(f"has a band from {low:g} to {high:g} Hz, expected the lower end first")
-        asked = (lines >= low) & (lines <= high)
-        inside = usable & asked
-        if not inside.any():
+        inside = (lines >= low) & (lines <= high)
+        used = usable & inside
+        if not used.any():
             first, last = lines[usable][[0, -1]] if usable.any() else lines[[0, -1]]
             raise ValueError(
                 f"has a band from {low:g} to {high:g} Hz without a usable line, expected one within {first:g} to "
                 f"{last:g} Hz"
             )
-        count, of = np.count_nonzero(inside), np.count_nonzero(asked)
+        count, of = np.count_nonzero(used), np.count_nonzero(inside)
         if count < _USED_SHARE * of:
-            first, last = lines[inside][[0, -1]]
+            first, last = lines[used][[0, -1]]
             notes.append(
                 f"of the band from {low:g} to {high:g} Hz {count} of {of} lines are used, from {first:g} to {last:g} "
                 "Hz; the others are not usable"
             )
-        chosen |= inside
+        chosen |= used
     return frf.with_(usable=chosen, notes=(*frf.notes, *notes))
 
 

@@ -336,8 +336,8 @@ def forecast_of(
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
     if not any(covered(address, site.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
-    asked = [address for unknown in campaign.unknowns for address in unknown.addresses]
-    rest = [address for address in asked if address not in identifiable and covered(address, site.assembly)]
+    unknown_addresses = [address for unknown in campaign.unknowns for address in unknown.addresses]
+    rest = [address for address in unknown_addresses if address not in identifiable and covered(address, site.assembly)]
     if rest:
         notes.append(f"{name}: not identified and at start values: {', '.join(rest)}")
     return found
@@ -357,31 +357,26 @@ def _unmeasured(
             frequencies = None
             notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
     response, excitation = campaign.places[name]
-    asked = campaign.table.prediction.force
-    force = None if asked is None else np.full(lines.size, asked)
+    amplitude = campaign.table.prediction.force
+    force = None if amplitude is None else np.full(lines.size, amplitude)
     found = forecast.receptance(lines, response, excitation, force=force)
     return frequencies, replace(found, name=name, assembly=name)
 
 
-def _counted(assembly: Assembly, upper: float) -> NDArray[np.float64]:
-    """Return the natural frequencies up to a limit; an empty array if they cannot be counted."""
-    return assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
-
-
 def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
     """Return the lines in Hz on which an assembly without measurements is predicted."""
-    asked = campaign.table.prediction
+    settings = campaign.table.prediction
     upper = campaign.highest_frequency
     if upper is None:
         raise CampaignError.about(
             campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
         )
-    modes = _counted(assembly, upper)
-    lower = asked.lower if asked.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
+    modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
+    lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     if lower >= upper:
         text = f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
         raise CampaignError.about(campaign.file, text)
-    step = asked.step if asked.step is not None else (upper - lower) / _LINES
+    step = settings.step if settings.step is not None else (upper - lower) / _LINES
     count = int((upper - lower) / step * (1.0 + 1e-12)) + 1
     if count > _MOST_LINES:
         text = f"predictions have {count} lines, expected at most {_MOST_LINES}; give a larger `prediction.step`"

@@ -352,15 +352,10 @@ def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, p
     """Check that all fitted measurements have standard deviations, or none."""
     if table.settings.objective == "percentage":
         return
-    without: list[str] = []
-    some = False
-    for name, measured in measurements.items():
-        if measured.held_out:
-            continue
-        weighted = measured.observation.weighted
-        some = some or weighted
-        without += [] if weighted else [name]
-    for name in without if some else []:
+    weighted = {name: measured.observation.weighted for name, measured in measurements.items() if not measured.held_out}
+    if not any(weighted.values()):
+        return
+    for name in (name for name, known in weighted.items() if not known):
         problems.add(
             ("measurements", name),
             "has no standard deviation, but other measurements have one, so their weights are not defined; expected "

@@ -180,8 +180,8 @@ class Campaign:
     def highest_frequency(self) -> float | None:
         """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
         measured = [float(measurement.observation.frequency_hz[-1].real) for measurement in self.measurements.values()]
-        asked = self.table.prediction.upper
-        return max(measured, default=None) if asked is None else asked
+        upper = self.table.prediction.upper
+        return max(measured, default=None) if upper is None else upper
 
     def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
@@ -223,12 +223,12 @@ class Campaign:
         CampaignError
             The file has no `stability.speeds`.
         """
-        asked = self.table.stability
-        if asked.speeds is None:
+        settings = self.table.stability
+        if settings.speeds is None:
             text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
             raise CampaignError.about(self.file, text)
-        low, high = asked.speeds
-        step = asked.step if asked.step is not None else (high - low) / _SPEEDS[asked.method]
+        low, high = settings.speeds
+        step = settings.step if settings.step is not None else (high - low) / _SPEEDS[settings.method]
         return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
 
     def tables(self) -> list[Table]:

@@ -413,7 +413,7 @@ def stability_of_campaign(
 ) -> Stability:
     """Return the stability of the cuts of a campaign; see `Campaign.stability`."""
     chosen = campaign.select_cuts(cuts)
-    asked = campaign.table.stability
+    settings = campaign.table.stability
     speeds = campaign.spindle_speeds()
     predicted = any(tip is not None and tip.assembly for cut in chosen for tip in (cut.x, cut.y))
     if not predicted:
@@ -421,7 +421,7 @@ def stability_of_campaign(
     elif identified is None and campaign.unknowns:
         identified = campaign.identify()
     found = {}
-    provenance = campaign.provenance(settings=asked.model_dump())
+    provenance = campaign.provenance(settings=settings.model_dump())
     for cut in chosen:
         campaign.progress(f"lobes of {cut.name}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
@@ -434,12 +434,12 @@ def stability_of_campaign(
 
 
 def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.float64]) -> Lobes:
-    asked = campaign.table.stability
-    several = cut.drawn(asked.number_of_draws, asked.seed)
+    settings = campaign.table.stability
+    several = cut.drawn(settings.number_of_draws, settings.seed)
     uncertain = tips.uncertain or several is not None
-    if asked.method == "mean force":
+    if settings.method == "mean force":
         receptance = tips.receptance()
-        draws, good = tips.receptances() if tips.uncertain else (None, np.ones(asked.number_of_draws, np.bool_))
+        draws, good = tips.receptances() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))
         lobes = stability_lobes(
             cut.cut,
             tips.lines,
@@ -450,10 +450,10 @@ def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.
         )
     else:
         assert isinstance(cut.cut, Milling)
-        most = asked.largest_depth
+        most = settings.largest_depth
         if most is None:
             most = _SEARCH_RATIO * float(critical_depths(cut.cut, tips.lines, tips.receptance())[0].min())
-        modes, good = tips.drawn_modes() if tips.uncertain else (None, np.ones(asked.number_of_draws, np.bool_))
+        modes, good = tips.drawn_modes() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))
         lobes = semi_discretised_lobes(
             cut.cut,
             tips.modes(),
@@ -469,7 +469,7 @@ def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.
         notes.append("there is no band, because errors of tip and coefficients are not known: give tolerances")
     return replace(
         cut.label(lobes),
-        probability=asked.probability if uncertain else None,
+        probability=settings.probability if uncertain else None,
         notes=tuple(dict.fromkeys(notes)),
     )
 

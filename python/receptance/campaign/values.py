@@ -240,13 +240,10 @@ class Condition:
         Value in SI units.
     unit : str
         SI unit, empty for a plain number.
-    written : str
-        Text in the file.
     """
 
     value: float
     unit: str
-    written: str
 
 
 def parse_condition(written: Any) -> Condition:
@@ -256,14 +253,14 @@ def parse_condition(written: Any) -> Condition:
     --------
     >>> from receptance.campaign.values import parse_condition
     >>> parse_condition("5 kN")
-    Condition(value=5000.0, unit='kg m/s^2', written='5 kN')
+    Condition(value=5000.0, unit='kg m/s^2')
     """
     if isinstance(written, bool) or not isinstance(written, (str, int, float)):
         raise ValueError(f"is {shown(written)}, expected text with a number and a unit, or a plain number")
     value, unit = parse_any(written) if isinstance(written, str) else (float(written), "")
     if not math.isfinite(value):
         raise ValueError(f"is {shown(written)}, expected a finite number")
-    return Condition(value, unit, written if isinstance(written, str) else f"{written:g}")
+    return Condition(value, unit)
 
 
 def parse_level(written: Any) -> tuple[float, bool]:

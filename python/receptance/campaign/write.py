@@ -470,6 +470,13 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
     known = {unknown.name: unknown for unknown in verdict.selection.base.model.unknowns}
     written = dict(data.get("unknowns", {}))
     tables: dict[str, Any] = {}
+    measured = list(dict.fromkeys(table["assembly"] for table in data["measurements"].values()))
+    of_measurement = {
+        name
+        for step in verdict.explanation.steps
+        if step.cause.group == "measurement"
+        for name in verdict.explanation.sizes(step.cause)
+    }
     for unknown in _unknowns(verdict):
         old = known.pop(unknown.name, None)
         key = unknown.name if isinstance(unknown, Move) else unknown.address
@@ -480,6 +487,9 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
         elif raw is not None and isinstance(unknown, Law) and old is not None and not unknown.tied:
             tables[key] = {**_restarted(raw, unknown, values), "name": unknown.name}
         else:
+            if isinstance(unknown, Move) and unknown.name in of_measurement and unknown.configurations is None:
+                # What belongs to the measurement does not act in assemblies that are only predicted.
+                unknown = replace(unknown, configurations=tuple(measured))
             tables[key] = unknown_table(unknown, values[unknown.name])
     # Unknowns that no measurement depends on remain unchanged.
     data["unknowns"] = {**written, **tables}

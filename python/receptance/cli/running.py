@@ -257,8 +257,8 @@ def output(*, stderr: bool = False) -> Console:
     """Return standard output or standard error; to a pipe without colour, with the width COLUMNS."""
     console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr)
     if not console.is_terminal:
-        asked = os.environ.get("COLUMNS", "")
-        width = int(asked) if asked.isdecimal() and int(asked) > 0 else _PIPE_WIDTH
+        columns = os.environ.get("COLUMNS", "")
+        width = int(columns) if columns.isdecimal() and int(columns) > 0 else _PIPE_WIDTH
         console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr, width=width, no_color=True)
     # A narrower terminal wraps the lines itself.
     console.width = max(console.width, LEAST_WIDTH)

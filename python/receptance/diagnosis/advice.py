@@ -394,6 +394,11 @@ MENU = (
         DirectMeasurement({"exponential_window.decay_rate": 0.1}),
     ),
     Choice(
+        "measure a generator of known frequency with the analyser",
+        1.0,
+        DirectMeasurement({"frequency_scale.log_scale": 1e-4}),
+    ),
+    Choice(
         "measure frequency and decay of the swing on the suspension",
         1.0,
         DirectMeasurement({"suspension.stiffness": 2e3, "suspension.damping": 2.0}),

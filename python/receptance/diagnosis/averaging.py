@@ -74,15 +74,24 @@ def _stand_in(base: Model, target: Target) -> MeasuredFRF | MeasuredFrequencies:
 
 
 class Ensemble:
-    """The fitted models of a selection with their probabilities."""
+    """The fitted models of a selection with their probabilities.
 
-    def __init__(self, selection: Selection) -> None:
-        self._selection = selection
+    Parameters
+    ----------
+    selection : Selection
+        The fits.
+    reported : Explanation or None
+        The reported explanation, which counts even with an unusual size.
+    """
+
+    def __init__(self, selection: Selection, reported: Explanation | None) -> None:
+        self._selection, self._reported = selection, reported
 
     @cached_property
     def members(self) -> list[tuple[Explanation | None, float]]:
         """Models and their probabilities, the base as None; those of negligible probability are excluded."""
-        explanations = [one for one in self._selection.explanations if not one.implausible]
+        every = self._selection.explanations
+        explanations = [one for one in every if not one.implausible or one is self._reported]
         count = max(len({cause for one in explanations for cause in one.ids}), 1)
         logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
         weights = np.exp(np.array(logs) - max(logs))
@@ -92,14 +101,14 @@ class Ensemble:
         return [(one, w / total) for one, w in kept]
 
     def natural_frequencies(
-        self, reported: Explanation | None, found: Identification, target: Target, upper_hz: float
+        self, found: Identification, target: Target, upper_hz: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return natural frequencies by the reported model, and standard deviations by all of them."""
-        middle, own = self._predicted(reported, found, target, upper_hz)
+        middle, own = self._predicted(self._reported, found, target, upper_hz)
         variance = np.zeros(middle.size)
         own_weight = 1.0
         for one, weight in self.members:
-            if one is reported or not middle.size:
+            if one is self._reported or not middle.size:
                 continue
             try:
                 other, spread = self._predicted(one, self._identified(one), target, BEYOND_LIMIT * upper_hz)

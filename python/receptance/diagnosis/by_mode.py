@@ -5,7 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -149,27 +150,58 @@ def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual
 
 def _at_peaks(one: MeasuredFRF, curve: Curve) -> list[ModeResidual]:
     decay = float(-2.0 * np.pi * np.median(np.imag(one.frequency_hz)))
-    with warnings.catch_warnings():
-        # Warnings on drive points were given when the data were read.
-        warnings.simplefilter("ignore", ReceptanceWarning)
-        measured = FRF(
-            frequency_hz=curve.frequency_hz,
-            values=curve.measured,
-            decay_rate=decay,
-            log_variance=None if one.standard_deviation is None else np.square(one.standard_deviation),
-        )
-        modelled = FRF(frequency_hz=curve.frequency_hz, values=curve.modelled, decay_rate=decay)
-        others = _modes(modelled)
-        rows = []
-        for number, mode in enumerate(_modes(measured)):
-            near = min(others, key=lambda other: abs(other.frequency_hz - mode.frequency_hz), default=None)
-            if near is not None and abs(near.frequency_hz / mode.frequency_hz - 1.0) > SAME_MODE:
-                near = None
-            rows.append(_compare(curve, number + 1, mode, near))
+    measured = _Record(curve.frequency_hz, curve.measured, decay, one.standard_deviation)
+    others = _Record(curve.frequency_hz, curve.modelled, decay, None).modes()
+    rows = []
+    for number, mode in enumerate(_modes_of_measured(measured)):
+        near = min(others, key=lambda other: abs(other.frequency_hz - mode.frequency_hz), default=None)
+        if near is not None and abs(near.frequency_hz / mode.frequency_hz - 1.0) > SAME_MODE:
+            near = None
+        rows.append(_compare(curve, number + 1, mode, near))
     return rows
 
 
-def _modes(frf: FRF) -> list[ModeEstimate]:
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """A receptance on real lines with the decay rate of its window; equal where all of its numbers are."""
+
+    frequency_hz: NDArray[np.float64]
+    values: NDArray[Any]
+    decay_rate: float
+    standard_deviation: NDArray[np.float64] | None
+
+    def modes(self) -> tuple[ModeEstimate, ...]:
+        """Return its modes."""
+        with warnings.catch_warnings():
+            # Warnings on drive points were given when the data were read.
+            warnings.simplefilter("ignore", ReceptanceWarning)
+            frf = FRF(
+                frequency_hz=self.frequency_hz,
+                values=self.values,
+                decay_rate=self.decay_rate,
+                log_variance=None if self.standard_deviation is None else np.square(self.standard_deviation),
+            )
+            return _modes(frf)
+
+    @cached_property
+    def _key(self) -> tuple[float, tuple[bytes, ...]]:
+        arrays = (self.frequency_hz, self.values, self.standard_deviation)
+        return self.decay_rate, tuple(array.tobytes() for array in arrays if array is not None)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Record) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=256)
+def _modes_of_measured(record: _Record) -> tuple[ModeEstimate, ...]:
+    """Return the modes of a measured receptance, which is compared with the predictions of many explanations."""
+    return record.modes()
+
+
+def _modes(frf: FRF) -> tuple[ModeEstimate, ...]:
     """Return the peaks, each from a circle fit where there are enough lines."""
     found: list[ModeEstimate] = []
     for peak in find_peaks(frf):
@@ -178,7 +210,7 @@ def _modes(frf: FRF) -> list[ModeEstimate]:
             found.append(circle_fit(frf, low_hz=peak.frequency_hz - half, high_hz=peak.frequency_hz + half))
         except ValueError:
             found.append(peak)
-    return found
+    return tuple(found)
 
 
 def _compare(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate | None) -> ModeResidual:

@@ -19,7 +19,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.thresholds import EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
+from receptance.diagnosis.thresholds import CANDIDATES_ON_INTERRUPT, EXPLORING_LINES, LISTED, LOOK_ALIKE, MARGIN
 from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.identification.from_frf import UNUSED_COHERENCE
@@ -180,16 +180,17 @@ def _verdict(selection: Selection, most: int, line_notes: Sequence[str], report:
             if step.cause.id not in reported:
                 reported[step.cause.id] = _candidate(selection, one, step)
     alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
+    singles = selection.singles[: CANDIDATES_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
         verdict=judgement.answer,
         causes=tuple(reported.values()),
-        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in selection.singles),
+        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in singles),
         ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
         notes=(*judgement.notes, *_data_notes(selection), *line_notes),
         settings=_settings(selection, most),
         selection=selection,
-        vetoed=tuple(_candidate(selection, one, step) for one, step in _vetoed(selection)),
+        vetoed=tuple(_candidate(selection, one, step) for one, step in _vetoed(selection, judgement.reported)),
         alternatives=tuple(alternatives.values()),
         alternative=None if judgement.alternative is None else alternatives[judgement.alternative],
         explanation=judgement.reported[0] if judgement.reported else None,
@@ -197,17 +198,19 @@ def _verdict(selection: Selection, most: int, line_notes: Sequence[str], report:
     return verdict.interrupt(report.position, tried=not selection.interrupted) if interrupted else verdict
 
 
-def _vetoed(selection: Selection) -> list[tuple[Explanation, Step]]:
+def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple[Explanation, Step]]:
     """Return implausible causes with at least the evidence of the best plausible explanation, less the margin.
 
-    Each cause is returned once, in its best explanation, and only the best few are.
+    Each cause is returned once, in its best explanation, and only the best few are. Those that are reported with an
+    unusual size are not among them.
     """
     plausible = max((one.evidence for one in selection.explanations if not one.implausible), default=0.0)
     least = max(selection.threshold, plausible - MARGIN, 0.0)
     found: dict[str, tuple[Explanation, Step]] = {}
+    ids = frozenset().union(*(one.ids for one in reported))
     for one in selection.explanations:
         for step in one.steps if one.evidence > least else ():
-            if set(one.sizes(step.cause)) & set(one.implausible):
+            if step.cause.id not in ids and set(one.sizes(step.cause)) & set(one.implausible):
                 found.setdefault(step.cause.id, (one, step))
     return list(found.values())[:LISTED]
 

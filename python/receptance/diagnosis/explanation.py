@@ -57,6 +57,7 @@ class Explanation:
     @cached_property
     def passed(self) -> bool:
         """Whether the fit is adequate."""
+        # The misfit comes first, because the rest of the adequacy takes longer.
         return self.fit.misfit <= misfit_limit(self.fit) and self.adequacy.passed
 
     @cached_property
@@ -87,6 +88,11 @@ class Explanation:
             for name, value in self.sizes(cause).items()
             if not self.parameters[name].is_plausible(value)
         )
+
+    @property
+    def unusual(self) -> bool:
+        """Whether it is implausible by its size alone, and not by the place where it acts."""
+        return bool(self.implausible) and not any(self.parameters[name].secondary for name in self.implausible)
 
 
 def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:

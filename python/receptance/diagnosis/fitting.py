@@ -112,6 +112,11 @@ class Fit:
         return self.problem.jacobian(self.x).copy()
 
     @cached_property
+    def basis(self) -> NDArray[np.float64]:
+        """Orthonormal columns that span these derivatives."""
+        return np.linalg.qr(self.jacobian)[0]
+
+    @cached_property
     def chi_square_on_few_lines(self) -> float:
         """Chi-square on the most informative lines, after a short fit to these."""
         problem = _problem_on_few_lines(self.model)
@@ -211,7 +216,11 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
 def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0) -> Fit:
     """Return a model on all lines at given values, without a fit; parameters as in `refit`."""
     x = _vector(model.task, values)
-    return Fit(model, x, 2.0 * model.problem.cost(x), False, evaluations)
+    try:
+        residual = model.problem.value(x)
+    except InfeasibleError:
+        return Fit(model, x, np.inf, False, evaluations)
+    return Fit(model, x, float(residual @ residual), False, evaluations)
 
 
 def with_null(model: Model, fit: Fit) -> Fit:

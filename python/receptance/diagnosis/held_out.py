@@ -149,6 +149,16 @@ class PosteriorPrediction:
         return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))
 
 
+Units = Mapping[str, "NDArray[np.float64]"]
+"""Metrics of a prediction in the units that err independently, `(u, 2)` each: sums and numbers of values.
+
+The values are squared errors of lines, in the units of the modes of each record, and of natural frequencies, each of
+them a unit; scores, of which a fold is one unit; and user-defined metrics, of which an observation is a unit.
+"""
+UNIT = {SPECTRAL: "modes", FREQUENCIES: "modes", SCORE: "folds"}
+"""Names of these units; those of user-defined metrics are records."""
+
+
 @dataclass(frozen=True)
 class _Fold:
     """Metrics of one held-out configuration, before and after."""
@@ -156,9 +166,9 @@ class _Fold:
     configuration: str
     verdict: str
     causes: tuple[str, ...]
-    before: Mapping[str, float]
-    after: Mapping[str, float]
-    singles: Mapping[str, float] = field(default_factory=dict)
+    before: Units
+    after: Units
+    singles: Units = field(default_factory=dict)
     modes: tuple[ModeResidual, ...] = ()
     modes_after: tuple[ModeResidual, ...] = ()
 
@@ -304,25 +314,25 @@ def _fold(
     metrics: Mapping[str, Metric] | None,
 ) -> _Fold:
     base = replace(selection.base.model, observations=tuple(observations), tolerances=tuple(tolerances))
-    before, modes = metrics_of(selection.base, base, metrics)
+    before, modes = _measure(selection.base, base, metrics)
     after, modes_after = before, modes
     if best is not None:
-        after, modes_after = _metrics_with(best, base, metrics)
+        after, modes_after = _measure_with(best, base, metrics)
     first = _names(observations)[0]
     singles = {}
     for one in selection.held_out_singles:
-        found, _ = _metrics_with(one, base, scored=False)
-        singles[one.steps[0].cause.id] = found.get(first, math.nan)
+        found, _ = _measure_with(one, base, scored=False)
+        singles[one.steps[0].cause.id] = found.get(first, np.empty((0, 2)))
     causes = () if best is None else tuple(sorted(best.ids))
     return _Fold(name, answer, causes, before, after, singles, modes, modes_after)
 
 
-def _metrics_with(
+def _measure_with(
     one: Explanation, base: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
-) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
+) -> tuple[Units, tuple[ModeResidual, ...]]:
     """Return the metrics with an explanation; none where its causes cannot be described for the held-out data."""
     try:
-        return metrics_of(one.fit, transfer(base, one.steps), metrics, scored=scored)
+        return _measure(one.fit, transfer(base, one.steps), metrics, scored=scored)
     except IndescribableError:
         return {}, ()
 
@@ -334,6 +344,14 @@ def metrics_of(
 
     Errors that only these observations have are fitted to them with their tolerances, before and after alike.
     """
+    units, modes = _measure(fit, model, metrics, scored=scored)
+    return {name: _value(name, own) for name, own in units.items()}, modes
+
+
+def _measure(
+    fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
+) -> tuple[Units, tuple[ModeResidual, ...]]:
+    """Return the units of each metric, and the modes; see `metrics_of`."""
     prediction = PosteriorPrediction(fit, model)
     try:
         residuals = prediction.predicted
@@ -345,30 +363,56 @@ def metrics_of(
     except InfeasibleError:
         return {}, ()
     modes: list[ModeResidual] = []
-    distances: list[float] = []
-    own: dict[str, list[float]] = {name: [] for name in metrics or {}}
+    rows: dict[str, list[tuple[float, int]]] = {name: [] for name in (FREQUENCIES, SPECTRAL, SCORE, *(metrics or {}))}
     for one, residual, assembly in zip(model.observations, residuals, assemblies, strict=True):
         curve = curve_of(one, residual)
-        modes += modes_of(one, curve)
+        own = modes_of(one, curve)
+        modes += own
+        rows[FREQUENCIES] += [_row(mode.frequency_percent**2) for mode in own]
         receptance = None
         if isinstance(one, MeasuredFRF):
             receptance = np.asarray(curve.modelled, dtype=np.complex128)
-            distances += np.square(np.abs(np.log(one.receptance / receptance))).tolist()
+            squares = np.square(np.abs(np.log(one.receptance / receptance)))
+            rows[SPECTRAL] += _by_mode(curve.frequency_hz, squares, [mode.measured_hz for mode in own])
         for name, metric in (metrics or {}).items():
-            own[name].append(float(metric(HeldOut(one, assembly, receptance))))
-    errors = [mode.frequency_percent for mode in modes if np.isfinite(mode.frequency_percent)]
-    found = {FREQUENCIES: _rms(errors), SPECTRAL: math.sqrt(float(np.mean(distances))) if distances else math.nan}
-    found[SCORE] = score
-    return {**found, **{name: _mean(values) for name, values in own.items()}}, tuple(modes)
+            rows[name].append(_row(float(metric(HeldOut(one, assembly, receptance)))))
+    rows[SCORE].append(_row(score))
+    return {name: np.array(own, dtype=np.float64).reshape(-1, 2) for name, own in rows.items()}, tuple(modes)
 
 
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values else math.nan
+def _row(value: float) -> tuple[float, int]:
+    return (value, 1) if math.isfinite(value) else (0.0, 0)
 
 
-def _mean(values: Sequence[float]) -> float:
-    finite = [value for value in values if math.isfinite(value)]
-    return float(np.mean(finite)) if finite else math.nan
+def _by_mode(
+    lines: NDArray[np.float64], values: NDArray[np.float64], peaks_hz: Sequence[float]
+) -> list[tuple[float, int]]:
+    """Return sums and numbers of the values on the lines next to each peak."""
+    peaks = np.sort(np.array(peaks_hz))
+    parts = np.split(values, np.searchsorted(lines, 0.5 * (peaks[:-1] + peaks[1:])) if peaks.size else [])
+    return [(float(np.sum(part)), part.size) for part in parts]
+
+
+def _value(metric: str, *folds: NDArray[np.float64]) -> float:
+    """Return a metric of the units of folds: mean, or root mean square of errors, with equal weight of each fold.
+
+    NaN where a fold has no value.
+    """
+    if not all(units[:, 1].any() for units in folds):
+        return math.nan
+    return _pooled(metric, np.concatenate([_weighted(units) for units in folds]))
+
+
+def _weighted(units: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return units with weights instead of numbers of values; those of a fold add up to one."""
+    weighted: NDArray[np.float64] = units / units[:, 1].sum()
+    return weighted
+
+
+def _pooled(metric: str, units: NDArray[np.float64]) -> float:
+    total, weight = units.sum(axis=0)
+    mean = float(total / weight)
+    return math.sqrt(mean) if metric in (FREQUENCIES, SPECTRAL) else mean
 
 
 def _names(observations: Sequence[Observation]) -> list[str]:
@@ -384,7 +428,7 @@ def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric]
     singles = {}
     for id in dict.fromkeys(id for one in folds for id in one.singles):
         # In a fold without evidence for a cause the base predicts.
-        own = [one.singles.get(id, one.before.get(names[0], math.nan)) for one in folds]
+        own = [one.singles.get(id, one.before.get(names[0], np.empty((0, 2)))) for one in folds]
         gain = gain_of(names[0], [replace(one, after={names[0]: x}) for one, x in zip(folds, own, strict=True)])
         if gain is not None:
             singles[id] = gain.held_out_after
@@ -398,52 +442,103 @@ def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric]
 
 
 def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
-    """Return a metric before and after, and the 95 % interval of the improvement by the jackknife over the folds."""
-    pairs = [(one.before.get(metric, math.nan), one.after.get(metric, math.nan)) for one in folds]
-    table = np.array([pair for pair in pairs if np.isfinite(pair).all()])
-    if not table.size:
+    """Return a metric before and after, and the 95 % interval of the improvement; None where no fold has both."""
+    none = np.empty((0, 2))
+    pairs = [(one.before.get(metric, none), one.after.get(metric, none)) for one in folds]
+    ends = [(_value(metric, before), _value(metric, after)) for before, after in pairs]
+    used = [pair for pair, values in zip(pairs, ends, strict=True) if np.isfinite(values).all()]
+    if not used:
         return None
     sign = -1.0 if metric == SCORE else 1.0
-
-    def ends(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        squares = metric in (FREQUENCIES, SPECTRAL)
-        result: NDArray[np.float64] = np.sqrt(np.mean(rows**2, axis=0)) if squares else np.mean(rows, axis=0)
-        return result
-
-    before, after = ends(table)
+    before, after = (_value(metric, *(pair[i] for pair in used)) for i in (0, 1))
+    interval, count, correlation = _interval(metric, used)
+    low, high = sorted(sign * end for end in interval)
     return Gain(
         metric=metric,
-        held_out_before=float(before),
-        held_out_after=float(after),
-        interval=_interval(table, lambda rows: sign * float(np.subtract(*ends(rows)))),
-        better=int(np.count_nonzero(sign * (table[:, 0] - table[:, 1]) > 0.0)),
+        held_out_before=before,
+        held_out_after=after,
+        interval=(low, high),
+        units=count,
+        unit=UNIT.get(metric, "records"),
+        correlation=correlation,
+        better=sum(sign * (b - a) > 0.0 for b, a in ends),
         folds=tuple(
             {
                 "configuration": one.configuration,
                 "verdict": one.verdict,
                 "causes": list(one.causes),
-                "before": one.before.get(metric, math.nan),
-                "after": one.after.get(metric, math.nan),
+                "before": before,
+                "after": after,
             }
-            for one in folds
+            for one, (before, after) in zip(folds, ends, strict=True)
         ),
     )
 
 
-def _interval(table: NDArray[np.float64], value: Callable[[NDArray[np.float64]], float]) -> tuple[float, float]:
-    """Return the 95 % interval of a function of the folds by the jackknife; infinite for one fold."""
+def _interval(
+    metric: str, folds: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+) -> tuple[tuple[float, float], int, float]:
+    """Return the 95 % interval of before less after, the number of units, and their correlation within a fold.
+
+    Jackknife over the units. Units of one fold share its fit, so that the variance of the mean of N independent units
+    is multiplied by the design effect 1 + (m - 1) rho, with m units in a fold and the intraclass correlation rho of
+    their differences. The number of effective units, N over the design effect, gives the degrees of freedom, which are
+    at least those of the folds. The interval of a single fold is infinite: it does not show the scatter between folds.
+    `tests/validation/improvement_interval.py` measures the coverage.
+
+    Parameters
+    ----------
+    metric : str
+        The metric.
+    folds : sequence of (ndarray, ndarray)
+        Units of each fold, before and after.
+    """
     from receptance.identification.covariance import confidence_multiplier
 
-    count = len(table)
-    if not np.any(table[:, 0] != table[:, 1]):
-        return 0.0, 0.0
-    if count == 1:
-        return -math.inf, math.inf
-    without_one = [value(np.delete(table, i, axis=0)) for i in range(count)]
-    pseudo = count * value(table) - (count - 1) * np.array(without_one)
-    half_width = confidence_multiplier(0.95, count - 1) * float(np.std(pseudo, ddof=1)) / math.sqrt(count)
+    # A unit without a value, before or after, is no pair: a mode that the prediction does not have.
+    paired = np.concatenate([(before[:, 1] > 0.0) & (after[:, 1] > 0.0) for before, after in folds])
+    numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])[paired]
+    count = numbers.size
+    if all(np.array_equal(before, after) for before, after in folds):
+        return (0.0, 0.0), count, 0.0
+    if np.unique(numbers).size < 2:
+        return (-math.inf, math.inf), count, 0.0
+    tables = [np.concatenate([_weighted(pair[i]) for pair in folds]) for i in (0, 1)]
+
+    def difference(left_out: int | None = None) -> float:
+        before, after = (t if left_out is None else np.delete(t, left_out, axis=0) for t in tables)
+        return _pooled(metric, before) - _pooled(metric, after)
+
+    # Without one unit its fold has less weight, so that the numbers differ between the folds as the folds do.
+    pseudo = count * difference() - (count - 1) * np.array([difference(int(unit)) for unit in np.flatnonzero(paired)])
+    values = [pseudo[numbers == number] for number in np.unique(numbers)]
+    variance, correlation, size = _correlated_variance(values)
+    effect = 1.0 + (size - 1.0) * correlation
+    freedom = max(count / effect, len(values)) - 1.0
+    half_width = confidence_multiplier(0.95, freedom) * math.sqrt(variance * effect / count)
     middle = float(np.mean(pseudo))
-    return middle - half_width, middle + half_width
+    return (middle - half_width, middle + half_width), count, correlation
+
+
+def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, float, float]:
+    """Return variance and intraclass correlation of numbers in groups, and the number in a group.
+
+    They follow from the mean squares between and within the groups (analysis of variance, random effects). The
+    correlation is zero or more; groups of one number have none.
+    """
+    sizes = np.array([len(own) for own in groups], dtype=np.float64)
+    total, count = float(sizes.sum()), len(groups)
+    means = np.array([np.mean(own) for own in groups])
+    middle = float(sizes @ means) / total
+    between = float(sizes @ (means - middle) ** 2) / (count - 1)
+    if total == count:
+        return between, 0.0, 1.0
+    within = sum(float(np.sum((own - mean) ** 2)) for own, mean in zip(groups, means, strict=True))
+    within /= total - count
+    size = (total - float(sizes @ sizes) / total) / (count - 1)
+    shared = max(between - within, 0.0) / size
+    variance = shared + within
+    return variance, shared / variance if variance > 0.0 else 0.0, size
 
 
 def without(model: Model, configurations: Sequence[str]) -> Model:

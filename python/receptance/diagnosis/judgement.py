@@ -9,9 +9,10 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import LEAST_FREEDOM, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
-from receptance.diagnosis.verdict import Answer
+from receptance.diagnosis.verdict import Answer, Gain
+from receptance.diagnosis.wording import implausible
 
-__all__ = ["Judgement", "conclude"]
+__all__ = ["Judgement", "conclude", "doubt_prediction"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +48,15 @@ def conclude(selection: Selection) -> Judgement:
     2. Only adequate explanations are considered; if there is none: unexplained.
     3. All within the margin of the highest evidence are reported, except those that only add causes to another one of
        them, or that add a negligible cause to any other.
-    4. Implausible explanations are vetoed, with a note; if no other is left: unexplained.
+    4. Implausible explanations are vetoed, with a note, if a plausible one is reported. A single explanation whose only
+       fault is an unusual size is reported and suspected: a simplified drawing or a stated value may be that wrong, and
+       an effect outside the catalogue may act in its place. If no explanation is left: unexplained.
     5. If an alternative has more evidence, see `receptance.diagnosis.alternatives`: unexplained.
     6. If one explanation is left: named. It is only suspected near the detection limit, where it strains the tolerances
        beyond the 1 % level, where an alternative has as much evidence, or where the data are not sufficient: there is
        one configuration or one mode, a cause that should act everywhere shows in one configuration, or several causes
        share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing fit has
-       not converged.
+       not converged. `doubt_prediction` judges a named one by held-out data.
     """
     notes: list[str] = []
     limit = max(selection.threshold, 0.0)
@@ -67,11 +70,12 @@ def conclude(selection: Selection) -> Judgement:
     passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
     near = [one for one in near if not any(_adds_only(one, other) for other in near)]
-    for one in near:
-        if one.implausible:
-            sizes = ", ".join(f"{name} = {one.fit.values[name]:.3g}" for name in one.implausible)
-            notes.append(f"{one.title} explains the data, but {sizes} is outside the plausible range: vetoed")
     remaining = [one for one in near if not one.implausible]
+    if not remaining and len(near) == 1 and near[0].unusual:
+        remaining = near
+    for one in near:
+        if one.implausible and one not in remaining:
+            notes.append(f"{one.title} explains the data, but only with an implausible size: {_sizes(one)}: vetoed")
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
         reason = _withhold(alternative, (remaining or near)[0])
@@ -85,10 +89,8 @@ def conclude(selection: Selection) -> Judgement:
         common = frozenset.intersection(*(one.ids for one in remaining))
         between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
-    if unfinished:
-        return Judgement("suspected", tuple(remaining), (), tuple(notes))
     doubts = list(_doubts(selection, remaining[0], limit))
-    return Judgement("suspected" if doubts else "named", tuple(remaining), (), (*notes, *doubts))
+    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), (), (*notes, *doubts))
 
 
 def _judge_base(selection: Selection) -> Judgement:
@@ -129,6 +131,8 @@ def _withhold(alternative: Explanation, best: Explanation) -> str:
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
     """Yield the reasons why the only explanation is suspected and not named."""
     base, name = selection.base, one.title
+    if one.implausible:
+        yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
     if one.evidence <= limit + MARGIN:
         yield f"{name} is suspected only: its evidence is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
@@ -169,11 +173,45 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         )
 
 
+def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
+    """Return why held-out data make the only explanation suspected and not named; None where they do not.
+
+    Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
+    single configuration cannot: without it nothing shows the cause, and the others do not have it.
+
+    Parameters
+    ----------
+    base : Fit
+        The model without causes.
+    one : Explanation
+        The explanation.
+    gain : Gain
+        The first metric of the improvement, an error.
+    """
+    if gain.held_out_after < gain.held_out_before or _is_of_one(one) or _improves_one(base, one) is not None:
+        return None
+    if all(fold["before"] == fold["after"] for fold in gain.folds):
+        return f"{one.title} is suspected only: it is in no prediction of configurations that were left out"
+    return (
+        f"{one.title} is suspected only: predictions of configurations that were left out are not better "
+        f"({gain.metric}): {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
+    )
+
+
 def _only_configuration(base: Fit, one: Explanation) -> str | None:
     """Return the only configuration that an explanation improves, if its causes should act in all of them."""
-    of_one = any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
-    if of_one or any(cause.group == "measurement" for cause, _ in one.steps):
+    if _is_of_one(one) or any(cause.group == "measurement" for cause, _ in one.steps):
         return None
+    return _improves_one(base, one)
+
+
+def _is_of_one(one: Explanation) -> bool:
+    """Return whether a cause is declared for some configurations or records."""
+    return any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
+
+
+def _improves_one(base: Fit, one: Explanation) -> str | None:
+    """Return the only configuration whose residuals an explanation improves."""
     before, after = base.by_configuration, one.fit.by_configuration
     gains = {name: max(before[name] - after[name], 0.0) for name in before}
     total, most = sum(gains.values()), max(gains, key=lambda name: gains[name])
@@ -181,6 +219,11 @@ def _only_configuration(base: Fit, one: Explanation) -> str | None:
     if total <= 0.5 * one.gain or gains[most] < ONE_CONFIGURATION * total:
         return None
     return most
+
+
+def _sizes(one: Explanation) -> str:
+    """Return the sizes outside their plausible range, and the ranges."""
+    return implausible(one.parameters, {name: one.fit.values[name] for name in one.implausible})
 
 
 def _freedom(fit: Fit) -> str:

@@ -62,7 +62,7 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
 def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
     """Return a mask of the usable lines of each observation, None where there are no lines.
 
-    Records of one configuration keep the same ones where that costs few lines, so that one evaluation serves all.
+    Records of one configuration keep the same lines where that costs few lines, so that they share one evaluation.
     """
     own: list[NDArray[np.bool_] | None] = []
     groups: dict[tuple[str, bytes], list[int]] = {}
@@ -85,7 +85,7 @@ def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
 def informative_lines(model: Model, lines: int = EXPLORING_LINES) -> list[NDArray[np.intp] | None]:
     """Return the most informative lines of each observation, dense where the logarithm changes fast; None for all.
 
-    Records of one configuration on the same lines get the same ones, so that one evaluation serves all of them.
+    Records of one configuration on the same lines get the same selection, so that they share one evaluation.
     """
     paths: dict[_Key, NDArray[np.float64]] = {}
     keys: list[_Key | None] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, TypeGuard
@@ -25,6 +26,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.identification.mapping import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
 from receptance.units import FORMS
@@ -32,6 +34,18 @@ from receptance.units import FORMS
 __all__ = ["MEASUREMENT_CAUSES", "truncation_time"]
 
 _TIMES = {1: "once", 2: "twice"}
+_RECORDED = ("displacements", "velocities", "accelerations")
+"""Quantities of a record in the order of time derivatives."""
+_POWERS = {
+    **dict.fromkeys(("", "m", "rad"), (0.0, 0.0)),
+    **dict.fromkeys(("kg", "kg m^2", "kg/m^3"), (1.0, 0.0)),
+    **dict.fromkeys(("Pa", "N/m", "N m/rad", "N/rad"), (1.0, -2.0)),
+    **dict.fromkeys(("N s/m", "N m s/rad", "N s/rad"), (1.0, -1.0)),
+    **dict.fromkeys(("1/kg**0.5", "rad/(m*kg**0.5)"), (-0.5, 0.0)),
+    **dict.fromkeys(("m/N", "rad/(N m)", "m/(N m)"), (-1.0, 2.0)),
+    "Hz": (0.0, -1.0),
+}
+"""Powers of mass and time in the units of parameters."""
 
 
 def _require_receptances(model: Model) -> None:
@@ -126,9 +140,32 @@ def _gain(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(name or "all", model.plus(p["log_gain"].unknown(LOG_GAIN, configurations=name)))
 
 
+def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield the true frequencies as a multiple 1 + s of the stated ones, for each recorded quantity.
+
+    A wrong clock is another unit of time: with the moduli and stiffnesses divided by (1 + s)^2 and the viscous damping
+    by 1 + s, the model has the true accelerance of f (1 + s) at the stated f. The receptance that follows from it with
+    the stated frequencies is too large by (1 + s)^2; where velocities or displacements were recorded, by 1 + s, or not
+    at all. This difference is another unit of mass.
+    """
+    if any(one.assembly.tabulated for one in model.observations):
+        raise UndecidableError("the model contains a table of receptances, whose frequencies may have the same error")
+    addresses = dict.fromkeys(
+        re.sub(r"segment\[\d+\]", "segment[*]", address)
+        for one in model.observations
+        for address in one.assembly.parameters
+    )
+    powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
+    frfs = any(isinstance(one, MeasuredFRF) for one in model.observations)
+    for number, recorded in enumerate(_RECORDED if frfs else _RECORDED[:1]):
+        moves = {address: time + (2.0 - number) * mass for address, (mass, time) in powers.items()}
+        scale = p["log_scale"].move({address: n for address, n in moves.items() if n}, relative=True)
+        yield Variant(f"in {recorded}" if frfs else "in natural frequencies", model.plus(scale))
+
+
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    recorded = ("accelerations", "velocities", "displacements")
+    recorded = _RECORDED[::-1]
     for name, address in zip(recorded, DECAY_RATES, strict=True):
         yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
     # For a single configuration the kind of the record makes little difference.
@@ -293,6 +330,23 @@ MEASUREMENT_CAUSES = (
         change=_gain,
         meaning="the calibration of hammer or sensor is off",
         remedy="calibrate the chain with a known free mass",
+    ),
+    Cause(
+        id="frequency_scale",
+        group="measurement",
+        parameters=(
+            Parameter(
+                name="log_scale",
+                unit="",
+                lower=-0.06,
+                upper=0.06,
+                typical=4e-3,
+                plausible=(-0.02, 0.02),
+            ),
+        ),
+        change=_scale,
+        meaning="the sample clock is off: the true frequencies are a multiple of the stated ones",
+        remedy="measure a generator of known frequency with the analyser, or a free bar of known modulus and density",
     ),
     Cause(
         id="exponential_window",

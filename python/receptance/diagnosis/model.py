@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -81,6 +81,8 @@ class Model:
         Seed of the random numbers of its fits.
     threads : int or None
         As in `Assembly.receptance`; it does not change results.
+    shorter : Model or None
+        The model to which `plus` has added the last unknowns; the parameters of both are prepared once.
     """
 
     observations: tuple[Observation, ...]
@@ -89,6 +91,7 @@ class Model:
     witnesses: tuple[Observation, ...] = ()
     seed: int = 0
     threads: int | None = None
+    shorter: Model | None = field(default=None, init=False)
 
     def with_witnesses(self) -> Model:
         """Return the model with one observation for each set of places as its witnesses."""
@@ -102,8 +105,13 @@ class Model:
     def task(self) -> Task:
         """The fit problem as a task of the identification."""
         units: tuple[Unit, ...] = tuple("standard deviations" for _ in self.observations)
-        parameters = Parameters(self.unknowns, self.tolerances, self._places_in_laws)
-        return Task(self.observations, parameters, units, threads=self.threads)
+        return Task(self.observations, self._parameters, units, threads=self.threads)
+
+    @cached_property
+    def _parameters(self) -> Parameters:
+        if self.shorter is None:
+            return Parameters(self.unknowns, self.tolerances, self._places_in_laws)
+        return self.shorter._parameters.plus(self.unknowns[len(self.shorter.unknowns) :])
 
     @cached_property
     def problem(self) -> Problem:
@@ -180,11 +188,14 @@ class Model:
             own = {term: 0.5 for stem, term in pairs if f"{stem}_y" in reached or f"{stem}_theta" in reached}
             return replace(unknown, follows={**unknown.follows, **own})
 
-        return replace(self, unknowns=tuple(one(unknown) for unknown in self.unknowns))
+        unknowns = tuple(one(unknown) for unknown in self.unknowns)
+        return self if unknowns == self.unknowns else replace(self, unknowns=unknowns)
 
     def plus(self, *unknowns: Unknown) -> Model:
         """Return the model with more unknowns."""
-        return replace(self, unknowns=(*self.unknowns, *unknowns))
+        result = replace(self, unknowns=(*self.unknowns, *unknowns))
+        object.__setattr__(result, "shorter", self)
+        return result
 
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""

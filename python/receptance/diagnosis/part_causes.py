@@ -12,6 +12,7 @@ from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Vari
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model, places_on
 from receptance.diagnosis.thresholds import (
+    DRAWING,
     FLUTE_ROOM,
     LARGE_SIZE,
     MATERIAL_DEVIATIONS,
@@ -274,8 +275,16 @@ def _expect(parameter: Parameter, target: float, scatter: float) -> Parameter:
 
 def _factor(name: str, typical: float, plausible: float) -> Parameter:
     """Return the natural logarithm of a factor; its bounds are three times the plausible range."""
-    limit = 3.0 * plausible
-    return Parameter(name=name, unit="", lower=-limit, upper=limit, typical=typical, plausible=(-plausible, plausible))
+    return _between(name, typical, -plausible, plausible)
+
+
+def _of_drawing(name: str, typical: float) -> Parameter:
+    """Return the natural logarithm of an effective property of parts that a simplified drawing describes."""
+    return _between(name, typical, math.log(1.0 - DRAWING), math.log(1.0 + DRAWING))
+
+
+def _between(name: str, typical: float, low: float, high: float) -> Parameter:
+    return Parameter(name=name, unit="", lower=3.0 * low, upper=3.0 * high, typical=typical, plausible=(low, high))
 
 
 PART_CAUSES = (
@@ -320,7 +329,7 @@ PART_CAUSES = (
         id="holder_inertia",
         group="structure",
         parameters=(
-            _factor("log_density", 0.02, 0.1),
+            _of_drawing("log_density", 0.02),
             Parameter(name="mass", unit="kg", lower=0.0, upper=5.0, typical=0.03, plausible=(0.0, 1.0)),
         ),
         change=_holder_inertia,
@@ -330,7 +339,7 @@ PART_CAUSES = (
     Cause(
         id="holder_modulus",
         group="structure",
-        parameters=(_factor("log_modulus", 0.02, 0.1),),
+        parameters=(_of_drawing("log_modulus", 0.02),),
         change=_holder_modulus,
         meaning="the holder is stiffer or softer than modelled",
         remedy="measure the holder alone, free-free",

@@ -43,14 +43,10 @@ class Progress:
         return sum(planned for _, planned in self._stages.values())
 
     @property
-    def seconds(self) -> float:
-        """Time since the start in s."""
-        return perf_counter() - self._began
-
-    @property
     def position(self) -> dict[str, float]:
         """Number of the current step, expected number of steps, and time since the start in s."""
-        return {"step": self.done, "of_about": self.total, "seconds": round(self.seconds, 1)}
+        seconds = round(perf_counter() - self._began, 1)
+        return {"step": self.done, "of_about": self.total, "seconds": seconds}
 
     def plan(self, stage: str, more: int) -> None:
         """Set the number of further steps of a stage; zero ends it."""

@@ -6,7 +6,7 @@ fits, the detection threshold and the look-alikes. The evidence of a cause comes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,10 +16,17 @@ from numpy.typing import NDArray
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant, parameters_of
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.thresholds import CHANCE_DRAWS, CHANCE_LEVEL, INVISIBLE, OTHER_QUANTITY, VARIANTS_FITTED
+from receptance.diagnosis.tangents import slopes_of
+from receptance.diagnosis.thresholds import (
+    CHANCE_DRAWS,
+    CHANCE_LEVEL,
+    COLUMNS_TOGETHER,
+    INVISIBLE,
+    OTHER_QUANTITY,
+    VARIANTS_FITTED,
+)
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
-from receptance.identification.problem import InfeasibleError
 
 __all__ = ["Direction", "detection_threshold", "directions", "list_variants", "look_alike", "rank"]
 
@@ -105,33 +112,59 @@ def _is_other_quantity(fit: Fit) -> bool:
 
 def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Direction]:
     """Return the linear effect of each variant on a fit."""
-    basis, _ = np.linalg.qr(fit.jacobian)
+    basis = fit.basis
     rest = fit.residual - basis @ (basis.T @ fit.residual)
-    return [_direction(fit, cause, variant, basis, rest) for cause, variant in variants]
+    before = {unknown.name for unknown in fit.model.unknowns}
+    parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
+    seen = [i for i, (_, one) in enumerate(variants) if parameters[i] and not one.changes_data]
+    found = slopes_of(fit, [variants[i][1].model for i in seen])
+    slopes = dict(zip(seen, _after_a_refit(found, basis), strict=True))
+    return [
+        _direction((cause, variant), parameters[i], slopes.get(i), rest) for i, (cause, variant) in enumerate(variants)
+    ]
+
+
+def _after_a_refit(
+    found: Sequence[NDArray[np.float64] | None], basis: NDArray[np.float64]
+) -> Iterator[NDArray[np.float64] | None]:
+    """Yield derivatives of all residuals after a refit of the unknowns of the fit, from those of the observed ones.
+
+    A cause does not change the residuals of the priors of the fit, and that of its own prior is zero at its null.
+    """
+    for first in range(0, len(found), COLUMNS_TOGETHER):
+        some = found[first : first + COLUMNS_TOGETHER]
+        known = [one for one in some if one is not None]
+        if known:
+            together = np.hstack(known)
+            size = len(together)
+            projected = -(basis @ (basis[:size].T @ together))
+            projected[:size] += together
+        begin = 0
+        for one in some:
+            if one is None:
+                yield None
+                continue
+            yield projected[:, begin : begin + one.shape[1]]
+            begin += one.shape[1]
 
 
 def _direction(
-    fit: Fit, cause: Cause, variant: Variant, basis: NDArray[np.float64], rest: NDArray[np.float64]
+    of: tuple[Cause, Variant],
+    parameters: dict[str, Parameter],
+    slopes: NDArray[np.float64] | None,
+    rest: NDArray[np.float64],
 ) -> Direction:
-    before = {u.name for u in fit.model.unknowns}
-    parameters = parameters_of(u for u in variant.model.unknowns if u.name not in before)
-    empty = Direction(cause, variant, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
-    if variant.changes_data or not parameters:
+    """Return the linear effect of a variant from the derivatives of the residuals, if there are any."""
+    empty = Direction(*of, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
+    if slopes is None:
         return empty
-    try:
-        of_data, starts = _slopes(fit, variant, tuple(parameters))
-    except InfeasibleError:
-        return empty
-    # The cause does not change the residuals of the base's priors, and that of its own prior is zero at its null.
-    slopes = np.zeros((rest.size, len(parameters)))
-    slopes[: len(of_data)] = of_data
-    slopes = slopes - basis @ (basis.T @ slopes)
     norms = np.linalg.norm(slopes, axis=0)
     is_visible = norms > INVISIBLE * max(float(norms.max(initial=0.0)), 1e-300)
     slopes = slopes[:, is_visible]
     if not slopes.shape[1]:
         return empty
     solution, *_ = np.linalg.lstsq(slopes, -rest, rcond=1e-10)
+    starts = {u.name: float(u.start or 0.0) for u in of[1].model.unknowns if u.name in parameters}
     visible = {name: one for (name, one), yes in zip(parameters.items(), is_visible, strict=True) if yes}
     only = next(iter(visible.values()))
     one_sided = len(visible) == 1 and only.one_sided
@@ -139,22 +172,7 @@ def _direction(
     if one_sided and (solution[0] < 0.0) == (only.null == only.lower):
         solution, score = np.zeros(1), 0.0
     estimate = _estimate(visible, starts, dict(zip(visible, map(float, solution), strict=True)))
-    return Direction(cause, variant, parameters, slopes, one_sided, score, estimate)
-
-
-def _slopes(fit: Fit, variant: Variant, names: tuple[str, ...]) -> tuple[NDArray[np.float64], dict[str, float]]:
-    """Return derivatives of the observed residuals with respect to a variant's own unknowns, and starts of these.
-
-    Only these columns of the Jacobian are evaluated.
-    """
-    task = variant.model.task
-    unknowns = task.parameters.unknowns
-    values = np.array([fit.values.get(u.name, u.start or 0.0) for u in unknowns], dtype=np.float64)
-    fresh = np.array([u.name in names for u in unknowns])
-    x = task.variables.from_values(values)
-    problem = variant.model.problem
-    rows = problem.slopes(x, fresh) / task.variables.slopes(values)[fresh]
-    return rows[: sum(problem.sizes)], {u.name: float(u.start or 0.0) for u in unknowns if u.name in names}
+    return Direction(*of, parameters, slopes, one_sided, score, estimate)
 
 
 def _estimate(

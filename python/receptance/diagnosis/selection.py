@@ -293,13 +293,11 @@ class Search:
         own.evaluations += len(screened)
         chosen = rank([one for one in screened if one.slopes.shape[1]], own.penalty)
         self._report.plan("alternatives", len(chosen))
-        explored: list[tuple[Direction, Exploration]] = []
         starts = [starts_of(direction, base) for direction in chosen]
         # The joint of the best explanation is closer to the solution than that of an inadequate base.
         starts = [[*each, *({**start, **best.fit.values} for start in each[-2:])] for each in starts]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
-        for found in self._explore("alternatives", titles, chosen, starts):
-            explored += found
+        explored = list(self._explore("alternatives", titles, chosen, starts))
         explored.sort(key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
         leaders: dict[str, tuple[Direction, Exploration]] = {}
@@ -355,14 +353,13 @@ class Search:
             singles = [[one.fit for one in own.singles if steps and one.steps[0] == each.step] for each in others]
             pairs = zip(others, singles, strict=True)
             starts = [[*starts_of(each, root), *starts_from_singles(own.base, fits, root)] for each, fits in pairs]
-            for ends in self._explore(stage, [_title(steps, each) for each in others], others, starts):
-                explored += ends
-                leading = min(explored, key=lambda pair: pair[1].chi_square, default=None)
-                if leading is not None:
-                    self._report.leading = _title(steps, leading[0], variant=False)
+            for pair in self._explore(stage, [_title(steps, each) for each in others], others, starts):
+                explored.append(pair)
+                leading, _ = min(explored, key=lambda pair: pair[1].chi_square)
+                self._report.leading = _title(steps, leading, variant=False)
         except KeyboardInterrupt:
             explored.sort(key=lambda pair: pair[1].chi_square)
-            for direction, few in explored[:EVALUATED_ON_INTERRUPT]:
+            for direction, few in _leading_causes(explored):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
         explored.sort(key=lambda pair: pair[1].chi_square)
@@ -370,12 +367,13 @@ class Search:
 
     def _explore(
         self, stage: str, titles: Sequence[str], chosen: Sequence[Direction], starts: Sequence[list[dict[str, float]]]
-    ) -> Iterator[list[tuple[Direction, Exploration]]]:
-        """Yield each variant with its fits on few lines; none where the model has no value at any start."""
+    ) -> Iterator[tuple[Direction, Exploration]]:
+        """Yield the variants with their fits on few lines, except those that have no value at any start."""
         fits = [partial(explore, one.variant.model, own) for one, own in zip(chosen, starts, strict=True)]
         for direction, few in zip(chosen, self._each(stage, titles, fits), strict=True):
             self.selection.evaluations += few.evaluations
-            yield [(direction, few)] if few.ends else []
+            if few.ends:
+                yield direction, few
 
     def _each(self, stage: str, titles: Sequence[str], fits: Sequence[Callable[[], _T]]) -> Iterator[_T]:
         """Yield the results of fits in their order, after a report of each."""
@@ -427,7 +425,7 @@ class Search:
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
         except KeyboardInterrupt:
-            for direction, few in finished[done:]:
+            for direction, few in _leading_causes(finished, done):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 
@@ -443,6 +441,18 @@ def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
     for one in ranked:
         found.setdefault(one.cause.id, one)
     return list(found.values())
+
+
+def _leading_causes(
+    explored: Sequence[tuple[Direction, Exploration]], done: int = 0
+) -> list[tuple[Direction, Exploration]]:
+    """Return the first variant of each cause that is not among the first `done` ones, and of few causes."""
+    known = {direction.cause.id for direction, _ in explored[:done]}
+    found: dict[str, tuple[Direction, Exploration]] = {}
+    for pair in explored[done:]:
+        if pair[0].cause.id not in known:
+            found.setdefault(pair[0].cause.id, pair)
+    return list(found.values())[:EVALUATED_ON_INTERRUPT]
 
 
 def _changes_data(model: Model, steps: Sequence[Step]) -> bool:

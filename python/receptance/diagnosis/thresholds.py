@@ -80,6 +80,8 @@ OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
+COLUMNS_TOGETHER = 64
+"""Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
 """Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
 
@@ -96,14 +98,17 @@ ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
-EVALUATED_ON_INTERRUPT = 12
-"""Explanations that are evaluated on all lines when a selection is interrupted while it compares few lines."""
+EVALUATED_ON_INTERRUPT = 3
+"""Causes that are evaluated on all lines when a selection is interrupted before their fits."""
+CANDIDATES_ON_INTERRUPT = 3
+"""Candidates of an answer after an interruption: each needs intervals."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
-BEHIND plus this share of the gain of the best one."""
+BEHIND plus this share of the gain of the best one. By the same rule on the other configurations it is left out of a
+fold."""
 
 # Alternatives that are not causes.
 
@@ -192,6 +197,9 @@ RESONANCE_STEP = 0.08
 ORDINARY_MODULUS = 0.15
 ORDINARY_DENSITY = 0.1
 """Natural logarithms up to which a change is an error of the stated material and not another material."""
+DRAWING = 0.25
+"""Largest share by which effective density and modulus of holder and spindle plausibly differ from a simplified
+drawing, which leaves out bores, flanges and balancing cut-outs."""
 MATERIAL_DEVIATIONS = 4.0
 """Plausible range of a material, in standard deviations of its grades."""
 SUSPENSION_PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)

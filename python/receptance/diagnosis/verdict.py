@@ -104,6 +104,12 @@ class Gain:
         By configuration: verdict and causes without it, and the metric before and after.
     better : int
         Number of folds in which it improves the prediction.
+    units : int
+        Number of units that the interval rests on.
+    unit : str
+        What they are: modes, records, or whole folds.
+    correlation : float
+        Correlation of their improvements within a fold, from 0 to 1.
     """
 
     metric: str
@@ -112,6 +118,9 @@ class Gain:
     interval: tuple[float, float]
     folds: tuple[dict[str, Any], ...] = ()
     better: int = 0
+    units: int = 0
+    unit: str = "folds"
+    correlation: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,12 +290,18 @@ class Verdict(Result):
         return replace(self, final=False, verdict=answer, notes=(note, *self.notes), settings=settings)
 
     def with_improvement(self, found: Improvement) -> Verdict:
-        """Return the verdict with its improvement on held-out data."""
+        """Return the verdict with its improvement on held-out data; without one a named cause is suspected only."""
         from receptance.diagnosis.by_mode import bias_of
+        from receptance.diagnosis.judgement import doubt_prediction
 
+        doubt = None
+        if self.verdict == "named" and self.explanation is not None and found.complete and found.gains:
+            doubt = doubt_prediction(self.selection.base, self.explanation, found.gains[0])
         candidates = tuple(replace(one, held_out=found.singles.get(one.id)) for one in self.candidates)
         return replace(
             self,
+            verdict=self.verdict if doubt is None else "suspected",
+            notes=self.notes if doubt is None else (*self.notes, doubt),
             gains=found.gains,
             candidates=candidates,
             bias=bias_of(found.modes, found.slenderness),
@@ -340,14 +355,12 @@ class Verdict(Result):
             probabilities of these; they are infinite where the verdict is "unexplained".
         """
         target = Target(assembly, configuration, conditions, tolerances)
-        found, errors = self._ensemble.natural_frequencies(
-            self.explanation, self.extended or self.base, target, upper_hz
-        )
+        found, errors = self._ensemble.natural_frequencies(self.extended or self.base, target, upper_hz)
         return found, np.full_like(errors, np.inf) if self.verdict == "unexplained" else errors
 
     @cached_property
     def _ensemble(self) -> Ensemble:
-        return Ensemble(self.selection)
+        return Ensemble(self.selection, self.explanation)
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return calculated less measured natural frequencies in percent, before and after, by mode."""

@@ -159,7 +159,10 @@ def improvement_interval(gain: Gain) -> str:
         return "none: no cause is added to the model"
     if not math.isfinite(low):
         return "no interval: one configuration was held out"
-    return f"{low:.3g} to {high:.3g} (95 %), better in {gain.better} of {len(gain.folds)} folds"
+    units = ""
+    if gain.units > len(gain.folds):
+        units = f", from {gain.units} {gain.unit} with a correlation of {gain.correlation:.2f} within a fold"
+    return f"{low:.3g} to {high:.3g} (95 %{units}), better in {gain.better} of {len(gain.folds)} folds"
 
 
 def deviation_factor(verdict: Verdict) -> float | None:

@@ -15,12 +15,12 @@ from receptance.units import FORMS, Form
 __all__ = [
     "average_count",
     "check_coherence",
+    "check_correlated_lines",
     "check_form",
     "check_labels",
     "check_lines",
     "check_texts",
     "checked_fields",
-    "per_line",
 ]
 
 _MAX_AVERAGES = 10**9
@@ -69,7 +69,7 @@ def checked_fields(
         "averages": None if averages is None else average_count(owner, averages),
         "log_variance": per_entry(owner, "log_variance", log_variance, shape, at_least=0.0),
         "degrees_of_freedom": per_entry(owner, "degrees_of_freedom", degrees_of_freedom, shape, above=0.0),
-        "correlated_lines": per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0),
+        "correlated_lines": check_correlated_lines(owner, correlated_lines, lines.size),
         "usable": _usable_mask(owner, usable, lines.size),
         "labels": check_labels(owner, labels, (shape[1], shape[2])),
         "label": "" if label is None else str(label),
@@ -159,16 +159,16 @@ def per_entry(
     return array
 
 
-def per_line(owner: str, quantity: str, value: ArrayLike, n: int, *, at_least: float) -> NDArray[np.float64]:
-    """Return finite real numbers `(n,)`, from a number, or a number per line."""
-    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+def check_correlated_lines(owner: str, value: ArrayLike, n: int) -> NDArray[np.float64]:
+    """Return numbers of lines per independent value `(n,)`, from a number, or a number per line."""
+    array = _checks.numbers(owner, "correlated_lines", value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), (n,)):
-        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or ({n},)")
+        raise ValueError(f"{owner}: correlated_lines has shape {array.shape}, expected one number or ({n},)")
     array = np.ascontiguousarray(np.broadcast_to(array, (n,)))
-    bad = np.flatnonzero(~(np.isfinite(array) & (array >= at_least)))
+    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 1.0)))
     if bad.size:
         raise ValueError(
-            f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number of at least {at_least:g}"
+            f"{owner}: correlated_lines[{bad[0]}] is {array[bad[0]]:g}, expected a finite number of at least 1"
         )
     return array
 

@@ -32,14 +32,14 @@ def is_uninformative(frequency_hz: ArrayLike, half_hz: ArrayLike) -> NDArray[np.
     return ~(half < _WIDE * np.abs(np.asarray(frequency_hz, dtype=np.float64)))
 
 
-def confidence_multiplier(level: float, degrees_of_freedom: int | None) -> float:
+def confidence_multiplier(level: float, degrees_of_freedom: float | None) -> float:
     """Return the half width of a two-sided confidence interval in standard errors.
 
     Parameters
     ----------
     level : float
         Probability of the interval, between 0 and 1.
-    degrees_of_freedom : int or None
+    degrees_of_freedom : float or None
         Of Student's t distribution; None for the normal distribution.
     """
     from scipy.special import ndtri, stdtrit  # the light part of scipy.stats

@@ -264,8 +264,8 @@ def conclude(
     known = "standard deviations" in task.units
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
-    residual = problem.value(best.variables)
     inverse, correlation = covariance_of(problem.curvature_root(best.variables))
+    residual = problem.value(best.variables)
     factor = 1.0 if known else variance_factor(residual, count, loss)
     covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
     values = np.array([best.values[name] for name in variables.names])

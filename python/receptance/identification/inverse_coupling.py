@@ -270,9 +270,9 @@ def invert_coupling(
     """Solve the coupling equations for a joint's complex stiffness, line by line.
 
     The method follows Ozsahin, Erturk, Ozguven and Budak (2009), who use the whole receptance matrix at the tip with
-    rotations from finite differences. Here any receptances serve, translations included, at the tip, the holder's nose
-    or elsewhere, on one assembly or on several with the same joint. Each receptance is one complex equation per line,
-    and each complex term needs one equation. As many equations as terms are solved in closed form, more by least
+    rotations from finite differences. Here any receptances can be used, translations included, at the tip, the holder's
+    nose or elsewhere, on one assembly or on several with the same joint. Each receptance is one complex equation per
+    line, and each complex term needs one equation. As many equations as terms are solved in closed form, more by least
     squares.
 
     Parameters

@@ -12,10 +12,12 @@ q is 2 for accelerations, 1 for velocities and 0 for displacements.
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -87,7 +89,7 @@ class Site:
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ParameterMap:
     """The parameters of one assembly as functions of all unknowns.
 
@@ -133,6 +135,21 @@ class ParameterMap:
             share=np.zeros(count),
         )
 
+    @classmethod
+    def linear(cls, addresses: Sequence[str], values: NDArray[np.float64], slopes: NDArray[np.float64]) -> ParameterMap:
+        """Return parameters `values + slopes @ unknowns`."""
+        count = len(addresses)
+        return cls(
+            addresses=tuple(addresses),
+            base=np.full(count, -1, dtype=np.intp),
+            scale=np.ones(count),
+            fixed=values,
+            exponents=np.zeros_like(slopes),
+            shifts=slopes,
+            second=np.full(count, -1, dtype=np.intp),
+            share=np.zeros(count),
+        )
+
     def _before(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return b."""
         first = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
@@ -159,6 +176,81 @@ class ParameterMap:
         """Return the same functions of more unknowns, `count` of them, of which the further ones have no effect."""
         more = ((0, 0), (0, count - self.exponents.shape[1]))
         return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
+
+    def around(self, more: ParameterMap, unknowns: NDArray[np.float64]) -> tuple[ParameterMap, NDArray[np.float64]]:
+        """Return the parameters of `more` as functions of its unknowns alone, where these unknowns have some values.
+
+        Parameters
+        ----------
+        more : ParameterMap
+            As of `joined`.
+        unknowns : ndarray
+            Values of the unknowns of this map.
+
+        Returns
+        -------
+        mapping : ParameterMap
+            The parameters less their shifts by these unknowns.
+        shifts : ndarray
+            These shifts.
+        """
+        rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
+        is_known = rows >= 0
+        own = rows[is_known]
+        factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
+        exponents = np.exp(self.exponents[own] @ unknowns)
+        factor[is_known], fixed[is_known] = exponents, self._before(unknowns)[own] * exponents
+        shifts[is_known] = self.shifts[own] @ unknowns
+        return replace(more, scale=more.scale * factor, fixed=fixed, share=more.share * factor), shifts
+
+    def joined(self, more: ParameterMap, at: int) -> ParameterMap:
+        """Return the functions of further unknowns too, which are inserted before the unknown of index `at`.
+
+        Parameters
+        ----------
+        more : ParameterMap
+            The parameters of the same assembly as functions of the further unknowns alone. It has no base for a
+            parameter that has one already.
+        at : int
+            Index of the first further unknown.
+        """
+        count = more.exponents.shape[1]
+        fresh = [i for i, address in enumerate(more.addresses) if address not in self.numbers]
+        size = len(self.addresses) + len(fresh)
+        rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
+        rows[fresh] = np.arange(len(self.addresses), size)
+
+        def matrix(own: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+            result = np.zeros((size, own.shape[1] + count))
+            result[: len(own), :at] = own[:, :at]
+            result[: len(own), at + count :] = own[:, at:]
+            result[rows, at : at + count] = other
+            return result
+
+        def column(own: NDArray[Any], other: NDArray[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
+            result = np.concatenate([own, other[fresh]])
+            result[rows[chosen]] = other[chosen]
+            return result
+
+        def index(own: NDArray[np.intp]) -> NDArray[np.intp]:
+            return np.where(own >= at, own + count, own)
+
+        based, seconded = more.base >= 0, more.second >= 0
+        return ParameterMap(
+            addresses=(*self.addresses, *(more.addresses[i] for i in fresh)),
+            base=column(index(self.base), np.where(based, more.base + at, -1), based),
+            scale=column(self.scale, more.scale, based),
+            fixed=column(self.fixed, more.fixed, based),
+            exponents=matrix(self.exponents, more.exponents),
+            shifts=matrix(self.shifts, more.shifts),
+            second=column(index(self.second), np.where(seconded, more.second + at, -1), seconded),
+            share=column(self.share, more.share, seconded),
+        )
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Row of each address."""
+        return {address: i for i, address in enumerate(self.addresses)}
 
     def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
         """Return the assembly with the values of its addresses."""
@@ -222,7 +314,54 @@ class Parameters:
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
         self._index = {name: i for i, name in enumerate(names)}
         self._levels = {one.name: self._levels_of(one, sites) for one in self.given if isinstance(one, Law)}
-        self._maps = [(site, self.at(site)) for site in sites]
+        named = {name for one in self.given for name in one.configurations or ()}
+        named |= {name for one in self.tolerances for name in (*(one.configurations or ()), *(one.labels or ()))}
+        # Records of one configuration have the same parameters, unless a label is named.
+        keys = [_key(site, named) for site in sites]
+        maps = {key: self.at(site) for key, site in dict(zip(keys, sites, strict=True)).items()}
+        self._maps = [(site, maps[key]) for key, site in zip(keys, sites, strict=True)]
+
+    def plus(self, more: Sequence[Unknown]) -> Parameters:
+        """Return the parameters with more unknowns after the given ones; only these are checked and added to the maps.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As the constructor.
+        """
+        if not more:
+            return self
+        further = self.further(more)
+        if further is None:
+            return Parameters((*self.given, *more), self.tolerances, [site for site, _ in self._maps])
+        result = copy.copy(self)
+        result.given = (*self.given, *more)
+        result.notes = [*self.notes, *further.notes]
+        result.unknowns = (*self.unknowns[: self.count], *further.unknowns, *self.unknowns[self.count :])
+        result.count = self.count + further.count
+        result._index = {unknown.name: i for i, unknown in enumerate(result.unknowns)}
+        pairs = [(own, other) for (_, own), (_, other) in zip(self._maps, further._maps, strict=True)]
+        maps = {pair: pair[0].joined(pair[1], self.count) for pair in dict.fromkeys(pairs)}
+        result._maps = [(site, maps[pair]) for (site, _), pair in zip(self._maps, pairs, strict=True)]
+        return result
+
+    def further(self, more: Sequence[Unknown]) -> Parameters | None:
+        """Return the parameters of the same sites as functions of more unknowns alone.
+
+        None is returned where these are laws, or not independent of the given unknowns, which may be an error.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As the constructor.
+        """
+        if any(isinstance(unknown, Law) for unknown in more):
+            return None
+        result = Parameters(more, (), [site for site, _ in self._maps])
+        pairs = zip(self._maps, result._maps, strict=True)
+        if not result._index.keys().isdisjoint(self._index) or any(_share_a_base(own, o) for (_, own), (_, o) in pairs):
+            return None
+        return result
 
     def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
         """Return the parameters of sites; those of the observed sites are cached."""
@@ -377,7 +516,6 @@ class Parameters:
                     if name in owner:
                         raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} both determine {name!r}")
                     owner[name] = unknown.name
-        known = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
         notes: list[str] = []
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
@@ -405,6 +543,7 @@ class Parameters:
                 )
             missing = [address for address in addresses if not _has(address, chosen)]
             if missing and len(missing) == len(addresses):
+                known = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
                 first = missing[0].split(".", 1)[0] + "."
                 near = [name for name in known if name.startswith(first)] or list(known)
                 raise ValueError(
@@ -416,8 +555,22 @@ class Parameters:
         return notes
 
 
+def _key(site: Site, named: Collection[str]) -> tuple[Hashable, ...]:
+    """Return a key that sites with the same parameters share, where unknowns and errors name some labels."""
+    label = site.label if site.label in named else ""
+    return id(site.assembly), site.configuration, label, tuple(site.conditions.items()), site.factors
+
+
 def _has(address: str, sites: Sequence[Site]) -> bool:
     return any(site.covered(address) for site in sites)
+
+
+def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
+    """Return whether two maps of an assembly have an unknown as the base of the same parameter."""
+    return any(
+        base >= 0 and (row := own.numbers.get(address, -1)) >= 0 and own.base[row] >= 0
+        for address, base in zip(other.addresses, other.base, strict=True)
+    )
 
 
 class _Rows:

@@ -210,7 +210,7 @@ class NewObservations:
     mappings : list of ParameterMap
         The parameters of each observation's assembly.
     errors : tuple of str
-        Names of the `q` errors that the fit does not know.
+        Names of the `q` errors that are not in the fit.
     variables : Variables
         The `p` fitted variables, followed by these errors.
     """

@@ -12,7 +12,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf.validation import check_form, per_line
+from receptance.frf.validation import check_correlated_lines, check_form
 from receptance.identification.mapping import FACTORS, Site
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -185,7 +185,7 @@ class MeasuredFRF(_Observation):
         sd = standard_deviation
         spread = None if sd is None else _spread(owner, "standard_deviation", sd, lines.shape)
         forces = None if force is None else _spread(owner, "force", force, lines.shape)
-        correlated = per_line(owner, "correlated_lines", correlated_lines, lines.size, at_least=1.0)
+        correlated = check_correlated_lines(owner, correlated_lines, lines.size)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))

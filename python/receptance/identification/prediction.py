@@ -1,7 +1,7 @@
 """Predictions from the posterior of a fit: natural frequencies and receptances of assemblies, and their uncertainty.
 
 The posterior is Gaussian. The fitted variables, which include the errors of dimensions and materials, have the
-covariance of the fit. Errors that the fit does not know, those of a new clamping for example, have their priors, which
+covariance of the fit. Errors that are not in the fit, those of a new clamping for example, have their priors, which
 are standard normal. To first order a result with the gradient g has the variance g' C g. A receptance is not linear in
 the variables where a resonance may move by more than its width; then vectors are drawn from the posterior and each is
 evaluated.
@@ -327,7 +327,7 @@ class Forecast:
     site : Site
         The assembly as described, its configuration and conditions.
     tolerances : sequence of Tolerance, optional
-        Its errors; by default those of the fit. Errors that the fit does not know have their prior.
+        Its errors; by default those of the fit. Errors that are not in the fit have their prior.
 
     Attributes
     ----------
@@ -336,7 +336,7 @@ class Forecast:
     addresses : tuple of str
         Addresses of the `m` uncertain parameters.
     fresh : tuple of str
-        Errors that the fit does not know, `q` of them.
+        The `q` errors that are not in the fit.
 
     Raises
     ------

@@ -31,7 +31,17 @@ if TYPE_CHECKING:
 
     _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-__all__ = ["End", "InfeasibleError", "Observed", "Problem", "Unit", "only_joint", "prior_table", "residuals_at"]
+__all__ = [
+    "End",
+    "InfeasibleError",
+    "Observed",
+    "Problem",
+    "Unit",
+    "only_joint",
+    "prior_table",
+    "residuals_at",
+    "slopes_at",
+]
 
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
@@ -174,6 +184,8 @@ class Problem:
 
     def value(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the residuals at a point where the model has a value, without their derivatives."""
+        if self._at is not None and np.array_equal(self._at, x) and np.isfinite(self._rows[0]).all():
+            return self._rows[0]
         return self._some(x, np.zeros(x.size, dtype=np.bool_))[0]
 
     def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -437,11 +449,34 @@ class _CoreObservations:
         return frequency.size + measured.damped.size
 
 
+def slopes_at(observed: Sequence[Observed], threads: int | None) -> NDArray[np.float64]:
+    """Return the derivatives of the residuals of observations where all unknowns of their mappings are zero, `(n, p)`.
+
+    Raises
+    ------
+    InfeasibleError
+        The model has no value there.
+    """
+    count = observed[0].mapping.shifts.shape[1]
+    core = _unbounded(count, threads)
+    added = _CoreObservations(core, observed, (), threads)
+    found = core.rows(np.zeros(count), np.ones(count, dtype=np.bool_))
+    if found is None:
+        raise InfeasibleError("the model has no value, or a residual or its derivative is not finite")
+    slopes = np.empty_like(found[1])
+    slopes[added.places] = found[1]
+    return slopes
+
+
+def _unbounded(count: int, threads: int | None) -> _core.Problem:
+    limits = np.array([[-np.inf], [np.inf]]) * np.ones(count)
+    return _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(threads))
+
+
 def residuals_at(item: Observed, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the residuals of an observation at rows of values of the unknowns, `(n, p)`; NaN where it has no value."""
     count = values.shape[1]
-    limits = np.array([[-np.inf], [np.inf]]) * np.ones(count)
-    core = _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)), 1)
+    core = _unbounded(count, 1)
     (size,) = _CoreObservations(core, [item], (), None).sizes
     result, none = np.full((len(values), size), np.nan), np.zeros(count, dtype=np.bool_)
     for row, found in zip(result, map(np.ascontiguousarray, values), strict=True):

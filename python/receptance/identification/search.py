@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import Observation
     from receptance.identification.problem import End, Problem
-from receptance.identification.task import Task
+    from receptance.identification.task import Task
 
 __all__ = ["Continuation", "GlobalSearch", "Strategy", "different_ends", "fit_direct", "fit_staged", "smeared"]
 

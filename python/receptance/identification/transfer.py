@@ -278,7 +278,7 @@ def transfer(
     """Identify on some configurations and predict the others, for every split.
 
     Observations of one configuration stay together: they are fitted, or held out. A configuration that is held out has
-    its own errors, which the fit does not know, and they widen its intervals.
+    its own errors, which are not in the fit, and they widen its intervals.
 
     Parameters
     ----------

@@ -94,6 +94,7 @@ class Assembly:
         check_chain(elements, points, motion)
         # An assembly is immutable, so it is flattened once per set of coordinates.
         self._flats: dict[tuple[Coordinate, ...], Flat] = {}
+        self._tied: dict[tuple[Coordinate, ...], tuple[Sequence[str], Tied]] = {}
         self._elements = dict(zip(names_of(elements), elements, strict=True))
         self._attachments = dict(zip(names_of(points), points, strict=True))
         if double := self._elements.keys() & self._attachments.keys():
@@ -330,7 +331,7 @@ class Assembly:
                 for i, field in segment_fields(address, owner, rest):
                     in_segments.setdefault((name, i), {})[field] = value
             else:
-                self._named(address)
+                self._named(address)  # raises if there is no such parameter
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
         for (name, i), fields in in_segments.items():
@@ -446,11 +447,17 @@ class Assembly:
         others : collection of str, optional
             The addresses of observations, which are in no table.
         """
+        known = self._tied.get(points)
+        if known is not None and known[0] == addresses:
+            return known[1]
         flat, names = self.flat(points), [[] if one in others else self._named(one) for one in addresses]
         for address, own in zip(addresses, names, strict=True):
             if len(own) > 1:
                 self.get(address)  # raises if the segments differ
-        return Tied(flat, names, self._points(flat, points))
+        found = Tied(flat, names, self._points(flat, points))
+        # A diagnosis varies the same addresses of an assembly in many ways, one after the other.
+        self._tied[points] = addresses, found
+        return found
 
     def _evaluate(
         self,

@@ -76,7 +76,7 @@ class SpreadJoint(Element):
         Number(
             units.SLOPE,
             "slope of the shares of the points: the one at x has (1 + slope (2 x / length - 1)) / points of the "
-            "stiffness and damping, so the mouth holds more where it is negative; only with `points`",
+            "stiffness and damping, x from the mouth; a negative slope makes the mouth stiffer; only with `points`",
         ),
     ] = 0.0
     points: Annotated[

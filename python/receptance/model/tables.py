@@ -284,7 +284,7 @@ class Tied:
         with self.flat.joints_by_name():
             return self.flat.model.tied(self._rates, present, addresses, factors)
 
-    @property
+    @cached_property
     def key(self) -> tuple[bytes, ...]:
         """Key that equal models share."""
         tables = [array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix)]

@@ -6,7 +6,6 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from receptance._text import printable
-from receptance.report.notes import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,7 +22,7 @@ def as_html(content: Renderable) -> str:
     parts = [f"<p><b>{_shown(content.title)}</b></p>", *(f"<p>{_shown(text)}</p>" for text in texts)]
     parts += [_table(table) for table in content.tables()]
     parts += _list("Advice", content.warnings())
-    parts += _list("Notes", grouped(content.notes))
+    parts += _list("Notes", content.grouped_notes())
     if content.origin:
         parts.append(f"<p><small>{_shown(content.origin)}</small></p>")
     return "\n".join(parts)

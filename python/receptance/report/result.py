@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Renderable", "Result", "Results"]
 
+_MOST_SOURCES = 3
+"""Number of sources, such as measurements, whose notes are printed; `to_dict` contains all notes."""
+
 
 class Renderable(ABC):
     """Base of everything that is shown as text and as HTML: a subclass defines the content, which is rendered here.
@@ -56,6 +59,28 @@ class Renderable(ABC):
     def warnings(self) -> Sequence[str]:
         """Return recommendations for the user, a sentence each."""
         return ()
+
+    def grouped_notes(self) -> Iterator[str]:
+        """Yield the notes; several notes of one source, the text before a colon, follow the name of the source."""
+        sources: dict[str, list[str]] = {}
+        for note in self.notes:
+            source, colon, text = note.partition(": ")
+            if colon:
+                sources.setdefault(source, []).append(text)
+        several = [source for source, texts in sources.items() if len(texts) > 1]
+        shown = set(several[:_MOST_SOURCES])
+        started: set[str] = set()
+        for note in self.notes:
+            source, colon, _ = note.partition(": ")
+            if not colon or source not in several:
+                yield note
+            elif source in shown and source not in started:
+                started.add(source)
+                yield f"{source}:"
+                yield from (f"  {text}" for text in sources[source])
+        rest = len(several) - len(shown)
+        if rest:
+            yield f"the notes of {rest} more sources are in the JSON"
 
     def summary(self, width: int = 100) -> str:
         """Return the content as text: findings, tables, warnings and notes.

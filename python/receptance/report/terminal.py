@@ -18,7 +18,6 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance._text import printable
-from receptance.report.notes import grouped
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderResult
@@ -52,7 +51,7 @@ def print_result(console: Console, content: Renderable, measured: Sequence[Table
     print_sentences(console, content.sentences())
     for table in content.tables():
         print_table(console, table)
-    for title, texts in (("Advice", content.warnings()), ("Notes", list(grouped(content.notes)))):
+    for title, texts in (("Advice", content.warnings()), ("Notes", list(content.grouped_notes()))):
         if texts:
             console.print(Text(title, style="bold"))
             print_sentences(console, texts)

@@ -1,4 +1,4 @@
-//! What can be wrong with a model or a request, each variant naming the quantity and its value.
+//! Errors of a model or a request; each variant names the quantity and its value.
 
 /// Errors of the core.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -14,7 +14,7 @@ pub enum Error {
         quantity: &'static str,
         /// The value found.
         value: f64,
-        /// What would have been right.
+        /// The expected value.
         expected: &'static str,
     },
     /// A frequency line that cannot be used.
@@ -26,7 +26,7 @@ pub enum Error {
         re: f64,
         /// Imaginary part found.
         im: f64,
-        /// What would have been right.
+        /// The expected value.
         expected: &'static str,
     },
     /// A segment that is extremely long for the waves at a frequency.
@@ -71,7 +71,7 @@ pub enum Error {
         index: usize,
         /// The value found.
         value: f64,
-        /// What would have been right.
+        /// The expected value.
         expected: String,
     },
     /// An interface whose stiffness matrix cannot be inverted.

@@ -74,7 +74,7 @@ class Case:
     nominal: Nominal
     records: tuple[Record, ...]
     new_tools: tuple[Configuration, ...]
-    """Tools that will be asked about and were not measured."""
+    """Tools that were not measured and whose predictions are scored."""
 
 
 @dataclass(frozen=True, kw_only=True)

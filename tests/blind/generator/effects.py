@@ -1,7 +1,6 @@
 """Hidden effects: those of the catalogue, effects outside it, and how large they are drawn.
 
-An effect changes the numbers of the truth. Its sizes are what an oracle fits; `fixed` describes how it
-acts.
+An effect changes the numbers of the truth. An oracle fits its sizes; `fixed` describes how it acts.
 `u` runs from 0, barely visible, to 1, large.
 """
 

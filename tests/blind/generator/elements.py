@@ -168,8 +168,8 @@ class Structure:
     def poles(self, forces: FloatArray, motions: FloatArray, modes: int = 12) -> Poles:
         """Return the response as a sum over poles, forces and motions given as columns over all unknowns.
 
-        The basis is the lowest undamped modes and what the higher ones add to the static response to the forces, the
-        motions and the dashpots, so that the sum is as exact as the mesh up to half the highest kept mode.
+        The basis is the lowest undamped modes and the contribution of the higher ones to the static response to the
+        forces, the motions and the dashpots, so that the sum is as exact as the mesh up to half the highest kept mode.
         """
         stiffness, inertia, damping = self.matrices()
         squares, shapes = linalg.eigh(stiffness.real, inertia)

@@ -30,7 +30,7 @@ class Setup:
     """Wanted median of the standard deviation of the logarithm."""
     hammer_noise: float
     decay_rate: float = 0.0
-    """Of an exponential window that the analyser knows of."""
+    """Rate of an exponential window that the analyser reports."""
     spacing: float = SPACING
     """Of the reported lines in Hz, at least."""
 

@@ -214,7 +214,7 @@ def log_slopes(
 ) -> ComplexArray:  # fmt: skip
     """Return the change of the logarithm of the recorded response by small steps of some numbers, column by column.
 
-    Where a step changes matrices only, these are what is differenced; the response follows to first order.
+    Where a step changes matrices only, the differences are those of the matrices; the response follows to first order.
     """
     found = poles(p)
     lines = frequency_hz + (decay_rate + p.get("window", 0.0)) / (2j * np.pi)

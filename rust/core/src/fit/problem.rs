@@ -56,7 +56,7 @@ pub struct Prior {
 pub struct OfJoint {
     /// The model.
     pub reduction: Arc<JointReduction>,
-    /// What was measured on its lines.
+    /// The measurement on its lines.
     pub record: Record,
     /// The columns of the joint, where they are not fitted.
     pub joint: [f64; SPRING_COLUMNS],
@@ -73,7 +73,7 @@ pub trait Residuals: Debug + Send + Sync {
     fn rows(&self, x: &[f64]) -> Result<Rows>;
 }
 
-/// What was measured, beside the model that it is compared with.
+/// A measurement, and the model that it is compared with.
 #[derive(Clone, Debug)]
 pub enum Observation {
     /// Of a whole model.
@@ -91,7 +91,7 @@ pub enum Observation {
     Given(Arc<dyn Residuals>),
 }
 
-/// When fits end, and what is kept of them.
+/// End conditions of fits, and their kept results.
 #[derive(Copy, Clone, Debug)]
 pub struct Settings {
     /// See `Stop`.
@@ -551,7 +551,7 @@ impl Observation {
 }
 
 impl OfJoint {
-    /// The model beside what was measured.
+    /// The model and the measurement.
     fn reduced(&self) -> Result<Reduced<'_>> {
         Reduced::new(&self.reduction, &self.record.measured, &self.record.weights)
     }

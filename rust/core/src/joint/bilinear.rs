@@ -26,7 +26,7 @@ pub const FUNCTIONS: usize = 5;
 /// Columns of the sums.
 pub const COLUMNS: usize = 15;
 
-/// What a function of the line is multiplied by, besides the joint's factor.
+/// Factor of a function of the line, besides the factor of the joint.
 #[derive(Copy, Clone, PartialEq)]
 enum By {
     One,
@@ -36,7 +36,7 @@ enum By {
     IwIw,
 }
 
-/// The function of each column, and what it is multiplied by; `factors` has the joint's part in the same order.
+/// The function of each column, and its factor; `factors` has the joint's part in the same order.
 const OF_COLUMN: [(usize, By); COLUMNS] = [
     (0, By::One),
     (0, By::I),
@@ -74,7 +74,7 @@ pub fn factors(joint: &Spring, highest: f64) -> [f64; COLUMNS] {
 /// The functions of the lines, n0 to n4 and d0 to d4.
 #[derive(Copy, Clone)]
 pub struct Functions<'a> {
-    /// What the model was reduced to.
+    /// The reduced model.
     pub reduction: &'a Reduction,
     /// The lines.
     pub frequencies: Frequencies<'a>,
@@ -158,7 +158,7 @@ fn of_planes<S: Simd>(values: &[C<S>; REDUCTION_PLANES / 2], g: &Mat<S, 2>) -> O
     [n, d]
 }
 
-/// What stands in a column for a block of lines, before the joint's factor.
+/// A column for a block of lines, without the factor of the joint.
 #[inline(always)]
 pub fn column<S: Simd>(column: usize, functions: &[C<S>; FUNCTIONS], iw: C<S>) -> C<S> {
     let (function, by) = OF_COLUMN[column];
@@ -175,9 +175,10 @@ pub fn column<S: Simd>(column: usize, functions: &[C<S>; FUNCTIONS], iw: C<S>) -
 /// The columns that a table of joints needs: those whose factor is not zero for all of them.
 pub fn used(joints: &[f64]) -> Vec<usize> {
     let any = |effect: fn(&Term) -> bool| {
-        let rows = joints.chunks_exact(SPRING_COLUMNS);
-        rows.into_iter()
-            .any(|row| row.iter().zip(SPRING).any(|(value, (_, term))| effect(term) && *value != 0.0))
+        joints.chunks_exact(SPRING_COLUMNS).any(|row| {
+            let mut columns = row.iter().zip(SPRING);
+            columns.any(|(value, (_, term))| effect(term) && *value != 0.0)
+        })
     };
     let damped = any(|term| matches!(term, Term::Dashpot(_)));
     let couples = any(|term| matches!(term, Term::Stiffness(2) | Term::Dashpot(2)));

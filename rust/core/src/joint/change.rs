@@ -1,4 +1,4 @@
-//! What another joint makes of a reduced receptance, line by line.
+//! A reduced receptance with another joint, line by line.
 
 use crate::model::frequencies::Frequencies;
 use crate::model::spring::Spring;

@@ -1,15 +1,15 @@
-//! Many joints in the place of one: receptances, magnitudes or misfits of each, everything else evaluated once.
+//! Many joints in place of one: receptances, magnitudes or misfits of each, everything else evaluated once.
 //!
-//! Lines lie in the lanes. What `bilinear` has of the lines is laid out once, a few lines after the other, so that it
-//! stays in the nearest cache while all joints of a group pass. What comes out for a joint does not depend on which
-//! others are asked for, nor on the number of threads.
+//! Lines are in the lanes. The columns of `bilinear` on the lines are stored once, a few lines after the other, so that
+//! they stay in the nearest cache for all joints of a group. The results of a joint depend neither on the other joints
+//! nor on the number of threads.
 //!
-//! What many joints need of the lines is laid out as the kernels pass it: by tiles of some vectors of lines, then
-//! vectors, then columns (see `bilinear`), then N and D, real and imaginary parts; the squared weights of a tile behind the rest of it.
+//! The data of the lines are stored in the order of the kernels: by tiles of some vectors of lines, then vectors, then
+//! columns (see `bilinear`), then N and D, real and imaginary parts; the squared weights of a tile follow its columns.
 //!
 //! There are two passes over lines and joints: one sums over the lines, the other gives values line by line.
-//! N and D are products of the columns of the lines and the factors of the joints, a few joints side by side on a vector
-//! of lines; what is made of them follows at once.
+//! N and D are products of the columns of the lines and the factors of the joints, a few joints side by side on a
+//! vector of lines; the results are computed from them immediately.
 
 use crate::error::{Result, one_a_line, same_length};
 use crate::joint::bilinear::{COLUMNS, FUNCTIONS, Functions, OnLines, column, factors, used};
@@ -22,16 +22,16 @@ use crate::threads::on_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Joints of a task, at most.
+/// Most joints of a task.
 const GROUP: usize = 64;
 
-/// Tasks there should at least be.
+/// Least number of tasks, where there are enough joints.
 const TASKS: usize = 32;
 
-/// What a joint takes on a line at least [ns].
+/// Least time of a joint on a line [ns].
 const A_LINE: f64 = 0.5;
 
-/// What is summed over the lines.
+/// Terms of the sum over the lines.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum Misfit {
     /// The squared modulus of `weight` log(measured / H), as fits have it.
@@ -168,7 +168,7 @@ impl<'a> JointSweep<'a> {
         out
     }
 
-    /// Lays out what the lines have.
+    /// Stores the data of the lines.
     fn hoisted(
         &self,
         columns: &[usize],
@@ -189,32 +189,32 @@ pub const PARTS: usize = 4;
 /// Vectors of lines that are in the nearest cache together.
 pub const TILE: usize = 8;
 
-/// What was measured on each line, and its weight.
+/// Measured receptance of each line, and its weight.
 #[derive(Copy, Clone)]
 pub struct Measured<'a> {
     /// Receptances.
     pub values: &'a [Complex64],
     /// Weights.
     pub weights: &'a [f64],
-    /// What is summed.
+    /// Terms of the sum.
     pub misfit: Misfit,
 }
 
-/// What is laid out.
+/// Source of the stored data.
 pub struct Source<'a> {
     /// The functions of the lines.
     pub functions: Functions<'a>,
     /// The highest angular frequency.
     pub highest: f64,
-    /// What was measured, for misfits.
+    /// The measurement, for misfits.
     pub measured: Option<Measured<'a>>,
-    /// Whether lanes stand in the order in which complex numbers are written.
+    /// Whether the lanes have the order in which complex numbers are written.
     pub woven: bool,
     /// The columns that are needed.
     pub columns: &'a [usize],
 }
 
-/// What all joints need of the lines.
+/// Data of the lines for all joints.
 pub struct Hoisted {
     values: Vec<f64>,
     skip: usize,
@@ -350,15 +350,16 @@ fn size<S: Simd>(d: &[C<S>; FUNCTIONS], columns: &[usize], iw: C<S>, reference: 
     simd.partial_load_f64s(&lanes[..S::F64_LANES])
 }
 
-/// Joints that are taken side by side: what is loaded of the lines serves all of them, and while one waits for its last
-/// step the others go on. Four are 15 % faster than two with the 32 registers of AVX-512, 4 % slower with sixteen.
+/// Joints that are computed side by side: the loaded data of the lines are used by all of them, and the steps of one
+/// overlap with those of the others. Four are 15 % faster than two with the 32 registers of AVX-512, 4 % slower with
+/// sixteen.
 pub const SIDE: usize = 4;
 
 /// The factors of some joints: by groups of `SIDE` joints, then columns, then the joints of a group.
 pub struct Factors {
     /// The factors.
     pub values: Vec<f64>,
-    /// Joints that are none.
+    /// Whether each joint is invalid.
     pub invalid: Vec<bool>,
 }
 
@@ -379,9 +380,9 @@ fn sums<S: Simd>(simd: S, lines: &[S::f64s], joints: &[f64]) -> [[S::f64s; PARTS
 
 /// The misfits of a group of joints.
 pub struct Sums<'a, const LOGARITHM: bool> {
-    /// What the lines have.
+    /// Data of the lines.
     pub hoisted: &'a Hoisted,
-    /// What the joints have.
+    /// Factors of the joints.
     pub joints: &'a Factors,
     /// The output.
     pub out: &'a mut [f64],
@@ -399,7 +400,7 @@ impl<const LOGARITHM: bool> WithSimd for Sums<'_, LOGARITHM> {
             for (group, total) in joints.values.chunks_exact(a_group).zip(&mut totals) {
                 for (lines, &weight) in lines.chunks_exact(a_vector).zip(weights) {
                     let found = sums(simd, lines, group);
-                    // D over N: both are sums of products, what was measured is in D already.
+                    // D over N: both are sums of products; D contains the measured value.
                     let quotients = found.map(|[n_re, n_im, d_re, d_im]| {
                         [C { simd, re: d_re, im: d_im }, C { simd, re: n_re, im: n_im }]
                     });
@@ -424,9 +425,9 @@ impl<const LOGARITHM: bool> WithSimd for Sums<'_, LOGARITHM> {
 
 /// The receptances of a group of joints, line by line, or their moduli.
 pub struct EachLine<'a, const MAGNITUDE: bool> {
-    /// What the lines have.
+    /// Data of the lines.
     pub hoisted: &'a Hoisted,
-    /// What the joints have.
+    /// Factors of the joints.
     pub joints: &'a Factors,
     /// The output.
     pub out: &'a mut [f64],

@@ -33,7 +33,7 @@ const BALANCED: f64 = 1e-8;
 /// Levels and motions below this are zero.
 const LEAST: f64 = 1e-30;
 
-/// What the search takes on a line at least [ns].
+/// Least time of the search on a line [ns].
 const A_LINE: f64 = 2e3;
 
 /// Column of c_y in the table of joints.
@@ -116,7 +116,7 @@ fn check_force(lines: &Frequencies, request: &Request) -> Result<()> {
 /// Column of the stated level in the table of slips.
 const LEVEL: usize = 4;
 
-/// What a derivative is made of.
+/// Contributions to a derivative.
 enum Kind {
     /// A derivative of the linear model.
     Plain(usize),
@@ -179,7 +179,7 @@ impl Slots {
         each.map(|reference| if reference > 0.0 { force / reference } else { 0.0 }).collect()
     }
 
-    /// What slip adds to all joints, line by line.
+    /// Change of all joints by slip, line by line.
     fn on_joints(&self, levels: &[f64], joints: usize) -> Vec<Complex64> {
         let mut out = vec![Complex64::ZERO; levels.len() / self.count() * joints * 2];
         for (levels, out) in levels.chunks(self.count()).zip(out.chunks_mut(2 * joints)) {
@@ -190,7 +190,7 @@ impl Slots {
         out
     }
 
-    /// The parameters to ask the linear model for, last the dashpots of the joints, and what each derivative is made of.
+    /// The parameters for the linear model, last the dashpots of the joints, and the contributions to each derivative.
     fn asked(&self, parameters: &[Parameter]) -> (Vec<Parameter>, Vec<Kind>) {
         let mut asked = Vec::new();
         let mut kinds = Vec::new();

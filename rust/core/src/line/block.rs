@@ -17,13 +17,13 @@ use crate::simd::small::{self, Mat};
 use num_complex::Complex64;
 use pulp::Simd;
 
-/// What the sweeps need of a model, prepared once for all lines.
+/// Data of a model for the sweeps, prepared once for all lines.
 pub struct Prepared<const D: usize> {
     /// Segments with their coefficients.
     pub segments: Vec<Segment<D>>,
     /// Springs of the joints.
     pub joints: Vec<Spring>,
-    /// What slip adds to the stiffness of each joint at its stated level.
+    /// Change of the stiffness of each joint by slip at its stated level.
     added: Vec<[Complex64; 2]>,
     /// Inertia and springs of each node that has any.
     points: Vec<(Vec<[f64; 2]>, Vec<Spring>)>,
@@ -39,8 +39,8 @@ pub struct Prepared<const D: usize> {
     modes: Vec<(usize, Mode)>,
     /// Whether each overlap is passed with its inner, and with its outer beam lying behind.
     ways: Vec<[bool; 2]>,
-    /// Derivatives by the coefficients of each overlap that are asked for.
-    asked: Vec<[bool; DERIVATIVES]>,
+    /// Requested derivatives by the coefficients of each overlap.
+    requested: Vec<[bool; DERIVATIVES]>,
 }
 
 /// Everything of the model at a block of frequency lines.
@@ -69,7 +69,7 @@ pub struct Block<S: Simd, const D: usize> {
     pub points: Vec<Option<Points<S, D>>>,
     /// Overlaps.
     pub overlaps: Vec<Lanes<S>>,
-    /// Nodes of the terminals, and what is beyond each.
+    /// Nodes of the terminals, and the plane beyond each.
     pub terminals: Vec<(usize, Plane<S, D>)>,
 }
 
@@ -133,7 +133,7 @@ impl<const D: usize> Prepared<D> {
             terminals: model.terminals.clone(),
             modes: model.modes.clone(),
             ways: vec![[false; 2]; model.overlaps.len()],
-            asked: vec![[false; DERIVATIVES]; model.overlaps.len()],
+            requested: vec![[false; DERIVATIVES]; model.overlaps.len()],
         }
     }
 
@@ -146,15 +146,15 @@ impl<const D: usize> Prepared<D> {
         }
     }
 
-    /// Makes ready for derivatives by the coefficients of an overlap.
-    pub fn ask(&mut self, row: usize, derivatives: &[bool; DERIVATIVES]) {
-        for (to, from) in self.asked[row].iter_mut().zip(derivatives) {
+    /// Adds derivatives by the coefficients of an overlap to those that are requested.
+    pub fn request(&mut self, row: usize, derivatives: &[bool; DERIVATIVES]) {
+        for (to, from) in self.requested[row].iter_mut().zip(derivatives) {
             *to |= from;
         }
     }
 
     /// Evaluates the elements at the lines `w`, at most one a lane. `pieces_only` keeps to the series. `by_line`
-    /// is what differs from line to line.
+    /// are the data that differ from line to line.
     #[inline(always)]
     pub fn block<S: Simd>(
         &self,
@@ -239,7 +239,7 @@ impl<const D: usize> Prepared<D> {
             if into.overlaps.len() <= row {
                 into.overlaps.push(Lanes::empty(beside, line, into.most));
             }
-            into.overlaps[row].evaluate(beside, line, into.most, self.ways[row], self.asked[row]);
+            into.overlaps[row].evaluate(beside, line, into.most, self.ways[row], self.requested[row]);
         }
         into.terminals.clear();
         for (row, terminal) in self.terminals.iter().enumerate() {

@@ -1,11 +1,11 @@
-//! What meets at a node: compliances in series, branches in parallel.
+//! Connections at a node: compliances in series, branches in parallel.
 
 use crate::line::plane::{Added, Plane};
 use crate::simd::lane::C;
 use crate::simd::small::{self, Mat};
 use pulp::Simd;
 
-/// What is added at a node: to the loads per displacement, or to the displacements per load.
+/// Additions at a node: to the loads per displacement, or to the displacements per load.
 #[derive(Copy, Clone, PartialEq, Eq)]
 pub enum Kind {
     /// Impedances.
@@ -68,7 +68,7 @@ impl<S: Simd, const D: usize> Centre<S, D> {
     }
 }
 
-/// Adds what is diagonal a distance beyond the node; returns also the way back as `Plane::pivot` does.
+/// Adds diagonal entries a distance beyond the node; returns also the way back as `Plane::pivot` does.
 ///
 /// A nearly singular joint (a hinge beyond the node, say) has one huge compliance; added at the node as a
 /// full matrix it would drown the digits of the other direction.

@@ -28,7 +28,7 @@ pub(crate) enum Gradient<const D: usize> {
     Section { row: usize, kinetic: [f64; D], compliance: [Complex64; D] },
     /// The length of a segment.
     Length { row: usize },
-    /// A column of a joint's spring, and what a unit of it loses by slip.
+    /// A column of a joint's spring, and the share of it that slip removes.
     Joint { row: usize, column: usize, spring: Spring, lost: Complex64 },
     /// A column of a joint's slip, as the change of its stiffness.
     Slip { row: usize, change: [Complex64; 2] },
@@ -36,7 +36,7 @@ pub(crate) enum Gradient<const D: usize> {
     Mass { node: usize, direction: usize },
     /// A column of a spring to ground.
     Ground { node: usize, column: usize, spring: Spring },
-    /// A column of an overlap, as factors of what its work is made of, and of that times i w.
+    /// A column of an overlap, as factors of the terms of its work, and of these times i w.
     Overlap { row: usize, factors: [Complex64; DERIVATIVES], rates: [f64; 2] },
     /// An entry of the receptance beyond a terminal.
     Terminal { row: usize, entry: usize },
@@ -123,11 +123,11 @@ impl<const D: usize> Gradient<D> {
     /// The overlap that the parameter belongs to, and which of its derivatives the parameter needs.
     pub(crate) fn overlap(&self) -> Option<(usize, [bool; DERIVATIVES])> {
         let Self::Overlap { row, factors, rates } = self else { return None };
-        let mut asked = factors.map(|factor| factor != Complex64::ZERO);
+        let mut requested = factors.map(|factor| factor != Complex64::ZERO);
         for i in 0..2 {
-            asked[LAYER + i] |= rates[i] != 0.0;
+            requested[LAYER + i] |= rates[i] != 0.0;
         }
-        Some((*row, asked))
+        Some((*row, requested))
     }
 
     /// The joint that the parameter belongs to.

@@ -99,8 +99,8 @@ fn used(taken: &Taken) -> [bool; 4] {
     out
 }
 
-/// A pivot that is expected and good, or else the one that is best in the lane where it is worst, if it is about as
-/// good as the best one of each lane.
+/// An expected pivot if it is good, otherwise the pivot with the largest minimum over the lanes, if it is about as good
+/// as the best one of each lane.
 #[inline(always)]
 fn pivot<S: Simd, const N: usize>(
     rows: &Rows<S, N>,
@@ -135,7 +135,7 @@ fn pivot<S: Simd, const N: usize>(
         for j in 0..4 {
             if taken[i % among.groups].is_none() && !used[j] {
                 let least = (shares[i][j] * most).least();
-                // What is not a number is taken where nothing else is there.
+                // A NaN is chosen only if there is nothing else.
                 if least > found || at.is_none() {
                     (found, at) = (least, Some((i, j)));
                 }
@@ -156,7 +156,7 @@ fn step<S: Simd, const N: usize>(
 ) {
     let inverse = rows[row][column].recip();
     let factors = rows[row];
-    // Rows of the identity stay what they are; in the change they are those of columns that were not used yet.
+    // Rows of the identity do not change; in the change they are those of columns that are not used yet.
     let (mut still, mut used) = ([false; N], used(taken));
     for (row, _) in taken.iter().flatten() {
         still[*row] = true;
@@ -173,7 +173,7 @@ fn step<S: Simd, const N: usize>(
         }
     }
     change.determinant = change.determinant * inverse;
-    // What is one and zero in exact arithmetic is so here.
+    // Exactly one and zero, without rounding.
     rows[row] = [C::zero(inverse.simd); 4];
     rows[row][column] = C::real(inverse.simd, 1.0);
 }
@@ -268,7 +268,7 @@ pub fn by_line<S: Simd, const N: usize>(rows: &Rows<S, N>) -> [Line<N>; MAX_LANE
     out
 }
 
-/// The way back from `by_line`.
+/// The inverse of `by_line`.
 #[inline(always)]
 fn over_lanes<S: Simd, const N: usize>(simd: S, lines: &[Line<N>; MAX_LANES]) -> Rows<S, N> {
     let mut out = [[C::zero(simd); 4]; N];

@@ -1,18 +1,18 @@
 //! Two beams side by side with a layer between them: the exponential of the eight equations, and integrals of states.
 //!
-//! The state is (d, u, g, s): the motion d of the near beam (which ends here and goes on at the other end) relative
-//! to the one that lies behind, the motion u of the latter, the load g on the near beam and the load s on both. A
-//! stiff layer then multiplies only the relative motion, and the small loads of the whole keep their digits. From the
-//! other side the beams change their roles, and slopes and moments their signs.
+//! The state is (d, u, g, s): the motion d of the near beam (which ends here and continues at the other end) relative
+//! to the beam behind, the motion u of the beam behind, the load g on the near beam and the load s on both. A stiff
+//! layer then multiplies only the relative motion, and the small loads on both keep their digits. In the opposite
+//! direction the beams are exchanged, and slopes and moments change their signs.
 //!
-//! Deflections and moments change with slopes and forces only, and these with those: over the two halves of the state
-//! the equations are z' = [[0, P], [Q, 0]] z, so that with X = P Q
+//! Derivatives of deflections and moments contain slopes and forces only, and conversely: over the two halves of the
+//! state the equations are z' = [[0, P], [Q, 0]] z, so that with X = P Q
 //!     exp(A l) = [[cosh(sqrt X l), S P], [Q S, cosh(sqrt(Q P) l)]],  S = sinh(sqrt X l) / sqrt X,
 //! power series in 4 x 4 matrices. The second cosine is the transposed first one, since the equations are reciprocal.
 //!
 //! Derivatives by the coefficients follow from the states under two loads: as for a segment, dH = -int r^T J dA s dx.
-//! From the middle of a piece the products of states are integrated by Gauss and Legendre's rule. Its points lie in
-//! pairs, at which the even part of a state is the same and the odd one opposite, so that one exponential serves both.
+//! From the middle of a piece the products of states are integrated by the Gauss-Legendre rule. Its points are in pairs
+//! at which the even part of a state is the same and the odd part opposite, so one exponential is sufficient for both.
 
 use crate::line::exponential::INVERSE_FACTORIAL;
 use crate::line::four::{Rows, multiply};
@@ -45,7 +45,7 @@ pub struct Pair<S: Simd> {
     pub total: [C<S>; 2],
 }
 
-/// What the exponentials over any length are made of.
+/// Matrices of the exponentials over any length.
 pub struct Powers<S: Simd> {
     /// X, X^2, X^3, X^4.
     powers: [Rows<S, 4>; 4],
@@ -87,7 +87,7 @@ impl<S: Simd> Pair<S> {
         out
     }
 
-    /// What the exponentials are made of.
+    /// Matrices of the exponentials.
     #[inline(always)]
     pub fn powers(&self) -> Powers<S> {
         let simd = self.total[0].simd;
@@ -158,7 +158,7 @@ impl<S: Simd> Pair<S> {
     }
 }
 
-/// Most terms of the series: at the growth that a piece may have fewer serve.
+/// Most terms of the series; the largest growth of a piece needs fewer.
 const MOST_TERMS: usize = 20;
 
 /// Terms in X l^2 that leave out less than a rounding error at the growth exponent `size`, a multiple of four.
@@ -168,7 +168,7 @@ fn terms(size: f64) -> usize {
         count += 1;
         power *= size * size;
     }
-    // Where a displacement is driven through the whole chain its first terms are missing.
+    // Entries that are coupled through several equations begin at higher powers.
     (count + 2_usize).next_multiple_of(4)
 }
 
@@ -219,14 +219,14 @@ impl<S: Simd> Powers<S> {
 }
 
 impl<S: Simd> Transfer<S> {
-    /// A way to be computed.
+    /// A transfer that is not computed yet.
     #[inline(always)]
     pub fn empty(simd: S) -> Self {
         let zero = [[C::zero(simd); 4]; 4];
         Self { even: [zero; 2], odd: [zero; 2] }
     }
 
-    /// What the entry in the place `i` of a half has by the entry `by` of the state.
+    /// Entry of the exponential: place `i` of a half by the entry `by` of the state.
     #[inline(always)]
     fn entry(&self, half: usize, i: usize, by: usize) -> C<S> {
         let (of, j) = PLACES[by];
@@ -283,7 +283,7 @@ impl<S: Simd> Transfer<S> {
         near[8..].copy_from_slice(&basis[8..]);
     }
 
-    /// The even and the odd part of a state over the length, the rows that are asked for.
+    /// The even and the odd part of a state over the length, in the requested rows.
     #[inline(always)]
     fn parts(&self, z: &Eight<S>, rows: &[bool; 8]) -> [Eight<S>; 2] {
         let zero = C::zero(z[0].simd);
@@ -374,7 +374,7 @@ pub struct Rule<S: Simd> {
 }
 
 impl<S: Simd> Rule<S> {
-    /// A rule to be computed.
+    /// A rule that is not computed yet.
     pub fn empty() -> Self {
         Self { points: Vec::new() }
     }
@@ -391,16 +391,16 @@ impl<S: Simd> Rule<S> {
         }
     }
 
-    /// Adds the integrals of the products that are asked for over a piece, from the states in its middle.
+    /// Adds the integrals of the requested products over a piece, from the states in its middle.
     #[inline(always)]
     pub fn integrate(
         &self,
         left: &Eight<S>,
         right: Option<&Eight<S>>,
-        asked: &[bool; PRODUCTS],
+        requested: &[bool; PRODUCTS],
         sums: &mut [C<S>; PRODUCTS],
     ) {
-        let rows = entries(asked);
+        let rows = entries(requested);
         for (transfer, weight) in &self.points {
             let a = transfer.parts(left, &rows);
             let b = match right {
@@ -410,7 +410,7 @@ impl<S: Simd> Rule<S> {
             for part in 0..2 {
                 let (a, b) = (quantities(&a[part]), quantities(&b[part]));
                 for i in 0..PRODUCTS {
-                    if asked[i] {
+                    if requested[i] {
                         sums[i] = a[i].scale(*weight).mul_add(b[i], sums[i]);
                     }
                 }
@@ -420,18 +420,18 @@ impl<S: Simd> Rule<S> {
 }
 
 /// The entries of the states that some products need.
-fn entries(asked: &[bool; PRODUCTS]) -> [bool; 8] {
-    let [y_a, theta_a, y_b, theta_b, v_a, m_a, v_b, m_b, d_y, d_theta] = *asked;
+fn entries(requested: &[bool; PRODUCTS]) -> [bool; 8] {
+    let [y_a, theta_a, y_b, theta_b, v_a, m_a, v_b, m_b, d_y, d_theta] = *requested;
     [y_a || d_y, theta_a || d_theta, y_a || y_b, theta_a || theta_b, v_a || v_b, m_a || m_b, v_b, m_b]
 }
 
-/// A state of a way from the other side in the coordinates of that from the tip.
+/// A state of the opposite direction in the coordinates of the direction from the tip.
 #[inline(always)]
 pub fn mirrored<S: Simd>(z: &Eight<S>) -> Eight<S> {
     [-z[0], z[1], z[2] + z[0], -(z[3] + z[1]), z[4] - z[6], z[7] - z[5], -z[6], z[7]]
 }
 
-/// The ten quantities of a state that the work is made of.
+/// The ten quantities of a state in the work.
 #[inline(always)]
 fn quantities<S: Simd>(z: &Eight<S>) -> [C<S>; PRODUCTS] {
     [z[0] + z[2], z[1] + z[3], z[2], z[3], z[4], z[5], z[6] - z[4], z[7] - z[5], z[0], z[1]]

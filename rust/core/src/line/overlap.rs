@@ -1,10 +1,10 @@
 //! The way through an overlap on a block of lines: a plane of four degrees of freedom.
 //!
-//! What lies behind, (u, s) of the state in `layer`, comes in at the far end, where the near beam ends with g = 0; at
-//! the near end the other beam ends with s = g, and the near one goes on with the displacement u + d and the load g.
-//! Each piece is crossed by its exponential, then the basis is made a graph over four of the eight rows again, one of
-//! each displacement and its load, by elimination with complete pivoting. The states under a load follow on the way
-//! back, from the coordinates at the near end.
+//! The structure behind, (u, s) of the state in `layer`, begins at the far end, where the near beam ends with g = 0; at
+//! the near end the other beam ends with s = g, and the near one continues with the displacement u + d and the load g.
+//! Each piece is crossed by its exponential; then elimination with complete pivoting makes four of the eight rows of
+//! the basis those of the identity, one of each displacement and its load. The states under a load follow from the
+//! coordinates at the near end, piece by piece in the opposite direction.
 
 use crate::line::four::{Candidates, Change, Rows, by_line, eliminate};
 use crate::line::layer::{
@@ -18,10 +18,10 @@ use crate::simd::small::{self, Mat};
 use num_complex::Complex64;
 use pulp::{Simd, WithSimd};
 
-/// Rows of a basis: four displacements, their loads, the independent variables of what lies behind.
+/// Rows of a basis: four displacements, their loads, the independent variables of the structure behind.
 const ROWS: usize = 10;
 
-/// Columns of the far end that are left at the near end.
+/// Four coordinates from the two of the near beam.
 type Back<S> = [[C<S>; 2]; 4];
 
 /// An overlap on a block of lines.
@@ -30,23 +30,23 @@ pub struct Lanes<S: Simd> {
     pair: Pair<S>,
     /// How it is cut.
     pieces: Pieces,
-    /// Over a piece of each kind, with the inner and with the outer beam lying behind, where asked for.
+    /// Over a piece of each kind, with the inner and with the outer beam behind, where requested.
     ways: [Vec<Transfer<S>>; 2],
     /// Weights of the two ways.
     weights: [[f64; 4]; 2],
-    /// What derivatives need.
+    /// Data for derivatives.
     inside: Inside<S>,
     /// The last way through.
     trace: Trace<S>,
 }
 
-/// What derivatives need of an overlap.
+/// Data of an overlap for derivatives.
 struct Inside<S: Simd> {
-    /// Whether any are asked for.
-    asked: bool,
+    /// Whether any are requested.
+    requested: bool,
     /// Over half a piece of each kind.
     halves: Vec<Transfer<S>>,
-    /// Integrals over a piece of each kind, without points where no product is asked for.
+    /// Integrals over a piece of each kind, without points if no product is requested.
     rules: Vec<Rule<S>>,
     /// The products that are integrated.
     products: [bool; PRODUCTS],
@@ -54,10 +54,10 @@ struct Inside<S: Simd> {
 
 /// A way through an overlap.
 struct Trace<S: Simd> {
-    /// Bases at the far end of each piece and at the near end of the last; where no derivatives are asked for, two that
-    /// take turns.
+    /// Bases at the far end of each piece and at the near end of the last; without derivatives two that are used
+    /// alternately.
     bases: Vec<Rows<S, ROWS>>,
-    /// The coordinates at the far end of each piece from those at its near end; none where the bases take turns.
+    /// The coordinates at the far end of each piece from those at its near end; none without derivatives.
     changes: Vec<Rows<S, 4>>,
     /// The coordinates at the near end from those of the near beam.
     last: Back<S>,
@@ -77,7 +77,7 @@ pub struct Passed<S: Simd> {
     u: Two<S>,
     /// Its loads.
     f: Two<S>,
-    /// The independent variables of what lies behind, in the same columns.
+    /// The independent variables of the structure behind, in the same columns.
     behind: Two<S>,
     /// Negative pivots on each line, if requested.
     pub negatives: [usize; MAX_LANES],
@@ -97,21 +97,20 @@ pub enum Wanted {
 }
 
 impl<S: Simd> States<S> {
-    /// None yet.
+    /// Without states.
     pub fn empty() -> Self {
         Self { middles: Vec::new(), points: Vec::new() }
     }
 }
 
-/// An overlap to be evaluated at the lines `w`, the largest |w|^2 of which is `most`, for the `ways` through it and
-/// the derivatives that are `asked` for.
+/// Arguments of `Lanes::evaluate`.
 struct Evaluated<'a, S: Simd> {
     into: &'a mut Lanes<S>,
     beside: &'a Beside,
     w: C<S>,
     most: f64,
     ways: [bool; 2],
-    asked: [bool; DERIVATIVES],
+    requested: [bool; DERIVATIVES],
 }
 
 // This and the parts below are functions of their own: in line they would be compiled once for each kind of sweep.
@@ -120,15 +119,15 @@ impl<S: Simd> WithSimd for Evaluated<'_, S> {
 
     #[inline(always)]
     fn with_simd<T: Simd>(self, _: T) {
-        let Self { into, beside, w, most, ways, asked } = self;
+        let Self { into, beside, w, most, ways, requested } = self;
         into.pieces = beside.pieces(most);
         into.pair = Pair::new(beside, w, true);
         into.weights = [beside.weights(most, false), beside.weights(most, true)];
-        into.inside.ask(&asked, beside.overlap.points > 0);
+        into.inside.request(&requested, beside.overlap.points > 0);
         let kinds = into.pieces.kinds();
         for way in 0..2 {
             let forward = way == 1;
-            let inside = forward && into.inside.asked;
+            let inside = forward && into.inside.requested;
             if !ways[way] && !inside {
                 continue;
             }
@@ -155,17 +154,18 @@ impl<S: Simd> WithSimd for Evaluated<'_, S> {
 }
 
 impl<S: Simd> Inside<S> {
-    /// Notes what is asked for.
-    fn ask(&mut self, asked: &[bool; DERIVATIVES], points: bool) {
-        self.asked = asked.contains(&true);
+    /// Sets the products that the requested derivatives need.
+    fn request(&mut self, requested: &[bool; DERIVATIVES], points: bool) {
+        self.requested = requested.contains(&true);
         for i in 0..PRODUCTS {
-            // Of points there is nothing to integrate; the length of a layer changes its stiffness per length.
-            self.products[i] = if i < LAYER { asked[i] } else { !points && (asked[i] || asked[LENGTH]) };
+            // Points have no integrals; the length of a layer changes its stiffness per length.
+            self.products[i] =
+                if i < LAYER { requested[i] } else { !points && (requested[i] || requested[LENGTH]) };
         }
     }
 }
 
-/// The way through an overlap from the plane of what lies behind.
+/// The way through an overlap from the plane of the structure behind.
 struct Pass<'a, S: Simd, const D: usize> {
     overlap: &'a mut Lanes<S>,
     beside: &'a Beside,
@@ -192,7 +192,7 @@ impl<S: Simd, const D: usize> WithSimd for Pass<'_, S, D> {
         };
         let transfers = &overlap.ways[way];
         let Trace { bases, changes, last: back } = &mut overlap.trace;
-        let traced = overlap.inside.asked;
+        let traced = overlap.inside.requested;
         bases.resize(if traced { pieces.count + 1 } else { 2 }, [[C::zero(simd); 4]; ROWS]);
         changes.clear();
         start(plane, forward, &mut bases[0]);
@@ -270,7 +270,7 @@ impl<S: Simd> Lanes<S> {
     /// An overlap that is still to be evaluated.
     pub fn empty(beside: &Beside, w: C<S>, most: f64) -> Self {
         let none =
-            Inside { asked: false, halves: Vec::new(), rules: Vec::new(), products: [false; PRODUCTS] };
+            Inside { requested: false, halves: Vec::new(), rules: Vec::new(), products: [false; PRODUCTS] };
         Self {
             pair: Pair::new(beside, w, true),
             pieces: beside.pieces(most),
@@ -282,7 +282,7 @@ impl<S: Simd> Lanes<S> {
     }
 
     /// Evaluates it at the lines `w`, the largest |w|^2 of which is `most`, for the `ways` through it (with the inner,
-    /// and with the outer beam lying behind) and the derivatives that are `asked` for.
+    /// and with the outer beam behind) and the `requested` derivatives.
     #[inline(always)]
     pub fn evaluate(
         &mut self,
@@ -290,12 +290,12 @@ impl<S: Simd> Lanes<S> {
         w: C<S>,
         most: f64,
         ways: [bool; 2],
-        asked: [bool; DERIVATIVES],
+        requested: [bool; DERIVATIVES],
     ) {
-        w.simd.vectorize(Evaluated { into: self, beside, w, most, ways, asked });
+        w.simd.vectorize(Evaluated { into: self, beside, w, most, ways, requested });
     }
 
-    /// The way through, from the plane of what lies behind: the plane of the near beam, and the way back to the
+    /// The way through, from the plane of the structure behind: the plane of the near beam, and the way back to the
     /// independent variables behind it.
     #[inline(always)]
     pub fn pass<const D: usize>(
@@ -474,7 +474,7 @@ fn by_length<S: Simd>(overlap: &Lanes<S>, length: f64, left: &States<S>, right: 
     sum
 }
 
-/// A D x D matrix of the 2 x 2 one that it is.
+/// The leading D x D entries of a 2 x 2 matrix.
 #[inline(always)]
 fn matrix<S: Simd, const D: usize>(from: &Two<S>) -> Mat<S, D> {
     let mut out = small::zeros(from[0][0].simd);
@@ -486,7 +486,7 @@ fn matrix<S: Simd, const D: usize>(from: &Two<S>) -> Mat<S, D> {
     out
 }
 
-/// The basis at the far end: the near beam's end moves freely, what lies behind by its plane.
+/// The basis at the far end: the end of the near beam is free, the structure behind moves according to its plane.
 #[inline(always)]
 fn start<S: Simd, const D: usize>(plane: &Plane<S, D>, forward: bool, basis: &mut Rows<S, ROWS>) {
     let (u, f) = plane.basis();
@@ -566,7 +566,7 @@ fn combined<S: Simd>(row: &[C<S>; 4], coordinates: &[C<S>; 4]) -> C<S> {
     sum
 }
 
-/// Takes the logarithms of the determinants of a change of coordinates away.
+/// Subtracts the logarithms of the determinants of a change of coordinates.
 #[inline(always)]
 fn subtract_logarithms<S: Simd>(sums: &mut [Complex64; MAX_LANES], change: &Change<S>) {
     let mut lanes = [Complex64::ONE; MAX_LANES];

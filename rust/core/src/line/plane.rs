@@ -1,4 +1,4 @@
-//! What a part of the assembly looks like from one node: a plane of admissible (u, f).
+//! A part of the assembly as seen from one node: a plane of admissible (u, f).
 //!
 //! A linear structure seen from a node with D degrees of freedom allows displacements u and loads f that
 //! span a D-dimensional plane in the 2D-dimensional space of (u, f). An impedance f = Z u is one chart of
@@ -21,7 +21,7 @@ pub struct Plane<S: Simd, const D: usize> {
     pub swapped: [S::m64s; D],
 }
 
-/// What is added to one degree of freedom.
+/// An addition to one degree of freedom.
 #[derive(Copy, Clone)]
 pub enum Added<S: Simd> {
     /// A load z u more.
@@ -51,7 +51,7 @@ impl<S: Simd, const D: usize> Plane<S, D> {
         let [uu, both, uf, fu, ff] = minors;
         let simd = uu.simd;
         let minus = -both;
-        // The minor below the fraction bar, and what stands above it in the order x00, x01, x10, x11.
+        // The denominator, a minor, and the numerators in the order x00, x01, x10, x11.
         let charts = [
             (uu, [fu, both, both, uf], [false, false]),
             (fu, [uu, minus, both, ff], [true, false]),
@@ -133,7 +133,7 @@ impl<S: Simd, const D: usize> Plane<S, D> {
     /// Adds an impedance `z` (f + z u) or a compliance `c` (u + c f) to one degree of freedom, and takes
     /// the better chart of that degree; returns the way back as in `pivot`.
     ///
-    /// Entry by entry, so that couplings far smaller than what is added keep all their digits.
+    /// Entry by entry, so that couplings far smaller than the addition keep all their digits.
     #[inline(always)]
     pub fn add(&self, i: usize, added: Added<S>, weight: f64) -> (Self, Mat<S, D>) {
         let simd = self.x[0][0].simd;

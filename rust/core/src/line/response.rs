@@ -20,7 +20,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Most that the squared frequencies of the lines of one block may differ by, as a ratio.
 const MOST_APART: f64 = 16.0;
 
-/// What a step of a plan or a derivative takes at least for one line [ns].
+/// Least time of a step of a plan or a derivative for one line [ns].
 const A_STEP: f64 = 5.0;
 
 /// One load case: a unit load at the root of a plan.
@@ -76,7 +76,7 @@ pub fn instruction_set() -> String {
 }
 
 impl<'a, const D: usize> Job<'a, D> {
-    /// Prepares what the lines share.
+    /// Prepares the data that the lines share.
     ///
     /// `whole` has the largest modulus of an angular frequency and the number of lines, where branches may be taken
     /// as one series.
@@ -99,8 +99,8 @@ impl<'a, const D: usize> Job<'a, D> {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
             }
-            if let Some((row, asked)) = gradient.overlap() {
-                job.prepared.ask(row, &asked);
+            if let Some((row, requested)) = gradient.overlap() {
+                job.prepared.request(row, &requested);
                 if !job.overlaps.contains(&row) {
                     job.overlaps.push(row);
                 }
@@ -211,7 +211,7 @@ impl<'a, const D: usize> Job<'a, D> {
 }
 
 impl<const D: usize> Job<'_, D> {
-    /// What a task takes at least [ns].
+    /// Least time of a task [ns].
     pub(crate) fn a_task_takes(&self) -> f64 {
         let steps: usize = self.plans.iter().map(|(_, plan)| plan.len()).sum();
         let pairs = self.request.responses.len() * self.request.excitations.len();
@@ -225,7 +225,7 @@ impl<const D: usize> Job<'_, D> {
         [pairs, pairs * self.gradients.len(), forces]
     }
 
-    /// What differs from line to line on the lines of a task, of `count` lines.
+    /// Data that differ from line to line on the lines of a task, of `count` lines.
     pub(crate) fn by_line(&self, lines: &Range<usize>, count: usize) -> ByLine<'_> {
         self.request.by_line().some(lines, count)
     }

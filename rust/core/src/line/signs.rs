@@ -44,7 +44,7 @@ pub fn inverse(mut matrix: [[Complex64; 4]; 4]) -> [[Complex64; 4]; 4] {
 
 /// Negative eigenvalues of the pivot at a piece's far end, K U_near U_far^-1 with K the piece's stiffness.
 ///
-/// They are those of U_far^T K U_near, which needs no inverse of what may be singular.
+/// They are those of U_far^T K U_near, without the inverse of a matrix that may be singular.
 pub fn negative_at_piece<const N: usize>(far: &Line<N>, stiffness: &Line<4>, near: &Line<N>) -> usize {
     let mut right = [[0.0; 4]; 4];
     for i in 0..4 {

@@ -50,11 +50,11 @@ pub struct Field<S: Simd, const D: usize> {
     pub nodes: Vec<[C<S>; D]>,
     /// Force and relative motion of each joint.
     pub joints: Vec<JointState<S, D>>,
-    /// States at the ends of the pieces of each segment, from smaller to larger x; empty if not asked for.
+    /// States at the ends of the pieces of each segment, from smaller to larger x; empty if not requested.
     pub states: Vec<Vec<State<S, D>>>,
-    /// States within each overlap; empty if not asked for.
+    /// States within each overlap; empty if not requested.
     pub overlaps: Vec<States<S>>,
-    /// Loads on what is beyond each terminal.
+    /// Loads on the plane beyond each terminal.
     pub terminals: Vec<[C<S>; D]>,
 }
 
@@ -78,11 +78,11 @@ pub trait Observer<S: Simd, const D: usize> {
         Wanted::Plane
     }
 
-    /// An overlap was passed: the u rows of what lies behind and of the near beam, and the way.
+    /// An overlap was passed: the u rows of the structure behind and of the near beam, and the way.
     fn overlapped(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, _: &Passed<S>) {}
 }
 
-/// Looks at nothing.
+/// Observes nothing.
 pub struct Blind;
 
 impl<S: Simd, const D: usize> Observer<S, D> for Blind {

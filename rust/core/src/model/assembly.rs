@@ -312,8 +312,8 @@ impl Model {
         out
     }
 
-    /// What hangs on one node of a joint when the joint is taken away, and the new number of each node in it; without
-    /// micro-slip.
+    /// The part of the model that is connected to one node of a joint without the joint, and the new number of each
+    /// node in it; without micro-slip.
     pub fn side(&self, joint: usize, node: usize) -> (Self, Vec<Option<usize>>) {
         let mut number = vec![None; self.nodes];
         let (mut count, mut stack) = (0, vec![node]);

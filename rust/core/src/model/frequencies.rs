@@ -1,4 +1,4 @@
-//! Frequency lines as they were given, and what is asked of all of them together.
+//! Frequency lines as they were given, and checks of all of them together.
 
 use crate::error::{Error, Result};
 use crate::simd::lane::{C, MAX_LANES};

@@ -107,7 +107,7 @@ impl Overlap {
         self.beams[0][section::column::LENGTH]
     }
 
-    /// Dynamic stiffness (1 + i eta) k + i w c of the whole layer.
+    /// Dynamic stiffness k (1 + i loss) + i w c of the whole layer.
     pub(crate) fn stiffness(&self, w: Complex64) -> [Complex64; 2] {
         let iw = Complex64::I * w;
         [0, 1].map(|i| Complex64::new(self.k[i], self.k[i] * self.loss_factor) + iw * self.c[i])
@@ -130,7 +130,7 @@ impl Overlap {
     }
 }
 
-/// What the sweeps need of an overlap, prepared once for all lines.
+/// Data of an overlap for the sweeps, prepared once for all lines.
 pub struct Beside {
     /// The row.
     pub overlap: Overlap,
@@ -138,8 +138,8 @@ pub struct Beside {
     pub beams: [Segment<2>; 2],
 }
 
-/// How an overlap is cut into pieces, from either end: alike in the stretches before the first and beyond the last
-/// point, alike in those between two points; a layer is one stretch.
+/// Pieces of an overlap, counted from either end: all of one length before the first and beyond the last point, all of
+/// another length between points; a layer is one stretch.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct Pieces {
     /// Number of pieces.
@@ -155,7 +155,7 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// Kinds of pieces that there are: those at the ends, and those between points.
+    /// Number of kinds of pieces: those at the ends, and those between points.
     pub fn kinds(&self) -> usize {
         if self.points > 1 { 2 } else { 1 }
     }
@@ -212,7 +212,7 @@ impl Beside {
         let (length, points) = (self.overlap.length(), self.overlap.points);
         let between = length / points.max(1) as f64;
         let ends = if points > 0 { 0.5 * between } else { length };
-        // Where the model was checked the number is small; the bound keeps a slip from asking for more.
+        // A checked model needs few pieces; the bound limits the number for any other.
         let cut = |stretch: f64| (growth * stretch / REACH).ceil().clamp(1.0, MOST_PIECES) as usize;
         let stretch = [cut(ends), cut(between)];
         let count = if points > 0 { 2 * stretch[0] + (points - 1) * stretch[1] } else { stretch[0] };

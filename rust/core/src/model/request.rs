@@ -1,4 +1,4 @@
-//! What is asked of a model, and whether the model can answer it.
+//! Requests to a model, and their checks.
 
 use crate::error::{Error, Result};
 use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
@@ -31,14 +31,14 @@ pub struct Parameter {
     pub column: usize,
 }
 
-/// What is asked of a model.
+/// A request to a model.
 #[derive(Clone, Debug, Default)]
 pub struct Request {
     /// Where loads act.
     pub excitations: Vec<Coordinate>,
     /// Where motion is observed.
     pub responses: Vec<Coordinate>,
-    /// By what to differentiate.
+    /// Parameters of the derivatives.
     pub parameters: Vec<Parameter>,
     /// A joint whose force is requested under each excitation.
     pub joint: Option<usize>,
@@ -52,7 +52,7 @@ pub struct Request {
     pub force: Vec<f64>,
 }
 
-/// What differs from line to line besides the columns of the elements, on some lines.
+/// Data that differ from line to line besides the columns of the elements, on some lines.
 #[derive(Copy, Clone, Default)]
 pub(crate) struct ByLine<'a> {
     /// As in a request.
@@ -73,7 +73,7 @@ impl<'a> ByLine<'a> {
 }
 
 impl Request {
-    /// What differs from line to line, on all lines.
+    /// Data that differ from line to line, on all lines.
     pub(crate) fn by_line(&self) -> ByLine<'_> {
         ByLine { added: &self.added, beyond: &self.beyond }
     }

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use core::f64::consts::PI;
 use num_complex::Complex64;
 
-/// What moves: transverse displacement and slope, or one displacement along or about the axis.
+/// Kind of motion: transverse displacement and slope, or one displacement along or about the axis.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum Motion {
     /// Bending: y and theta at each node.
@@ -57,7 +57,7 @@ pub struct Coefficients<const D: usize> {
     pub compliance: [Complex64; D],
 }
 
-/// One homogeneous ring (or disc) of a section with the derivatives of what it contributes.
+/// One homogeneous ring (or disc) of a section with the derivatives of its contributions.
 struct Layer {
     outer: f64,
     inner: f64,
@@ -110,7 +110,7 @@ impl Layer {
         ([area, PI / 2.0 * o, -PI / 2.0 * i], [moment, PI / 16.0 * o.powi(3), -PI / 16.0 * i.powi(3)])
     }
 
-    /// What the layer adds to inertia and stiffness, with derivatives.
+    /// Contribution of the layer to inertia and stiffness, with derivatives.
     fn contribution<const D: usize>(&self, motion: Motion) -> Contribution<D> {
         let [e, rho, nu, eta] = self.material;
         let (area, moment) = self.geometry();
@@ -267,7 +267,7 @@ impl<const D: usize> Segment<D> {
     }
 }
 
-/// Checks that a row of the segment table is a beam; `element` is what an error calls it.
+/// Checks that a row of the segment table is a beam; `element` is its name in errors.
 pub fn check(row: &[f64], index: usize, element: &'static str) -> Result<()> {
     let fail =
         |quantity, value, expected| Err(Error::Quantity { element, row: index, quantity, value, expected });

@@ -1,4 +1,4 @@
-//! Joints in micro-slip: what slip at an amplitude adds to their stiffness.
+//! Joints in micro-slip: the change of their stiffness by slip at an amplitude.
 //!
 //! Each direction is an Iwan element of power-law distribution with the backbone f(u) = k u (1 - c u^p) and Masing's
 //! rules. Its first harmonic at the level l = a / a_ref of the amplitude a is the complex stiffness
@@ -85,18 +85,18 @@ impl Slip {
         [0, 1].map(|i| self.slip[i] * level[i].powf(self.exponent))
     }
 
-    /// Shares with their loss: what a unit of k loses.
+    /// Shares with their loss, by which a unit of k is reduced.
     pub fn lost(&self, level: [f64; 2]) -> [Complex64; 2] {
         self.shares(level).map(|share| self.ratio[0] * share)
     }
 
-    /// What slip adds to the stiffness k_y and k_theta.
+    /// Change of the stiffness k_y and k_theta by slip.
     pub fn added(&self, k: [f64; 3], level: [f64; 2]) -> [Complex64; 2] {
         let lost = self.lost(level);
         [-lost[0] * k[0], -lost[1] * k[1]]
     }
 
-    /// Derivative of what is added by the level; at the level 0 that from above.
+    /// Derivative of this change by the level; at the level 0 that from above.
     pub fn by_level(&self, k: [f64; 3], level: [f64; 2]) -> [Complex64; 2] {
         [0, 1].map(|i| {
             if self.slip[i] == 0.0 {
@@ -106,7 +106,7 @@ impl Slip {
         })
     }
 
-    /// Derivative of what is added by a column of the table, at given levels.
+    /// Derivative of this change by a column of the table, at given levels.
     pub fn by_column(&self, k: [f64; 3], level: [f64; 2], column: usize) -> [Complex64; 2] {
         let mut out = [Complex64::ZERO; 2];
         match column {

@@ -100,7 +100,7 @@ impl Spring {
                     return fail(start + i, value, expected);
                 }
             }
-            // Rounding in the product may not refuse what is exactly on the limit.
+            // A value exactly on the limit is valid in spite of rounding in the product.
             if values[2] * values[2] > values[0] * values[1] * (1.0 + 1e-12) {
                 let expected = "at most the root of the product of the other two (positive semidefinite)";
                 return fail(start + 2, values[2], expected);

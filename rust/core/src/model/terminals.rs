@@ -130,7 +130,7 @@ impl Mode {
         out
     }
 
-    /// What the mode adds to the entries of the receptance.
+    /// Contribution of the mode to the entries of the receptance.
     #[inline(always)]
     pub fn entries<S: Simd>(&self, iw: C<S>, w2: C<S>) -> [C<S>; TERMINAL_ENTRIES] {
         Self::over(self.products(), self.lag(iw), self.inverse(iw, w2))

@@ -30,7 +30,7 @@ pub(crate) enum Determinant {
 }
 
 impl Determinant {
-    /// Prepares what all lines share.
+    /// Prepares the data that all lines share.
     ///
     /// # Errors
     /// Terminals.

@@ -54,7 +54,7 @@ pub(crate) enum Wanted<'a> {
     },
 }
 
-/// What is known at one frequency.
+/// Results at one frequency.
 #[derive(Copy, Clone)]
 struct Sample {
     w: f64,
@@ -80,7 +80,7 @@ struct Guess {
     error: f64,
 }
 
-/// The search for modes: where to look next, and what was seen there.
+/// The search for modes: the next frequencies, and the results there.
 pub(crate) struct Locating<'a> {
     wanted: Wanted<'a>,
     rigid: usize,
@@ -92,7 +92,7 @@ pub(crate) struct Locating<'a> {
 }
 
 impl<'a> Locating<'a> {
-    /// The search for modes up to `upper` of what has `rigid` rigid-body modes.
+    /// The search for modes up to `upper` of a structure with `rigid` rigid-body modes.
     pub fn new(wanted: Wanted<'a>, upper: f64, rigid: usize) -> Self {
         let mut points: Vec<f64> = FIRST.iter().map(|share| share * upper).collect();
         if let Wanted::These { near, .. } = wanted {

@@ -5,7 +5,7 @@
 //! Williams, Q. J. Mech. Appl. Math. 24, 1971, 263). Pieces are kept shorter than |lambda| L = 3, where
 //! there are none of the latter: with lambda_2 L < pi both halves of the clamped problem have determinants
 //! without a zero. A pivot is T^-1 U_near U_far^-1 with the piece's compliance T, which the sweep has in
-//! hand with all its digits. What these counts make of where the modes lie is in `locate`.
+//! hand with all its digits. The location of modes from these counts is in `locate`.
 
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -26,10 +26,10 @@ use pulp::{Arch, Simd, WithSimd};
 /// Most pieces that the segments may have at the upper limit: beyond, a count alone would take too long.
 const MOST_PIECES: f64 = 3e3;
 
-/// Most modes that may be asked for by their number.
+/// Most modes that may be requested by their number.
 const MOST_MODES: usize = 100_000;
 
-/// Least upper limit [rad/s]: what is far below it still has a square.
+/// Least upper limit [rad/s], so that the squares of far lower frequencies do not underflow.
 const LEAST: f64 = 1e-100;
 
 /// Expected modes are counted up to this many times the highest one first.
@@ -146,7 +146,7 @@ fn find(model: &Model, upper: f64, wanted: Wanted, parameters: &[Parameter]) -> 
     }
 }
 
-/// Refuses what counts and determinants of the pivots do not cover.
+/// Refuses models for which counts and determinants of the pivots are not defined.
 pub(crate) fn check_no_terminals(model: &Model) -> Result<()> {
     if model.terminals.is_empty() {
         return Ok(());
@@ -363,10 +363,10 @@ impl<const D: usize> Search<D> {
             let mut inertia = [false; DERIVATIVES];
             inertia[..4].fill(true);
             for row in 0..model.overlaps.len() {
-                self.prepared.ask(row, &inertia);
+                self.prepared.request(row, &inertia);
             }
-            for (row, asked) in gradients.iter().filter_map(Gradient::overlap) {
-                self.prepared.ask(row, &asked);
+            for (row, requested) in gradients.iter().filter_map(Gradient::overlap) {
+                self.prepared.request(row, &requested);
             }
             let work = Slopes { search: &self, model, angular: &angular, gradients: &gradients };
             derivative = Arch::new().dispatch(work);

@@ -16,7 +16,7 @@ use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// What a task takes at least [ns].
+/// Least time of a task [ns].
 const A_TASK: f64 = 1e3;
 
 /// Entries of the upper triangle over the columns and the residual.
@@ -34,7 +34,7 @@ pub struct Reduced<'a> {
 }
 
 impl<'a> Reduced<'a> {
-    /// A reduced model, and for each of its lines what was measured and a weight.
+    /// A reduced model, and for each of its lines the measured value and a weight.
     ///
     /// # Errors
     /// Arrays of different lengths.

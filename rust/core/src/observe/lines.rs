@@ -1,6 +1,6 @@
 //! Residuals of whole models with their derivatives, row by row, and their normal matrices.
 //!
-//! The derivatives of the lines stay where they are computed: what leaves a task is A^T A, A = [J | r], over the
+//! The derivatives of the lines stay where they are computed: the result of a task is A^T A, A = [J | r], over the
 //! entries of the tables that move. How these follow from the fitted variables is applied to the sums.
 
 use crate::error::Result;
@@ -172,7 +172,7 @@ impl WithSimd for Sum<'_> {
                 }
                 rows[k] = C::load(simd, &lanes[..end - start]) * inverse;
             }
-            // Records of one model differ in what was measured alone: their derivatives are the same.
+            // Records of one model differ in the measured values alone: their derivatives are the same.
             let (mut square, mut weight) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
             let mut residual = C::zero(simd);
             for record in self.records {

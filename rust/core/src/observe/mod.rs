@@ -1,4 +1,4 @@
-//! What was measured beside the model: residuals and their normal matrices.
+//! Measurements compared with the model: residuals and their normal matrices.
 
 pub mod joint;
 pub mod lines;

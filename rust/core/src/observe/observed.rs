@@ -1,8 +1,8 @@
-//! What was measured of models, and the lines and modes of a model that it is compared with.
+//! Measurements, and the lines and modes of a model that they are compared with.
 //!
 //! A measured receptance is H(w - i sigma) F with factors F = exp(g - i w tau) (1 + sigma / (i w))^q of the measurement:
-//! a gain, a delay, an exponential window on what was recorded. Of a truncated record H is what it shows of the
-//! response, see `truncation`.
+//! a gain, a delay, an exponential window on the record. H of a truncated record is that of the
+//! recorded part of the response, see `truncation`.
 
 use crate::error::{Error, Result};
 use crate::line::amplitude::receptance;
@@ -19,7 +19,7 @@ use num_complex::Complex64;
 use pulp::Arch;
 use std::sync::Arc;
 
-/// What one sample and response add to one line of a truncated record at least [ns].
+/// Least time of one sample and response on one line of a truncated record [ns].
 const A_TERM: f64 = 0.2;
 
 /// One record of a receptance.
@@ -47,7 +47,7 @@ pub enum Measure {
     Percent,
 }
 
-/// What was measured of a model.
+/// Measurements of a model.
 #[derive(Clone, Debug)]
 pub enum Seen {
     /// A receptance on lines w in rad/s, measured once or several times.
@@ -56,7 +56,7 @@ pub enum Seen {
         measure: Measure,
         /// Lines.
         w: Vec<Complex64>,
-        /// What was measured on them.
+        /// The measured values on them.
         records: Vec<Record>,
         /// Where motion was seen.
         response: Coordinate,
@@ -94,7 +94,7 @@ pub struct Damping {
 }
 
 impl Seen {
-    /// Lines, or what takes about as long.
+    /// Lines, or other work of about the same duration.
     pub(crate) fn lines(&self) -> usize {
         match self {
             Self::Receptance { w, truncation, .. } => {
@@ -105,17 +105,17 @@ impl Seen {
     }
 }
 
-/// A model and what was measured of it.
+/// A model and its measurements.
 #[derive(Clone, Debug)]
 pub struct Modelled {
     /// The model as a function of the unknowns.
     pub tied: Arc<Tied>,
-    /// What was measured.
+    /// The measurements.
     pub seen: Seen,
 }
 
 /// The lines of one task: calculated receptance with its factors, its derivatives by moving entries and then factors
-/// row by row, and what was measured.
+/// row by row, and the measured values.
 pub(crate) struct Lines<'a> {
     pub range: Range<usize>,
     pub h: &'a [Complex64],
@@ -124,7 +124,7 @@ pub(crate) struct Lines<'a> {
 }
 
 impl Modelled {
-    /// What some work makes of the lines of each task, in their order.
+    /// Results of some work on the lines of each task, in their order.
     ///
     /// # Errors
     /// A model that has no value on the lines.
@@ -239,7 +239,7 @@ fn some<'a>(records: &'a [Record], range: &Range<usize>) -> Vec<RecordLines<'a>>
     records.iter().map(part).collect()
 }
 
-/// What some work makes of the lines (as stated, and as evaluated) of each task.
+/// Results of some work on the lines (as stated, and as evaluated) of each task.
 fn parts<const D: usize, T: Send>(
     job: &Job<D>,
     (w, evaluated): (&[Complex64], &[Complex64]),
@@ -271,7 +271,7 @@ fn parts<const D: usize, T: Send>(
     Ok(parts.into_iter().flatten().collect())
 }
 
-/// What becomes of a receptance on the way to the record.
+/// Changes of a receptance on the way to the record.
 struct Chain<'a> {
     at: &'a At,
     /// Sum of the decay rates.
@@ -378,7 +378,7 @@ impl<'a> Chain<'a> {
 }
 
 impl Factor {
-    /// What the receptance is multiplied by, besides being taken on other lines.
+    /// Factor of the receptance, besides the evaluation on other lines.
     fn at(self, w: Complex64, value: f64) -> Complex64 {
         match self {
             Self::LogGain => Complex64::new(value.exp(), 0.0),

@@ -11,10 +11,10 @@ use crate::threads::on_threads;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// What a candidate takes at least, besides its lines [ns].
+/// Least time of a candidate, besides its lines [ns].
 const A_MODEL: f64 = 10e3;
 
-/// What a candidate takes on a line at least [ns].
+/// Least time of a candidate on a line [ns].
 const A_LINE: f64 = 5.0;
 
 /// A model as a function of some parameters, observed on some lines.

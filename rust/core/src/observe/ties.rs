@@ -2,7 +2,7 @@
 //!
 //! The values u of the unknowns are the variables or ten to their power. An address of a model has the value
 //! v = b exp(E u) + S u, b a number or a sum of multiples of one or two unknowns (laws, tolerances), and an entry of a
-//! table grows with the addresses at fixed rates. Addresses may also be factors of what was recorded, see `observed`.
+//! table grows with the addresses at fixed rates. Addresses may also be factors of the record, see `observed`.
 
 use crate::error::{Error, Result};
 use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, TABLES, Table, Tables};
@@ -12,14 +12,14 @@ use crate::model::slip::SLIP_COLUMNS;
 use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS};
 use crate::model::{overlap, section};
 
-/// What stands between a structure and what was recorded of it.
+/// Parameters of the measuring chain between a structure and its record.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub enum Factor {
     /// Natural logarithm of a gain.
     LogGain,
     /// Time in s by which the response lags behind.
     Delay,
-    /// Rate in 1/s of an exponential window, and how often what was recorded is integrated.
+    /// Rate in 1/s of an exponential window, and how many times the record is integrated.
     DecayRate(i32),
     /// Time in s after the hit at which the record ended.
     End,
@@ -49,7 +49,7 @@ pub struct Tied {
     /// A row an address: the unknown of b or -1, its multiple or b as a number, a second unknown or -1, its multiple, E, S.
     addresses: Vec<f64>,
     count: usize,
-    /// Factors of what was recorded, and their addresses.
+    /// Factors of the record, and their addresses.
     factors: Vec<(Factor, usize)>,
 }
 
@@ -59,7 +59,7 @@ pub struct At {
     pub model: Model,
     /// Those entries that the variables move.
     pub entries: Vec<Parameter>,
-    /// Factors of what was recorded.
+    /// Factors of the record.
     pub factors: Vec<(Factor, f64)>,
     /// `(entries and then factors, variables)`.
     pub slopes: Vec<f64>,

@@ -6,9 +6,9 @@
 //! a period P > e and a decay s0 the samples A(p_j), p_j = s0 + i v_j, v_j = (j + 1/2) 2 pi / P, are the Fourier
 //! coefficients of a(t) exp(-s0 t), continued antiperiodically with an error of exp(-s0 P), so that
 //!     s^2 H_e(s) = sum_j A(p_j) (exp((p_j - s) e) - exp(-(p_j - s) b)) / (P (p_j - s)).
-//! The integral begins at -b, before the hit, for what responds at once. Samples above the band of the lines are faded
-//! out: they are smooth there, and so act at t = 0 alone. Samples of negative v are conjugates, and with
-//! y = a_j + i b_j and u = s0 - s both together are
+//! The integral begins at -b, before the hit, for the immediate part of the response. Samples above the band of the
+//! lines are faded out: they are smooth there, and so act at t = 0 alone. Samples of negative v are conjugates, and
+//! with y = a_j + i b_j and u = s0 - s both together are
 //!     y / (u + i v) + conj(y) / (u - i v) = 2 (u a_j + v b_j) / (u^2 + v^2).
 
 use crate::error::{Error, Result};
@@ -48,7 +48,7 @@ pub struct Truncation {
     samples: Vec<(f64, f64)>,
 }
 
-/// What becomes of some responses in a record: terms of the sums over samples, response after response.
+/// Some responses in a record: terms of the sums over samples, response after response.
 pub(crate) struct Sums<'a> {
     truncation: &'a Truncation,
     end: f64,
@@ -137,7 +137,7 @@ impl WithSimd for Recorded<'_> {
             let square = u * u;
             inverses.clear();
             inverses.extend(truncation.samples.iter().map(|(v, _)| (square + C::real(simd, v * v)).recip()));
-            // Before the sums: 2 / P, and what does not depend on the sample.
+            // Before the sums: 2 / P, and the factors that do not depend on the sample.
             let mut outside = [[Complex64::ZERO; 2]; MAX_LANES];
             for (outside, w) in outside.iter_mut().zip(lines) {
                 let s = Complex64::I * w;

@@ -158,7 +158,7 @@ impl Model {
         self.grounds.iter().all(|(ground, spring)| *ground != node || spring.is_plain())
     }
 
-    /// What each mass and plain spring of a node adds to f per u, `[constant, by (w / reference)^2]`.
+    /// Contribution of each mass and plain spring of a node to f per u, `[constant, by (w / reference)^2]`.
     pub fn plain_impedances(&self, node: usize, square: f64) -> Vec<[[Complex64; 2]; 2]> {
         let masses = self.masses.iter().filter(|mass| mass.0 == node);
         let grounds = self.grounds.iter().filter(|ground| ground.0 == node);

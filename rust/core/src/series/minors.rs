@@ -312,7 +312,7 @@ impl<const M: usize> Powers<M> {
                 }
             }
         }
-        // Powers beyond what any line can see are dropped at once, or their number would grow with the order.
+        // Powers without an effect on any line are dropped at once; otherwise their number would grow with the order.
         self.length = (p.length + 1).min(MOST_TERMS);
     }
 

@@ -112,7 +112,7 @@ fn logarithms<S: Simd, const N: usize>(s: S, quotients: [[C<S>; 2]; N]) -> Parts
     Parts { modulus, angle, y }
 }
 
-/// What `logarithms` finds; `y` has the signs of the angles.
+/// Results of `logarithms`; `y` has the signs of the angles.
 struct Parts<S: Simd, const N: usize> {
     modulus: [S::f64s; N],
     angle: [S::f64s; N],

@@ -1,0 +1,140 @@
+"""Derivatives by the unknowns of many variants at once, against those of each variant's own problem."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
+from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.tangents import slopes_of
+from receptance.identification import Law, Move, Tolerance
+from receptance.identification.laws import Power
+from receptance.identification.mapping import Parameters
+
+LINES = np.linspace(200.0, 6000.0, 60)
+OVERHANGS = (0.05, 0.07, 0.09)
+
+
+def make_assembly(overhang: float) -> Assembly:
+    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
+    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
+
+
+def make_model() -> Model:
+    rng = np.random.default_rng(5)
+    observations = tuple(
+        MeasuredFRF(
+            assembly=(own := make_assembly(overhang)),
+            frequency_hz=LINES,
+            receptance=own.receptance(LINES) * np.exp(0.02 * rng.normal(size=LINES.size) + 0.01j),
+            standard_deviation=0.01,
+            label=f"{1e3 * overhang:.0f} mm, hit {hit}",
+            configuration=f"{1e3 * overhang:.0f} mm",
+        )
+        for overhang in OVERHANGS
+        for hit in (1, 2)
+    )
+    unknowns = (
+        Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=5e8),
+        Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1.1e5),
+        Unknown(address="joint.c_y", lower=1.0, upper=1e6, start=200.0),
+    )
+    tolerances = (
+        Tolerance(name="modulus", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True),
+        Tolerance(name="clamped", moves={"tool.segment[0].length": 2e-4}, configurations="50 mm"),
+        Tolerance(name="one hit", moves={"holder.segment[0].length": 1e-4}, labels="70 mm, hit 2"),
+    )
+    return Model(observations, unknowns, tolerances, threads=1)
+
+
+def every_variant(model: Model) -> list[tuple[str, Variant]]:
+    found = []
+    for cause in CATALOGUE.values():
+        try:
+            found += [(cause.id, one) for one in cause.variants(model) if not one.changes_data]
+        except UndecidableError:
+            continue
+    return found
+
+
+def own_slopes(fit: Fit, model: Model) -> np.ndarray:
+    """Derivatives of the observed residuals from a task and a problem of the variant alone."""
+    before = {unknown.name for unknown in fit.model.unknowns}
+    task = Model(model.observations, model.unknowns, model.tolerances, threads=1).task
+    values = np.array([fit.values.get(u.name, u.start or 0.0) for u in task.parameters.unknowns])
+    fresh = np.array([u.name in {o.name for o in model.unknowns} - before for u in task.parameters.unknowns])
+    problem = task.problem()
+    rows = problem.slopes(task.variables.from_values(values), fresh) / task.variables.slopes(values)[fresh]
+    return rows[: sum(problem.sizes)]
+
+
+def test_derivatives_are_those_of_each_variant_alone() -> None:
+    model = make_model()
+    fit = refit(model, {})
+    variants = [(id, one) for id, one in every_variant(fit.model) if len(one.model.unknowns) > len(model.unknowns)]
+    assert len({id for id, _ in variants}) > 12
+    found = slopes_of(fit, [one.model for _, one in variants])
+    for (id, variant), slopes in zip(variants, found, strict=True):
+        expected = own_slopes(fit, variant.model)
+        assert slopes is not None, (id, variant.name)
+        assert slopes.shape == expected.shape, (id, variant.name)
+        scale = np.max(np.abs(expected), axis=0)
+        assert np.max(np.abs(slopes - expected) / np.where(scale > 0.0, scale, 1.0)) < 1e-6, (id, variant.name)
+
+
+def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
+    model = make_model()
+    spread = next(one for one in CATALOGUE["joint_spread"].variants(model) if one.name == "4 points")
+    fit = refit(spread.model, {"joint_spread.length": 0.01})
+    for id in ("sensor_mass", "fluted_part", "holder_inertia"):
+        models = [one.model for one in CATALOGUE[id].variants(fit.model)]
+        for own, slopes in zip(models, slopes_of(fit, models), strict=True):
+            expected = own_slopes(fit, own)
+            assert slopes is not None
+            assert np.allclose(slopes, expected, rtol=1e-6, atol=1e-7 * np.max(np.abs(expected))), id
+
+
+def test_parameters_with_more_unknowns_are_those_of_all_of_them() -> None:
+    model = make_model()
+    sites = [one.site(i) for i, one in enumerate(model.observations)]
+    more = (
+        Move(address="longer", moves={"tool.segment[0].length": 1.0}, lower=-0.01, upper=0.01, start=0.002),
+        Unknown(address="joint.c_theta", lower=0.1, upper=10.0, start=2.0, configurations=("70 mm",)),
+    )
+    found = Parameters(model.unknowns, model.tolerances, sites).plus(more)
+    expected = Parameters((*model.unknowns, *more), model.tolerances, sites)
+    assert [one.name for one in found.unknowns] == [one.name for one in expected.unknowns]
+    assert (found.count, found.errors) == (expected.count, expected.errors)
+    values = np.array([one.start or 0.3 for one in found.unknowns])
+    for own, other in zip(found.of(sites), expected.of(sites), strict=True):
+        assert sorted(own.addresses) == sorted(other.addresses)
+        order = [own.addresses.index(address) for address in other.addresses]
+        assert np.allclose(own.values(values)[order], other.values(values), rtol=1e-14)
+        assert np.allclose(own.jacobian(values)[order], other.jacobian(values), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (Unknown(address="joint.k_y", lower=1e6, upper=1e9, name="twice"), "both determine"),
+        (Unknown(address="joint.k_z", lower=1e6, upper=1e9), "no observation's assembly has it"),
+        (Unknown(address="joint.c_theta", lower=0.1, upper=1.0, name="joint.k_y"), "given to two unknowns"),
+    ],
+)
+def test_a_wrong_further_unknown_is_an_error(more: Unknown, message: str) -> None:
+    model = make_model()
+    with pytest.raises(ValueError, match=message):
+        _ = model.plus(more).task
+
+
+def test_a_further_law_is_prepared_with_all_others() -> None:
+    model = make_model()
+    law = Law(
+        address="joint.c_theta", lower=0.1, upper=10.0, powers=(Power(of="tool.segment[0].length", reference=0.07),)
+    )
+    names = [one.name for one in model.plus(law).task.parameters.unknowns]
+    assert "joint.c_theta ~ tool.segment[0].length" in names
+    assert names[-3:] == ["modulus", "clamped", "one hit"]
