@@ -11,7 +11,7 @@ import numpy as np
 
 from blind.bridge import Answer, answer_from, failed
 from real.cases import Case, Plain, Record
-from real.structures import DECAY_RATE, LENGTH, NOMINAL, PLACE_M, SENSOR_PLACE, TOLERANCES
+from real.structures import DECAY_RATE, KNOWN_MASS_TOLERANCE, LENGTH, NOMINAL, PLACE_M, SENSOR_PLACE, TOLERANCES
 from receptance import (
     FRF,
     Assembly,
@@ -71,6 +71,8 @@ def tolerances_of(case: Case) -> list[Tolerance]:
         if record.hit_place != SENSOR_PLACE:
             moves = _moved(edges.index(record.hit_place))
             found.append(Tolerance(name=f"place of {record.label}", moves=moves, labels=record.label))
+    if any(record.known_mass for record in case.records):
+        found.append(Tolerance(name="known masses", moves={"load.mass": KNOWN_MASS_TOLERANCE}, relative=True))
     return [*found, Tolerance(name="place of the sensor", moves=_moved(edges.index(SENSOR_PLACE)))]
 
 

@@ -317,7 +317,7 @@ def modelab_case(beam: Beam, setup: Setup, effect: Effect | None) -> Case:
     hits = sorted({DRIVE, *(hit for hit, _ in setup.hits)})
     # Bodies change the structure before a record is cut.
     whole = dict(zip(hits, exact.windowed(beam.accelerance[hits], beam.spacing_hz, rate), strict=True))
-    drive = whole[DRIVE]
+    drive = beam.drive_gain * whole[DRIVE]
     records = []
     for hit, known_mass in setup.hits:
         mass = known_mass + (sizes["mass"] if id == "sensor_mass" else 0.0)

@@ -15,6 +15,8 @@ from real.structures import HIT_PLACES, brake_reuss, modelab
 DECIBELS = 20.0 / np.log(10.0)
 NEAR_HZ = 8.0
 """Distance from a natural frequency up to which a line is near it: some five half-power widths with the window."""
+LAGS = (4, 12, 24, 40)
+"""Lags in lines."""
 DEEP_HZ = 12.0
 """The same for antiresonances, the lowest points of a record."""
 
@@ -45,6 +47,10 @@ class Discrepancy:
     frequency_percent: tuple[float, ...]
     """Natural frequencies, modelled less measured."""
     records: tuple[Left, ...]
+    correlation: tuple[tuple[float, float], ...]
+    """Lags in Hz and the correlation of the complex logarithm over all records, about zero."""
+    between_records: float
+    """Mean correlation of two records on the same lines, about zero."""
 
 
 def describe(structure: str, without: tuple[int, ...] = ()) -> Discrepancy:
@@ -58,15 +64,19 @@ def describe(structure: str, without: tuple[int, ...] = ()) -> Discrepancy:
         assert beam is not None
         modes = [shifted_mode(mode)[0] for mode in beam.modes]
         percent = tuple(100.0 * (f / hz - 1.0) for f, hz in zip(found.frequencies_hz, modes, strict=False))
-    rows = []
+    rows, logarithms = [], []
     observations = observations_of(case)
     for one, deviation, residual in zip(observations, found.deviations, found.residuals, strict=True):
         real, imaginary = residual.reshape(2, -1) * deviation
         rho = real + 1j * imaginary
+        logarithms.append(limited(rho))
         hz = np.real(one.frequency_hz)
         height = np.abs(one.receptance) * hz**2
         rows.append(_left(one.label, hz, height, rho, modes, float(np.mean(residual**2))))
-    return Discrepancy(structure, found.misfit, percent, tuple(rows))
+    spacing = float(np.mean(np.diff(hz)))
+    lags = [lag for lag in LAGS if lag < hz.size // 2]
+    correlation = tuple((lag * spacing, _correlation(logarithms, lag)) for lag in lags)
+    return Discrepancy(structure, found.misfit, percent, tuple(rows), correlation, _between(logarithms))
 
 
 def _whole(structure: str, without: tuple[int, ...]) -> Case:
@@ -114,15 +124,28 @@ def _close(hz: Lines, places: Lines, distance: float) -> NDArray[np.bool_]:
     return found
 
 
-def length(hz: Lines, rho: Values) -> float:
-    """Return the lag in Hz at which the autocorrelation about the mean falls below 1/e; lines are evenly spaced.
+def limited(rho: Values) -> Values:
+    """Return values limited to three times their median size, so that single antiresonances do not decide."""
+    size = np.maximum(np.abs(rho), 1e-300)
+    return rho * np.minimum(1.0, 3.0 * np.median(size) / size)
 
-    Values are limited to three times their median size first, so that single antiresonances do not decide it.
-    """
-    centred = rho - np.median(rho.real) - 1j * np.median(rho.imag)
-    size = np.abs(centred)
-    limit = 3.0 * np.median(size)
-    centred = centred * np.minimum(1.0, limit / np.maximum(size, 1e-300))
+
+def _correlation(logarithms: list[Values], lag: int) -> float:
+    products = np.concatenate([(own[lag:] * np.conj(own[:-lag])).real for own in logarithms])
+    return float(np.mean(products) / np.mean(np.abs(np.concatenate(logarithms)) ** 2))
+
+
+def _between(logarithms: list[Values]) -> float:
+    """Return the mean correlation of two records; those of another number of lines are left out."""
+    size = logarithms[0].size
+    units = np.array([own / np.linalg.norm(own) for own in logarithms if own.size == size])
+    products = (units @ units.conj().T).real
+    return float(np.mean(products[np.triu_indices(len(units), 1)]))
+
+
+def length(hz: Lines, rho: Values) -> float:
+    """Return the lag in Hz at which the autocorrelation about the mean falls below 1/e; lines are evenly spaced."""
+    centred = limited(rho - np.median(rho.real) - 1j * np.median(rho.imag))
     power = np.mean(np.abs(centred) ** 2)
     for lag in range(1, hz.size // 2):
         if np.mean(centred[lag:] * np.conj(centred[:-lag])).real < power / np.e:
@@ -136,9 +159,11 @@ def text(found: Discrepancy) -> str:
     if found.frequency_percent:
         percent = ", ".join(f"{value:+.3f}" for value in found.frequency_percent)
         lines.append(f"natural frequencies, modelled over measured: {percent} %")
-    lines.append(f"{'measured over modelled':<23} misfit median   rms  at modes  at antires.  phase  length")
-    lines.append(f"{'':<23}        {'dB':>6}    dB        dB           dB    rad      Hz")
+    lines.append(f"{'measured over modelled':<23} misfit median   rms  at modes  at antires.  phase length")
+    lines.append(f"{'':<23}        {'dB':>6}    dB        dB           dB    rad     Hz")
     for one in found.records:
         sizes = f"{one.decibels_between:+6.2f} {one.rms_between:5.2f} {one.rms_near:9.2f} {one.rms_deep:12.2f}"
-        lines.append(f"{one.label[-23:]:<23} {one.misfit:6.3g} {sizes} {one.radians:6.3f} {one.length_hz:7.3g}")
+        lines.append(f"{one.label[-23:]:<23} {one.misfit:6.3g} {sizes} {one.radians:6.3f} {one.length_hz:6.3g}")
+    lags = ", ".join(f"{value:.2f} ({lag:.3g})" for lag, value in found.correlation)
+    lines.append(f"correlation (Hz): {lags}; records {found.between_records:+.2f}")
     return "\n".join(lines)

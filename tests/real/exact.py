@@ -126,7 +126,7 @@ def continued(values: Values, spacing_hz: float) -> Values:
     end, as the beam's fourth, would ring before the hit otherwise.
     """
     count = values.shape[-1]
-    hz = spacing_hz * np.arange(2 * count)
+    hz = spacing_hz * np.arange(2 * count - 1)  # 2^n times small primes stay so: the transforms are fast
     own, more = hz[int(0.95 * count) : count], hz[count:]
     fade = 0.5 * (1.0 + np.cos(np.pi * (more - more[0]) / (more[-1] - more[0])))
     rows = []

@@ -9,8 +9,8 @@ without naming one; any other word names ("named", "partly explained", or whatev
   (`cases.ANSWERS`, `cases.LOOK_ALIKES`), and the verdict names it, or is "ambiguous" among these alone.
 - An effect hidden, wrongly: the verdict names a cause that is neither.
 - Anything else is no answer: "unexplained", "suspected", "adequate".
-- Sizes: whether the 95 % interval that is stated with a rightly named effect holds the hidden size. The size is exact
-  relative to the measured drive point; an error of that record's gain changes the size of bodies in proportion.
+- Sizes: whether the 95 % interval that is stated with a rightly named effect holds the hidden size. Sizes of bodies
+  are as exact as the drive point, some 5 %; see `structures`.
 
 Effects with a ratio above `cases.CLEAR` count for the targets: rightly at least 85 %, wrongly at most 3 %, nothing
 hidden called at most 5 %. A failed diagnosis counts as no answer and has a line. Shares have exact (Clopper and

@@ -6,12 +6,13 @@ import pickle
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from real import cases, exact
+from real import cases, exact, structures
 from real.cases import ANSWERS, CLEAR, DRIVE, PLAN, Case, Effect, Plain, Setup, draw, modelab_case, plan
 from real.made_beam import DAMPING, HZ, SPACING, accelerance, made_beam
 from real.structures import DECAY_RATE, Level
@@ -97,6 +98,19 @@ def test_noise_is_that_of_the_lines(beam):
     own = (beam.frequency_hz > 300.0) & (beam.frequency_hz < 900.0)
     scatter = np.std((noisy - without)[own].real)
     assert scatter == pytest.approx(1e-3 / np.sqrt(2.0 * DECAY_RATE / SPACING), rel=0.2)
+
+
+def test_drive_point_that_reads_too_little(beam):
+    """Bodies act as they would with the right drive point, which is known from the mirrored hit; the record is left."""
+    assert beam.drive_gain == pytest.approx(1.0, abs=0.01)
+    faulty = replace(beam, accelerance=np.where(np.arange(9)[:, None] == DRIVE, 0.8, 1.0) * beam.accelerance)
+    assert faulty.drive_gain == pytest.approx(1.25, rel=0.01)
+    right, found = (modelab_case(one, SETUP, Effect("sensor_mass", {"mass": 0.2})) for one in (beam, faulty))
+    for place, (a, b) in enumerate(zip(right.records, found.records, strict=True)):
+        ratio = np.median(np.abs(b.accelerance / a.accelerance))
+        assert ratio == pytest.approx(0.8 if place == 0 else 1.0, abs=5e-3)
+    shifts = [[exact.shifted_mode(mode, 0.1)[1] for mode in one.modes] for one in (beam, faulty)]
+    assert shifts[0] == pytest.approx(shifts[1], rel=1e-4)
 
 
 def test_natural_frequencies_of_the_drive_point(beam):
@@ -191,3 +205,13 @@ def test_only_the_bridge_imports_the_package():
         if source.name != "bridge.py" and not source.name.startswith("test_"):
             text = source.read_text(encoding="utf-8")
             assert not re.search(r"^\s*(import|from)\s+receptance", text, re.MULTILINE), source.name
+
+
+def test_absent_files_are_told(monkeypatch, tmp_path):
+    monkeypatch.setattr("real.structures.MEASURED", tmp_path)
+    monkeypatch.setattr(cases, "modelab", structures.modelab.__wrapped__)
+    monkeypatch.setattr(cases, "brake_reuss", structures.brake_reuss.__wrapped__)
+    for structure in ("modelab", "brake_reuss"):
+        assert not cases.available(structure)
+        with pytest.raises(FileNotFoundError, match="is not in the folder of measured files"):
+            draw(1, 0, structure, "", plain_fit)
