@@ -264,6 +264,16 @@ def test_several_causes_with_a_passing_model_are_a_suspicion() -> None:
     judgement = conclude(selection)
     assert judgement.answer == "suspected"
     assert any("may explain the rest" in note for note in judgement.notes)
+    # The same pair, were one of its sizes more than ordinary.
+    for ordinary, answer in ((1.9e-3, "suspected"), (2.1e-3, "named")):
+        pair = replace(verdict.explanation)
+        parameters = dict(pair.parameters)
+        parameters["sensor_mass.mass"] = replace(parameters["sensor_mass.mass"], ordinary=ordinary)
+        pair.__dict__["parameters"] = parameters
+        found = conclude(replace(verdict.selection, explanations=[pair], alternatives=[]))
+        assert found.answer == answer
+        assert any("is large for a cause beside another one" in note for note in found.notes) == (answer == "suspected")
+    assert CATALOGUE["holder_modulus"].parameters[0].ordinary < CATALOGUE["holder_modulus"].parameters[0].plausible[1]
 
 
 @pytest.mark.slow

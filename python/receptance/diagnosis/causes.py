@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, get_args
@@ -55,6 +56,9 @@ class Parameter:
     negligible : float, optional
         Distance from null below which the cause is negligible, however well the data show it. Beside another cause
         that explains the data it is then left out.
+    ordinary : float, optional
+        Distance from null up to which the size is ordinary. With a larger one the cause is named only if no other
+        cause acts beside it, because an effect outside the catalogue is easily imitated by two causes.
     cause : str, optional
         Id of the cause, set by `Cause`.
     """
@@ -69,6 +73,7 @@ class Parameter:
     secondary: bool = False
     prior: Prior | None = None
     negligible: float = 0.0
+    ordinary: float = math.inf
     cause: str = ""
 
     def __post_init__(self) -> None:

@@ -92,6 +92,14 @@ class Explanation:
         )
 
     @property
+    def extraordinary(self) -> tuple[str, ...]:
+        """Names of the unknowns whose values are more than ordinary; see `Parameter.ordinary`."""
+        sizes = {name: value for cause, _ in self.steps for name, value in self.sizes(cause).items()}
+        return tuple(
+            n for n, value in sizes.items() if abs(value - self.parameters[n].null) > self.parameters[n].ordinary
+        )
+
+    @property
     def unusual(self) -> bool:
         """Whether it is implausible by its size alone, and not by the place where it acts."""
         return bool(self.implausible) and not any(self.parameters[name].secondary for name in self.implausible)

@@ -195,6 +195,13 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             f"{name} is suspected only: it improves {only} alone, where an effect of that tool or clamping may be the "
             "same; measure another configuration"
         )
+    large = one.extraordinary if len(one.steps) > 1 else ()
+    if large:
+        sizes = ", ".join(f"{size} = {one.fit.values[size]:.3g}" for size in large)
+        yield (
+            f"{name} are suspected only: {sizes} is large for a cause beside another one, and an effect that is not in "
+            "the catalogue may act in place of both"
+        )
     before = judge(base)
     if len(one.steps) > 1 and before.misfit <= before.limit:
         yield (

@@ -18,6 +18,7 @@ from receptance.diagnosis.thresholds import (
     MATERIAL_DEVIATIONS,
     METAL_MODULUS,
     ORDINARY_DENSITY,
+    ORDINARY_DRAWING,
     ORDINARY_MODULUS,
     RIGID_MODULUS,
     SHORTENED,
@@ -280,7 +281,7 @@ def _factor(name: str, typical: float, plausible: float) -> Parameter:
 
 def _of_drawing(name: str, typical: float) -> Parameter:
     """Return the natural logarithm of an effective property of parts that a simplified drawing describes."""
-    return _between(name, typical, math.log(1.0 - DRAWING), math.log(1.0 + DRAWING))
+    return replace(_between(name, typical, math.log(1.0 - DRAWING), math.log(1.0 + DRAWING)), ordinary=ORDINARY_DRAWING)
 
 
 def _between(name: str, typical: float, low: float, high: float) -> Parameter:

@@ -219,6 +219,8 @@ ORDINARY_DENSITY = 0.1
 DRAWING = 0.25
 """Largest share by which effective density and modulus of holder and spindle plausibly differ from a simplified
 drawing, which leaves out bores, flanges and balancing cut-outs."""
+ORDINARY_DRAWING = 0.1
+"""Natural logarithm up to which such a difference is named beside another cause."""
 MATERIAL_DEVIATIONS = 4.0
 """Plausible range of a material, in standard deviations of its grades."""
 SUSPENSION_PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
