@@ -125,6 +125,49 @@ def test_another_quantity_is_named_with_the_line_to_write(
     assert "verdict: adequate" in capsys.readouterr().out
 
 
+def test_reversed_polarity_is_named_and_turned_in_the_extended_campaign(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    simulated(-1.0)
+    causes = [word for id in ("reversed_polarity", "wrong_quantity", "time_delay") for word in ("--cause", id)]
+    assert call(monkeypatch, "diagnose", "rods", *causes, "--json", "found.json", "--extended", "extended.toml") == 0
+    found = json.loads(Path("found.json").read_text())
+    assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", ["reversed_polarity"])
+    capsys.readouterr()
+    assert Path("extended.toml").read_text().count('direction = "-y"') == 3
+    assert call(monkeypatch, "diagnose", "extended.toml", "--cause", "time_delay") == 0
+    assert "verdict: adequate" in capsys.readouterr().out
+
+
+def test_partly_explained_with_all_outputs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mass at the tip is added exactly to receptances whose axis and level are bent, as no model can match them."""
+    simulated(1.0)
+    bent = 1.0 + 0.0015 * np.sin(LINES / 800.0)
+    level = np.exp(0.02 * np.cos(LINES / 1100.0) + 0.015j * np.sin(LINES / 700.0))
+    rng = np.random.default_rng(3)
+    for name, assembly in campaign.load("rods").assemblies.items():
+        exact = assembly.replace(JOINT).receptance(LINES * bent) * level
+        with_mass = exact / (1.0 - (2.0 * np.pi * LINES) ** 2 * 8e-3 * exact)
+        noise = 0.003 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
+        io.write(Path("rods", f"{name}.csv"), FRF(frequency_hz=LINES, values=with_mass * np.exp(noise)))
+    text = Path("rods/campaign.toml").read_text().replace('"hold out"', '"identify"').replace('"1 %"', '"0.3 %"')
+    Path("rods/campaign.toml").write_text(text)
+    outputs = ["--json", "found.json", "--report", "found.html", "--extended", "extended.toml", "--plot", "found.png"]
+    assert call(monkeypatch, "diagnose", "rods", *outputs) == 0
+    shown = capsys.readouterr().out
+    print(shown)
+    assert "verdict: partly explained" in shown
+    assert "error of the model beside noise" in shown
+    found = json.loads(Path("found.json").read_text())
+    assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("partly explained", ["sensor_mass"])
+    assert found["discrepancy"]["after"]["frequency"] < found["discrepancy"]["before"]["frequency"]
+    assert 'class="verdict partly explained"' in Path("found.html").read_text()
+    assert Path("found.png").stat().st_size > 10_000
+    assert "partly explained: sensor_mass" in Path("extended.toml").read_text()
+    assert call(monkeypatch, "identify", "extended.toml") == 0
+    assert "sensor" in capsys.readouterr().out
+
+
 def test_the_stable_depth_is_a_metric(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     simulated(1.06)
     asked = ("diagnose", "rods", "--cause", "calibration_gain", "--metric")

@@ -94,6 +94,25 @@ def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
     assert found.title == "sensor_mass + fluted_part"
 
 
+def test_a_structure_without_a_joint_has_a_suspension_and_a_sensor_in_proportion() -> None:
+    def observed(diameter: float) -> MeasuredFRF:
+        bar = Assembly([Part([Segment(length=1.0, outer_diameter=diameter, material=STEEL)], name="bar")])
+        return MeasuredFRF(
+            assembly=bar, frequency_hz=LINES, receptance=bar.receptance(LINES), standard_deviation=0.01, label="bar"
+        )
+
+    loss = (Unknown(address="bar.segment[0].loss_factor", lower=1e-6, upper=0.1, start=1e-3),)
+    for diameter, largest in ((0.005, 0.03), (0.04, 0.05 * 7850.0 * np.pi / 4.0 * 0.04**2)):
+        model = Model((observed(diameter),), loss)
+        (sensor,) = CATALOGUE["sensor_mass"].variants(model)
+        mass = parameters_of(sensor.model.unknowns)["sensor_mass.mass"]
+        assert mass.plausible == pytest.approx((0.0, largest))
+        assert mass.upper >= 0.2
+        hung = CATALOGUE["suspension"].variants(model)
+        assert [one.name for one in hung][:2] == ["at 0 % of the structure", "at 0 % of the structure, with a loss"]
+        assert hung[0].model.observations[0].assembly.get("cause_rope.k_y") == 0.0
+
+
 def test_unknown_without_parameter_is_an_error() -> None:
     def change(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant("all", model.plus(Unknown(address="joint.c_y", lower=1.0, upper=1e4)))

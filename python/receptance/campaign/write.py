@@ -425,6 +425,11 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
         if (old.part, old.position) != (new.part, new.position):
             at = new.position if isinstance(new.position, str) else quantity(new.position, units.LENGTH)
             table[side] = {**table.get(side, {}), "part": new.part, "position": at}
+    if np.array_equal(found.receptance, -given.receptance):
+        own = table.get("response", {})
+        direction = own.get("direction", "+y")
+        table["response"] = {**own, "direction": direction.translate(str.maketrans("+-", "-+"))}
+        return
     times = _integrations(given, found)
     if times:
         table["integrate"] = int(table.get("integrate", 0)) + times
@@ -520,8 +525,11 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
                 table[key] = [moved(name) for name in written]
 
 
-def _on_diagnosed_lines(model: Model, diagnosed: Model) -> Model:
-    """Return the written model on the lines of the diagnosis, which leaves out noisy ones."""
+def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: bool) -> Model:
+    """Return the written model on the lines of the diagnosis, which leaves out noisy ones.
+
+    A discrepancy enlarges the standard deviations of the diagnosis; a campaign file does not describe it.
+    """
     seen = {observation.label: observation for observation in diagnosed.observations}
     kept: list[Observation] = []
     for observation in model.observations:
@@ -531,6 +539,9 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model) -> Model:
             kept.append(observation.select(good))
         elif other is not None:
             kept.append(observation)
+        if with_discrepancy and other is not None:
+            fields = ("standard_deviation", "correlated_lines", "standard_deviation_hz")
+            kept[-1] = altered(kept[-1], **{name: getattr(other, name) for name in fields if hasattr(other, name)})
     places = [one.site(i) for i, one in enumerate(kept)]
     tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
     return replace(model, observations=tuple(kept), tolerances=tolerances)
@@ -545,7 +556,8 @@ def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
     assert explanation is not None
     again = from_data(folder / "extended.toml", copy.deepcopy(data))
     fit = explanation.fit
-    task = _on_diagnosed_lines(campaign_model(again, again.to_identify)[0], fit.model).task
+    written = campaign_model(again, again.to_identify)[0]
+    task = _on_diagnosed_lines(written, fit.model, with_discrepancy=verdict.discrepancy is not None).task
     problem = task.problem()
     names = set(task.variables.names)
     if names != set(fit.values):

@@ -417,7 +417,8 @@ MENU = (
         "measure a free mass that is known",
         3.0,
         DirectMeasurement(
-            {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7}, presence=frozenset({"wrong_quantity"})
+            {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
+            presence=frozenset({"wrong_quantity", "reversed_polarity"}),
         ),
     ),
     Choice(

@@ -16,7 +16,9 @@ from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
+    LARGE_SIZE,
     SAME_PLACE,
+    SENSOR_SHARE,
     SUSPENSION_PLACES,
     TRUNCATION_FROM,
     TRUNCATION_POINTS,
@@ -66,9 +68,15 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
         return altered(one, assembly=with_points(one.assembly, point))
 
+    # A large structure carries a large sensor.
+    heaviest = max(sum(part.mass for name in own.tool for part in model.parts(name)[:1]) for own in model.anatomies)
+    declared = p["mass"]
+    assert declared.plausible is not None
+    largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
+    mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
     changed = model.map(change)
     for name in _each(model):
-        yield Variant(name or "all", changed.plus(p["mass"].unknown("cause_sensor.mass", configurations=name)))
+        yield Variant(name or "all", changed.plus(mass.unknown("cause_sensor.mass", configurations=name)))
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -228,6 +236,12 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
 
 
+def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    _require_receptances(model)
+    changed = model.map(lambda one: altered(one, receptance=-one.receptance) if isinstance(one, MeasuredFRF) else one)
+    yield Variant("all", changed, changes_data=True)
+
+
 def _quantity_of(order: int) -> str:
     """Return the name of an FRF whose motion is a displacement differentiated `order` times."""
     if 0 <= order < len(FORMS):
@@ -378,6 +392,14 @@ MEASUREMENT_CAUSES = (
         change=_quantity,
         meaning="the file holds another quantity than the one it was read as",
         remedy="state the quantity of the file (receptance, mobility, accelerance)",
+    ),
+    Cause(
+        id="reversed_polarity",
+        group="measurement",
+        parameters=(),
+        change=_polarity,
+        meaning="sensor or hammer point the other way: every FRF has the wrong sign",
+        remedy="turn the sign of the response: in a campaign its direction, in Python `frf.flipped()`",
     ),
     Cause(
         id="coarse_resolution",

@@ -199,6 +199,8 @@ SHORTEST_SPREAD = 1e-4
 """Length in m of a spread joint that replaces a point joint."""
 LAYER_POINTS = 12
 """Points that stand for a layer whose stiffness changes along the insertion."""
+SENSOR_SHARE = 0.05
+"""Largest plausible mass of a forgotten sensor, as a share of the mass of the tool, where this is more than usual."""
 COLLET_GYRATION = 0.6
 """Radius of gyration of a collet as a multiple of the shank's diameter."""
 TIP_STEP = 1e-5

@@ -18,7 +18,9 @@ _SHOWN = {
     "without the exponential window": ("exponential_window",),
     "which exponential window": ("exponential_window",),
     "marked": ("hammer_offset",),
-    "free mass": ("calibration_gain", "time_delay", "wrong_quantity"),
+    "free mass": ("calibration_gain", "time_delay", "wrong_quantity", "reversed_polarity"),
+    # The axis is no effect of the bench: it is right in every case.
+    "generator of known frequency": ("frequency_scale",),
     "softer": ("suspension",),
     "swing on the suspension": ("suspension",),
     "blank alone": ("tool_material", "tool_modulus", "tool_density", "fluted_part"),
