@@ -380,7 +380,7 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
         assert "which is read" in capsys.readouterr().err
 
 
-def test_as_many_tools_at_the_same_time_as_the_campaign_has_threads(
+def test_as_many_tools_in_parallel_as_the_campaign_has_threads(
     machine: Any, identified: Any, given_threads: set[object]
 ) -> None:
     next(iter(predict_catalogue(Catalogue(replace(machine, threads=3)), identified)))

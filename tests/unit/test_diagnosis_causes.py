@@ -14,7 +14,7 @@ from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part,
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import IndescribableError, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
-from receptance.diagnosis.fitting import at_the_same_time
+from receptance.diagnosis.fitting import in_parallel
 from receptance.diagnosis.selection import Search
 from receptance.identification import Law, Move, Tolerance
 
@@ -187,8 +187,8 @@ def test_results_are_in_the_order_of_the_fits() -> None:
         return "second"
 
     fits: list[Callable[[], str]] = [first, second, lambda: "third"]
-    assert list(at_the_same_time(fits, 2)) == ["first", "second", "third"]
-    assert list(at_the_same_time(fits[1:], 1)) == ["second", "third"]
+    assert list(in_parallel(fits, 2)) == ["first", "second", "third"]
+    assert list(in_parallel(fits[1:], 1)) == ["second", "third"]
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.task import Task
 
-__all__ = ["Exploration", "Fit", "at_the_same_time", "evaluate", "explore", "fit_base", "refit", "with_null"]
+__all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "in_parallel", "refit", "with_null"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,7 @@ def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0)
 
 
 def with_null(model: Model, fit: Fit) -> Fit:
-    """Return a fit as that of its model with a further cause, which is null; neither is evaluated."""
+    """Return the fit for a model with a further cause of size zero, without an evaluation."""
     return Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
 
 
@@ -305,7 +305,7 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
 _T = TypeVar("_T")
 
 
-def at_the_same_time(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
+def in_parallel(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
     """Yield the results of fits in their order; `workers` of them run at the same time."""
     if workers == 1 or len(fits) < 2:
         yield from (fit() for fit in fits)
@@ -314,7 +314,7 @@ def at_the_same_time(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator
     try:
         yield from (future.result() for future in [pool.submit(fit) for fit in fits])
     finally:
-        # After a KeyboardInterrupt fits that run end in the background.
+        # After a KeyboardInterrupt running fits end in the background.
         pool.shutdown(wait=False, cancel_futures=True)
 
 

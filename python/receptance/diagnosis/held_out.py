@@ -13,7 +13,7 @@ import numpy as np
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import IndescribableError, parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
-from receptance.diagnosis.fitting import Fit, at_the_same_time, refit
+from receptance.diagnosis.fitting import Fit, in_parallel, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
@@ -222,8 +222,9 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
 
     The base and every explanation that is close to the best one on the other configurations are fitted to these,
     from the values of the fit to all, and so are the single causes whose own improvement is measured. An
-    explanation is close by the rule that decides which explanations are fitted on all lines.
-    `tests/validation/folds.py` compares the answers and the improvement with a selection from the beginning.
+    explanation is close by the rule that decides which explanations are fitted on all lines. Variants of causes,
+    threshold and directions are those of the whole selection. `tests/validation/folds.py` compares the answers and
+    the improvement with a complete selection for each fold.
     """
     base = refit(without(selection.base.model, configurations), selection.base.values)
     found = replace(
@@ -240,12 +241,9 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     singles = selection.held_out_singles
     chosen = [one for one in every if remaining[one] <= limit or one in singles]
     both = [*chosen, *selection.alternatives]
-    fits = at_the_same_time([partial(_refit, found, one, configurations) for one in both], selection.workers)
-    for number, refitted in enumerate(fits):
-        if number < len(chosen):
-            found.add(*refitted)
-        else:
-            found.alternatives += refitted
+    fits = list(in_parallel([partial(_refit, found, one, configurations) for one in both], selection.workers))
+    found.add(*(one for one in fits[: len(chosen)] if one is not None))
+    found.alternatives += [one for one in fits[len(chosen) :] if one is not None]
     found.alternatives.sort(key=lambda one: -one.evidence)
     return found
 
@@ -256,15 +254,15 @@ def _on_others(fit: Fit, configurations: Sequence[str]) -> float:
     return fit.chi_square - sum(own.get(name, 0.0) for name in configurations)
 
 
-def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]) -> list[Explanation]:
-    """Return an explanation fitted without some configurations; none where it acts in these alone."""
+def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]) -> Explanation | None:
+    """Return an explanation fitted without some configurations; None where it acts in these alone."""
     model = without(one.fit.model, configurations)
     if not parameters_of(model.unknowns).keys() >= one.parameters.keys():
-        return []
+        return None
     try:
-        return [selection.explain(one.steps, refit(model, one.fit.values))]
+        return selection.explain(one.steps, refit(model, one.fit.values))
     except ReceptanceError:
-        return []
+        return None
 
 
 def count_folds(model: Model) -> int:

@@ -17,10 +17,10 @@ from receptance.diagnosis.explanation import Explanation, Selection, behind_limi
 from receptance.diagnosis.fitting import (
     Exploration,
     Fit,
-    at_the_same_time,
     evaluate,
     explore,
     fit_base,
+    in_parallel,
     refit,
     with_null,
 )
@@ -383,7 +383,7 @@ class Search:
 
     def _each(self, stage: str, titles: Sequence[str], fits: Sequence[Callable[[], _T]]) -> Iterator[_T]:
         """Yield the results of fits in their order, after a report of each."""
-        results = at_the_same_time(fits, self.selection.workers)
+        results = in_parallel(fits, self.selection.workers)
         for title in titles:
             self._report(stage, title)
             yield next(results)
