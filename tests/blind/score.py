@@ -107,6 +107,7 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
     lines += [
         _line("two effects, both large enough: both reported", pairs, lambda o: o.in_set, ">= 80 %"),
         _line("two effects, both large enough: named wrong", pairs, lambda o: o.named_wrong, "<= 5 %"),
+        _line("partly explained by a cause: it is hidden", of_partly(cases), lambda o: o.in_set),
         _line("diagnoses that failed", cases, lambda o: o.verdict == "failed", "none"),
     ]
     lines += [
@@ -117,6 +118,11 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
     sizes = [hit for o in cases if o.named_right for hit in o.size_covered]
     lines.append(Line("95 % intervals of rightly named sizes cover", sum(sizes), len(sizes), "reported"))
     return lines, _rest(cases, large, plain)
+
+
+def of_partly(cases: Iterable[Outcome]) -> list[Outcome]:
+    """Return the cases whose verdict is that a cause explains the data partly."""
+    return [o for o in cases if o.verdict == "partly explained"]
 
 
 def trusted(cases: Iterable[Outcome]) -> list[Outcome]:

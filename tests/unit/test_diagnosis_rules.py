@@ -225,6 +225,9 @@ def test_unusual_sizes_are_reported_only_where_nothing_else_explains_the_data() 
     assert answer(large(own)) == ("suspected", 0)
     assert answer(large(own + 1.0), plausible) == ("named", 1)
     assert answer(large(own + 1.1 * MARGIN), plausible) == ("suspected", 0)
+    # The best one leaves a misfit, and the only adequate one has no more evidence than chance.
+    rejected = replace(plausible, evidence=own, fit=verdict.selection.base)
+    assert answer(rejected, replace(plausible, evidence=0.5 * verdict.threshold)) == ("unexplained", 0)
     # Several of them, and one that acts at an implausible place, explain nothing.
     assert answer(large(own), large(own, "another")) == ("unexplained", 2)
     assert answer(large(own, secondary=True)) == ("unexplained", 1)

@@ -92,12 +92,12 @@ def _conclude(selection: Selection) -> Judgement:
     best = selection.best
     if best is None or best.evidence <= limit:
         return _judge_base(selection)
-    passing = [one for one in selection.explanations if one.passed]
+    passing = [one for one in selection.explanations if one.evidence > limit and one.passed]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
         return Judgement("unexplained", (), (), tuple(notes))
     passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
-    near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN and one.evidence > limit]
+    near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN]
     near = [one for one in near if not any(_adds_only(one, other) for other in near)]
     remaining = [one for one in near if not one.implausible]
     if not remaining and len(near) == 1 and near[0].unusual:
