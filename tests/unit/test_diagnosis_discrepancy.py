@@ -190,5 +190,16 @@ def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     assert any(line.startswith("error of the model beside noise: ") for line in found.sentences())
 
 
+@pytest.mark.parametrize("name", ["fit_discrepancy", "extend"])
+def test_an_interruption_keeps_the_answer_without_a_discrepancy(monkeypatch, name):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"receptance.diagnosis.engine.{name}", interrupt)
+    found = diagnose(observed(0.005, 0.05), JOINT, tolerances=TOLERANCES, causes=CAUSES[:2], most=1)
+    assert (found.verdict, found.final, found.discrepancy) == ("unexplained", False, None)
+    assert "not final" in found.notes[0]
+
+
 def test_only_a_missing_mode_is_too_unspecific():
     assert [one.id for one in CATALOGUE.values() if one.unspecific] == ["missing_mode"]

@@ -201,6 +201,8 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
         judgement = conclude(selection)
     except ReceptanceError:
         return verdict
+    except KeyboardInterrupt:
+        return verdict.interrupt(report.position, tried=True)
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
     if judgement.answer != "partly explained" or selection.interrupted:
         found = verdict.interrupt(report.position, tried=True) if selection.interrupted else verdict
