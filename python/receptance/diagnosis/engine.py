@@ -142,7 +142,7 @@ def diagnose(
     selection = select(model, catalogue, most=most, progress=report)
     verdict = _verdict(selection, conclude(selection), most, line_notes, report)
     if verdict.verdict == "unexplained" and verdict.final and verdict.alternative is None:
-        verdict = _beside_discrepancy(verdict, catalogue, report)
+        verdict = _beside_discrepancy(verdict, catalogue, report, model.threads)
         selection = verdict.selection
     if not held_out or not verdict.final:
         return verdict
@@ -179,14 +179,14 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
     return given
 
 
-def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Progress) -> Verdict:
+def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Progress, threads: int | None) -> Verdict:
     """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
 
     Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which is left with
     the best cause, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
     """
     before = verdict.selection.base
-    few = resonant(before.model)
+    few = replace(resonant(before.model), threads=threads)
     try:
         discrepancy, base = fit_discrepancy(few, before.values)
         left = discrepancy
@@ -203,10 +203,12 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
         return verdict
     except KeyboardInterrupt:
         return verdict.interrupt(report.position, tried=True)
+    if selection.interrupted:
+        verdict = verdict.interrupt(report.position, tried=True)
+        return replace(verdict, discrepancy=discrepancy, base_fit=base)
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
-    if judgement.answer != "partly explained" or selection.interrupted:
-        found = verdict.interrupt(report.position, tried=True) if selection.interrupted else verdict
-        return replace(found, notes=notes, discrepancy=discrepancy, base_fit=base)
+    if judgement.answer != "partly explained":
+        return replace(verdict, notes=notes, discrepancy=discrepancy, base_fit=base)
     found = _verdict(selection, replace(judgement, notes=notes), 1, (), report)
     return replace(
         found,
@@ -214,6 +216,7 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
         base_fit=base,
         discrepancy=discrepancy,
         discrepancy_after=selection.discrepancy,
+        without_discrepancy=verdict,
     )
 
 

@@ -192,7 +192,9 @@ class Selection:
         """
         if self.discrepancy is None:
             return self.base.chi_square - chi_square
-        return self.base.independent_values * math.log(self.base.chi_square / chi_square)
+        # A model with as many unknowns as values leaves nothing, which is no evidence without limit.
+        least = 1e-3 * self.base.chi_square
+        return self.base.independent_values * math.log(self.base.chi_square / max(chi_square, least))
 
     def share(self, one: Explanation) -> float:
         """Return the share of the misfit of the base that an explanation takes."""

@@ -201,6 +201,9 @@ class Verdict(Result):
         Adequacy of the base, without a discrepancy.
     base_fit : Fit
         The base; it allows for the discrepancy, if there is one.
+    without_discrepancy : Verdict or None
+        Where the data are partly explained: the answer of the fits to the noise, which is given if held-out data
+        contradict the cause.
     discrepancy, discrepancy_after : Discrepancy or None
         Error of the base, and of the extended model, beside the noise, where no cause explains the data to the noise.
     explanation : Explanation or None
@@ -247,6 +250,7 @@ class Verdict(Result):
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
     explanation: Explanation | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance, repr=False)
+    without_discrepancy: Verdict | None = field(default=None, repr=False)
 
     heading = "Diagnosis"
 
@@ -307,15 +311,16 @@ class Verdict(Result):
         if doubt is not None:
             answer = "suspected" if answer == "named" else "unexplained"
             notes = (*notes, f"{answer}: {doubt}")
-        no_cause = answer == "unexplained"
+        if answer == "unexplained" and self.without_discrepancy is not None:
+            plain = replace(
+                self.without_discrepancy, discrepancy=self.discrepancy, base_fit=self.base_fit, final=self.final
+            )
+            return replace(plain, notes=(*plain.notes, notes[-1])).with_improvement(found)
         candidates = tuple(replace(one, held_out=found.singles.get(one.id)) for one in self.candidates)
         return replace(
             self,
             verdict=answer,
             notes=notes,
-            causes=() if no_cause else self.causes,
-            explanation=None if no_cause else self.explanation,
-            discrepancy_after=None if no_cause else self.discrepancy_after,
             gains=found.gains,
             candidates=candidates,
             bias=bias_of(found.modes, found.slenderness),
