@@ -136,6 +136,34 @@ def test_natural_frequencies_have_the_relative_error():
     assert str(Discrepancy(0.004, None)) == "0.4 % in natural frequencies"
 
 
+def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    observations = []
+    for overhang in OVERHANGS:
+        frequencies = assembled(overhang).natural_frequencies(8e3)
+        ratios = np.full(frequencies.size, 0.01)
+        observations.append(
+            MeasuredFrequencies(
+                assembly=assembled(overhang),
+                frequency_hz=frequencies * (1.0 + 0.005 * rng.normal(size=frequencies.size)),
+                standard_deviation_hz=1.0,
+                damping_ratio=ratios * np.exp(0.5 * rng.normal(size=ratios.size)),
+                standard_deviation_damping=0.02 * ratios,
+                label=f"{overhang}",
+            )
+        )
+    model = Model(tuple(observations), JOINT, TOLERANCES, threads=1)
+    found, fit = fit_discrepancy(model, fit_base(model).values)
+    print(found, fit.misfit)
+    assert found.frequency < 0.02
+    assert 0.1 < found.damping < 1.0
+    assert str(found).endswith("in damping ratios")
+    for one, wide in zip(observations, fit.model.observations, strict=True):
+        expected = np.hypot(one.standard_deviation_damping, found.damping * one.damping_ratio)
+        np.testing.assert_allclose(wide.standard_deviation_damping, expected)
+
+
 def test_antiresonances_are_left_out():
     model = Model(observed(0.0, 0.0, noise=1e-9), JOINT, TOLERANCES, threads=1)
     for one, few in zip(model.observations, resonant(model).observations, strict=True):

@@ -540,7 +540,7 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
         elif other is not None:
             kept.append(observation)
         if with_discrepancy and other is not None:
-            fields = ("standard_deviation", "correlated_lines", "standard_deviation_hz")
+            fields = ("standard_deviation", "correlated_lines", "standard_deviation_hz", "standard_deviation_damping")
             kept[-1] = altered(kept[-1], **{name: getattr(other, name) for name in fields if hasattr(other, name)})
     places = [one.site(i) for i, one in enumerate(kept)]
     tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))

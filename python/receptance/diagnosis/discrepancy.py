@@ -11,14 +11,14 @@ in place of derivatives because s may exceed the width of a resonance. H is the 
 are the same for all models. Errors are common to lines: those of a mode where u > r^2 have its error of frequency, one
 real number in all records of a configuration; the others have its error of level, one complex number in each record. A
 mode has the lines from one midpoint between peaks to the next. Antiresonances are left out: they are small differences
-of modes, and a small error of one mode moves them far. A measured natural frequency has the relative error s. The two
+of modes, and a small error of one mode moves them far. A measured natural frequency has the relative error s. These
 parameters have the largest likelihood of the residuals. Intervals of a fit that allows for the discrepancy include it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,20 +52,25 @@ class Discrepancy:
         Of natural frequencies, relative.
     relative : float or None
         Of the real and of the imaginary part of the logarithm of receptances; None without receptances.
+    damping : float or None
+        Of damping ratios, relative; None where none was measured.
     """
 
     frequency: float
     relative: float | None
+    damping: float | None = None
 
     def __str__(self) -> str:
         level = "" if self.relative is None else f" and {100.0 * self.relative:.2g} % in level"
-        return f"{100.0 * self.frequency:.2g} % in natural frequencies{level}"
+        damping = "" if self.damping is None else f" and {100.0 * self.damping:.2g} % in damping ratios"
+        return f"{100.0 * self.frequency:.2g} % in natural frequencies{level}{damping}"
 
     def times(self, factor: float) -> Discrepancy:
         """Return a discrepancy that is larger by a factor, up to the largest one that is tried."""
         largest = DISCREPANCIES[1]
         level = None if self.relative is None else min(factor * self.relative, largest)
-        return Discrepancy(min(factor * self.frequency, largest), level)
+        damping = None if self.damping is None else factor * self.damping
+        return Discrepancy(min(factor * self.frequency, largest), level, damping)
 
     def is_close(self, other: Discrepancy) -> bool:
         """Return whether another discrepancy is the same to a tenth."""
@@ -80,7 +85,12 @@ class Discrepancy:
     def _enlarge(self, one: Observation, records: int) -> Observation:
         if isinstance(one, MeasuredFrequencies):
             spread = np.hypot(np.asarray(one.standard_deviation_hz), self.frequency * one.frequency_hz)
-            return altered(one, standard_deviation_hz=spread)
+            changed = altered(one, standard_deviation_hz=spread)
+            if self.damping is None or not one.damped.size:
+                return changed
+            ratios = np.nan_to_num(np.asarray(one.damping_ratio))
+            of_damping = np.hypot(np.asarray(one.standard_deviation_damping), self.damping * ratios)
+            return altered(changed, standard_deviation_damping=of_damping)
         level, shift = np.square(self.relative or 0.0), _variance_of_shift(one, self.frequency)
         noise, lines = (
             np.square(one.standard_deviations[: shift.size]),
@@ -123,10 +133,10 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> tuple[Discrepan
         Values from which the fit starts.
     """
     fit = evaluate(model, start)
-    found = _most_likely(model, _errors(fit))
+    found = _most_likely(model, fit)
     for _ in range(DISCREPANCY_ROUNDS):
         fit = refit(found.allow(model), fit.values)
-        before, found = found, _most_likely(model, _errors(fit))
+        before, found = found, _most_likely(model, fit)
         if found == before:
             break
     # Lines and priors may agree less with these two parameters than their likelihood expects.
@@ -148,13 +158,16 @@ def _errors(fit: Fit) -> list[NDArray[np.complex128]]:
     return found
 
 
-def _most_likely(model: Model, errors: Sequence[NDArray[np.complex128]]) -> Discrepancy:
-    """Return the discrepancy with the largest likelihood of errors, those of a mode as one independent value."""
+def _most_likely(model: Model, fit: Fit) -> Discrepancy:
+    """Return the discrepancy with the largest likelihood of the errors of a fit.
+
+    Common errors of lines are one independent value. The variance of the noise is that of `model`.
+    """
     grid = np.geomspace(DISCREPANCIES[0], DISCREPANCIES[1], int(DISCREPANCIES[2]))
     # Minus twice the logarithm of the likelihood, over the level (rows) and the frequency (columns).
     deviance = np.zeros((grid.size, grid.size))
     has_level = False
-    for one, error, records in zip(model.observations, errors, _records(model), strict=True):
+    for one, error, records in zip(model.observations, _errors(fit), _records(model), strict=True):
         power = np.square(np.abs(error))
         if isinstance(one, MeasuredFrequencies):
             noise = np.square(np.asarray(one.standard_deviation_hz) / one.frequency_hz)
@@ -170,7 +183,27 @@ def _most_likely(model: Model, errors: Sequence[NDArray[np.complex128]]) -> Disc
                 variance = level + shift + noise / lines
                 deviance[row, column] += np.sum((power / variance + 2.0 * np.log(variance)) / lines)
     row, best = divmod(int(np.argmin(deviance)), grid.size)
-    return Discrepancy(float(grid[best]), float(grid[row]) if has_level else None)
+    return Discrepancy(float(grid[best]), float(grid[row]) if has_level else None, _of_damping(model, fit))
+
+
+def _of_damping(model: Model, fit: Fit) -> float | None:
+    """Return the standard deviation of damping ratios, relative, with the largest likelihood."""
+    grid = np.geomspace(1e-3, 3.0, int(DISCREPANCIES[2]))
+    deviance = np.zeros(grid.size)
+    known = False
+    for one, fitted, residual in zip(model.observations, fit.model.observations, fit.parts, strict=True):
+        if (
+            not isinstance(one, MeasuredFrequencies)
+            or not isinstance(fitted, MeasuredFrequencies)
+            or not one.damped.size
+        ):
+            continue
+        known = True
+        ratios, own = np.asarray(one.damping_ratio)[one.damped], residual[one.frequency_hz.size :]
+        errors = own * np.asarray(fitted.standard_deviation_damping)[one.damped] / ratios
+        variance = np.square(grid)[:, None] + np.square(np.asarray(one.standard_deviation_damping)[one.damped] / ratios)
+        deviance += np.sum(np.square(errors) / variance + np.log(variance), axis=1)
+    return float(grid[np.argmin(deviance)]) if known else None
 
 
 def _variance_of_shift(one: MeasuredFRF, frequency: float) -> NDArray[np.float64]:
