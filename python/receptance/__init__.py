@@ -2,29 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from receptance.errors import (
-    GrossSlipError,
-    ReceptanceError,
-    ReceptanceWarning,
-    ResonanceError,
-    SingularInterfaceError,
-)
-from receptance.frf import FRF
-from receptance.identification import (
-    Identification,
-    MeasuredFrequencies,
-    MeasuredFRF,
-    Unknown,
-    find_bands,
-    identify,
-)
-from receptance.model.assembly import Assembly
-from receptance.model.beams import CARBIDE, STEEL, Material, Part, Section, Segment
-from receptance.model.complex_modes import DampedModes, damped_modes
-from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
-from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
-from receptance.model.terminals import MeasuredPart, ModalPart, Mode
+from receptance._lazy import lazily
 
 if TYPE_CHECKING:
     import receptance.campaign
@@ -40,6 +18,30 @@ if TYPE_CHECKING:
     import receptance.studies
     import receptance.sweep
     import receptance.taper  # noqa: F401
+    from receptance.errors import (
+        GrossSlipError,
+        MissingExtraError,
+        ReceptanceError,
+        ReceptanceWarning,
+        ResonanceError,
+        SingularInterfaceError,
+    )
+    from receptance.frf import FRF
+    from receptance.identification import (
+        Identification,
+        MeasuredFrequencies,
+        MeasuredFRF,
+        Unknown,
+        find_bands,
+        identify,
+    )
+    from receptance.model.assembly import Assembly
+    from receptance.model.beams import CARBIDE, STEEL, Material, Part, Section, Segment
+    from receptance.model.complex_modes import DampedModes, damped_modes
+    from receptance.model.coordinates import Coordinate
+    from receptance.model.distributed import SpreadJoint
+    from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+    from receptance.model.terminals import MeasuredPart, ModalPart, Mode
 
     __version__: str
 
@@ -59,6 +61,7 @@ __all__ = [
     "MeasuredFrequencies",
     "MeasuredPart",
     "MicroslipJoint",
+    "MissingExtraError",
     "ModalPart",
     "Mode",
     "Part",
@@ -78,7 +81,26 @@ __all__ = [
     "identify",
 ]
 
-_SUBPACKAGES = (
+_NAMES = {
+    "errors": [
+        "GrossSlipError",
+        "MissingExtraError",
+        "ReceptanceError",
+        "ReceptanceWarning",
+        "ResonanceError",
+        "SingularInterfaceError",
+    ],
+    "frf": ["FRF"],
+    "identification": ["Identification", "MeasuredFRF", "MeasuredFrequencies", "Unknown", "find_bands", "identify"],
+    "model.assembly": ["Assembly"],
+    "model.beams": ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"],
+    "model.complex_modes": ["DampedModes", "damped_modes"],
+    "model.coordinates": ["Coordinate"],
+    "model.distributed": ["SpreadJoint"],
+    "model.joints": ["ColletJoint", "GroundSpring", "MicroslipJoint", "PointJoint", "PointMass", "Resonator"],
+    "model.terminals": ["MeasuredPart", "ModalPart", "Mode"],
+}
+_MODULES = (
     "campaign",
     "catalogue",
     "diagnosis",
@@ -95,18 +117,11 @@ _SUBPACKAGES = (
 )
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names
+    _imported, __dir__ = lazily(__name__, _NAMES, (*_MODULES, "__version__"))
 
     def __getattr__(name: str) -> Any:
-        # Loaded at first use: `import receptance` loads NumPy and SciPy only.
-        if name in _SUBPACKAGES:
-            import importlib
+        if name != "__version__":
+            return _imported(name)
+        from importlib import metadata
 
-            return importlib.import_module(f"receptance.{name}")
-        if name == "__version__":
-            from importlib import metadata
-
-            return metadata.version("receptance")
-        raise AttributeError(f"module 'receptance' has no attribute {name!r}")
-
-    def __dir__() -> list[str]:
-        return sorted({*globals(), *_SUBPACKAGES, "__version__"})
+        return metadata.version("receptance")

@@ -7,12 +7,17 @@ from receptance._core import GrossSlipError, ReceptanceError, ResonanceError, Si
 
 __all__ = [
     "GrossSlipError",
+    "MissingExtraError",
     "ReceptanceError",
     "ReceptanceWarning",
     "ResonanceError",
     "SingularInterfaceError",
     "warn_user",
 ]
+
+
+class MissingExtraError(ReceptanceError, ImportError):
+    """A package of an optional part is not installed; the message names the command that installs it."""
 
 
 class ReceptanceWarning(UserWarning):

@@ -2,8 +2,9 @@
 
 The program has one unit registry, restricted to the units of mechanical measurements. The angle has a dimension of its
 own, so rad/N and m/(N m) differ. The letter g is the acceleration of gravity if that gives a motion or a motion per
-load (`g`, `g/N`, `V/(100 mV/g)`), and a gram otherwise (`0.6 g`, `14.5 g/cm^3`). pint is imported when the first unit
-is read.
+load (`g`, `g/N`, `V/(100 mV/g)`), and a gram otherwise (`0.6 g`, `14.5 g/cm^3`). Names of four letters or more may end
+in s. Products and quotients are evaluated from left to right, and a space is a product: `1/N m` is m/N. The registry
+is the program's own because a library of all units takes longer to load than a fit; tests compare it with pint.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -58,7 +60,7 @@ volt = [voltage] = V
 kelvin = [temperature] = K
 gram = 0.001 * kilogram = g
 tonne = 1000 * kilogram = t
-pound = 0.45359237 * kilogram = lb
+pound = 0.45359237 * kilogram = lb = lbs
 ounce = 0.028349523125 * kilogram = oz
 minute = 60 * second = min
 hour = 3600 * second = h
@@ -66,11 +68,11 @@ hertz = 1 / second = Hz = Hertz
 degree = 0.017453292519943295 * radian = deg
 arcminute = degree / 60 = arcmin
 arcsecond = degree / 3600 = arcsec
-revolution = 6.283185307179586 * radian = rev = turn
+revolution = 6.283185307179586 * radian = rev = revs = turn
 revolutions_per_minute = revolution / minute = rpm
 inch = 0.0254 * metre = in
 foot = 0.3048 * metre = ft = feet
-mil = 0.0000254 * metre = thou
+mil = 0.0000254 * metre = thou = mils
 litre = 0.001 * metre ** 3 = l = L = liter
 standard_gravity = 9.80665 * metre / second ** 2 = gn = g_n = g_0 = G
 newton = kilogram * metre / second ** 2 = N
@@ -79,7 +81,7 @@ poundal = 0.138254954376 * newton = pdl
 kilogram_force = 9.80665 * newton = kgf = kp
 dyne = 1e-5 * newton = dyn
 pascal = newton / metre ** 2 = Pa
-bar = 1e5 * pascal
+bar = 1e5 * pascal = bars
 psi = pound_force / inch ** 2
 ksi = 1000 * psi
 joule = newton * metre = J
@@ -138,8 +140,12 @@ class Unit:
 # Reading a unit ------------------------------------------------------------------------------------------------------
 
 _LONGEST_UNIT = 80
+_SHORTEST_NAME = 4
+"""Names of a unit that are longer are not symbols and may end in the s of a plural: `newtons`, but not `Ns`."""
 _EXPONENT = r"[+-]?\d(?:\.5)?"
-_POWER = re.compile(rf"(?<=[A-Za-zµμ)])\s*(?:\^|\*\*)\s*(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?![\d.]|\s*(?:\^|\*\*))")
+_POWER = re.compile(
+    rf"(?:(?<=[A-Za-zµμ)])|(?<=g_0))\s*(?:\^|\*\*)\s*(?:{_EXPONENT}|\(\s*{_EXPONENT}\s*\))(?![\d.]|\s*(?:\^|\*\*))"
+)
 _SIGN = re.compile(r"(?:(?<=\d[eE])[+-]|(?:^|(?<=[(/*]))\s*-)(?=\s*\d)")
 """A sign of a number, as opposed to a difference or a sum."""
 _ALLOWED = re.compile(r"[A-Za-zµμ_0-9.*/() ]+")
@@ -147,17 +153,98 @@ _GRAM_OR_GRAVITY = re.compile(r"\b([mµμun]?)g\b")
 _LINEAR_POWER = re.compile(r"\b([A-Za-zµμ]+)(-?\d)\b")
 
 
-@functools.cache
-def _registry() -> Any:
-    import pint  # takes a third of a second
+_TOKEN = re.compile(
+    rf"\s*(?:(?P<number>-?\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-zµμ_][\wµμ]*)"
+    rf"|(?:\^|\*\*)\s*(?P<power>{_EXPONENT}|\(\s*{_EXPONENT}\s*\))|(?P<sign>[*/()]))"
+)
+_Parts = tuple[float, dict[str, float]]
+"""Factor and powers of the base dimensions."""
 
-    registry: Any = pint.UnitRegistry(None)
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
-    return registry
+
+class _Expression:
+    """Evaluation of a product of units: numbers, names, powers, quotients and brackets."""
+
+    def __init__(self, text: str, unit: Callable[[str], _Parts]) -> None:
+        self._unit = unit
+        self._tokens: list[tuple[str, str]] = []
+        place = 0
+        while place < len(text.rstrip()):
+            found = _TOKEN.match(text, place)
+            if found is None:
+                raise UnitError("no part of a unit")
+            kind = str(found.lastgroup)
+            self._tokens.append((kind, found[kind]))
+            place = found.end()
+
+    def value(self) -> _Parts:
+        """Return factor and dimension of the whole expression."""
+        found = self._product()
+        if self._tokens:
+            raise UnitError("a bracket that was not opened")
+        return found
+
+    def _product(self) -> _Parts:
+        factor, powers = self._operand()
+        while self._tokens and self._tokens[0][1] != ")":
+            over = self._tokens[0] == ("sign", "/")
+            if over or self._tokens[0] == ("sign", "*"):
+                del self._tokens[0]
+            own, dimension = self._operand()
+            factor = factor / own if over else factor * own
+            for name, power in dimension.items():
+                powers[name] = powers.get(name, 0.0) + (-power if over else power)
+        return factor, powers
+
+    def _operand(self) -> _Parts:
+        kind, text = self._tokens.pop(0) if self._tokens else ("end", "")
+        if kind == "number":
+            return float(text.replace(" ", "")), {}
+        if kind == "name":
+            factor, powers = self._unit(text)
+        elif text == "(":
+            factor, powers = self._product()
+            if not self._tokens:
+                raise UnitError("a bracket that is not closed")
+            del self._tokens[0]
+        else:
+            raise UnitError(f"{text or 'the end'} in place of a unit")
+        if self._tokens and self._tokens[0][0] == "power":
+            exponent = float(self._tokens.pop(0)[1].strip("( )"))
+            # The root of a negative number is complex, which `_read` refuses.
+            return factor**exponent, {name: power * exponent for name, power in powers.items()}
+        return factor, dict(powers)
+
+
+@functools.cache
+def _registry() -> tuple[dict[str, _Parts], dict[str, float]]:
+    """Return the units and the prefixes by each of their names."""
+    units: dict[str, _Parts] = {}
+    prefixes: dict[str, float] = {}
+    for line in _DEFINITIONS.strip().splitlines():
+        name, definition, *others = line.split(" = ")
+        if name.endswith("-"):
+            prefixes |= {one.removesuffix("-"): float(definition) for one in (name, *others)}
+            continue
+        base = re.fullmatch(r"\[(\w+)\]", definition)
+        value = (1.0, {base[1]: 1.0}) if base else _Expression(definition, units.__getitem__).value()
+        units |= dict.fromkeys((name, *others), value)
+    return units, prefixes
+
+
+def _named(name: str) -> _Parts:
+    """Return the unit of a name, which may have a prefix and end in the s of a plural."""
+    units, prefixes = _registry()
+    for own in (name, name.removesuffix("s") if len(name) > _SHORTEST_NAME else name):
+        if own in units:
+            return units[own]
+        for prefix, factor in prefixes.items():
+            if own.startswith(prefix) and (found := units.get(own.removeprefix(prefix))):
+                return factor * found[0], found[1]
+    raise UnitError(f"(unknown: {name!r})", name)
 
 
 def _plain(text: str) -> str:
-    """Return a unit in the spelling of pint."""
+    """Return a unit in the spelling of the registry."""
     plain = text.strip()
     for sign, power in (("⁻", "-"), ("¹", "1"), ("²", "2"), ("³", "3"), ("⁴", "4")):
         plain = plain.replace(sign, power)
@@ -174,7 +261,6 @@ def _read(text: str, gravity: bool = False) -> Unit:
     """Return the unit of a text; g is the acceleration of gravity or a gram."""
     plain = _plain(text)
     wrong = f"{text!r} is not understood as a unit, expected one such as 'm/s^2/N' or 'g'"
-    # pint evaluates any expression in a text, and a power of a power such as m^9^9^9 does not end.
     bare = _SIGN.sub("", _POWER.sub("", plain))
     if len(plain) > _LONGEST_UNIT or "//" in bare or "**" in bare or not _ALLOWED.fullmatch(bare):
         raise UnitError(wrong, text)
@@ -183,15 +269,14 @@ def _read(text: str, gravity: bool = False) -> Unit:
     if gravity:
         plain = _GRAM_OR_GRAVITY.sub(r"\1gn", plain)
     try:
-        base = (_registry().Quantity(1.0, "") * _registry().parse_expression(plain)).to_base_units()
-        factor = float(base.magnitude)
-        powers = {name.strip("[]"): float(power) for name, power in dict(base.dimensionality).items()}
-    except Exception as error:
-        # pint raises many types of errors: syntax errors, undefined units, arithmetic.
-        found = getattr(error, "unit_names", None) or ()
-        words = (found,) if isinstance(found, str) else tuple(map(str, found))
-        hint = f" (unknown: {', '.join(words)!r})" if words else ""
-        raise UnitError(wrong + hint, words[0] if words else text) from None
+        factor, powers = _Expression(plain, _named).value()
+    except UnitError as error:
+        hint = f" {error}" if error.word else ""
+        raise UnitError(wrong + hint, error.word or text) from None
+    except (ZeroDivisionError, OverflowError):
+        raise UnitError(wrong, text) from None
+    if isinstance(factor, complex):
+        raise UnitError(f"{wrong}: it is the root of a negative number", text)
     if not 0.0 < abs(factor) < math.inf:
         raise UnitError(f"{wrong}: it is a factor of {factor:g}", text)
     return Unit(text, factor, tuple(sorted((name, power) for name, power in powers.items() if power)))
@@ -366,7 +451,7 @@ def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
     if not isinstance(unit, str):
         raise TypeError(f"{owner}: {what} is {unit!r}, expected {expected}")
     if unit.strip() == si:
-        return 1.0  # without pint
+        return 1.0
     if not unit.strip():
         raise ValueError(f"{owner}: {what} is {unit!r}, expected {expected}")
     try:

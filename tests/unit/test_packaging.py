@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import importlib
 import importlib.metadata
 import importlib.resources
 import re
@@ -17,6 +18,9 @@ from typing import Any
 import pytest
 
 import receptance
+from receptance._extras import EXTRAS, require
+from receptance._lazy import lazily
+from receptance.errors import MissingExtraError
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
@@ -36,7 +40,9 @@ def _requirements(extra: str | None = None) -> set[str]:
         named = re.search(r"""extra\s*==\s*["'](.+?)["']""", marker)
         if (named and named.group(1)) == extra:
             found.add(re.split(r"[\s<>=!~\[(]", requirement.strip(), maxsplit=1)[0].lower())
-    return found
+            if inner := re.match(r"receptance\[(.+?)\]", requirement):
+                found |= set().union(*(_requirements(one.strip()) for one in inner[1].split(",")))
+    return found - {"receptance"}
 
 
 def test_there_is_one_version() -> None:
@@ -97,19 +103,42 @@ def _imports() -> dict[str, set[str]]:
 
 def test_imported_packages_are_dependencies() -> None:
     """`pip install .` installs the requirements of every module, the command line and the figures."""
-    needed = {DISTRIBUTION_OF.get(name, name).lower(): places for name, places in _imports().items()}
-    missing = {name: sorted(places) for name, places in needed.items() if name not in _requirements()}
-    # Packages of an extra are imported in one place, whose error says how to install them.
-    assert missing == {"distributed": ["sweep/run.py"], "emcee": ["identification/sampling.py"]}
+    optional = set().union(*EXTRAS.values())
+    needed = {DISTRIBUTION_OF.get(name, name).lower() for name in _imports().keys() - optional}
+    assert needed == _requirements(), "imported, and the dependencies"
+    assert {"numpy", "scipy"} <= needed
+
+
+def test_packages_of_extras_are_listed_in_both_places() -> None:
+    """`receptance._extras` names the extra in errors, pyproject.toml its packages."""
     extras = _toml("pyproject.toml")["project"]["optional-dependencies"]
-    for extra, package in (("dask", "dask[distributed]"), ("sampling", "emcee")):
-        assert all(any(line.startswith(package) for line in extras[name]) for name in (extra, "test"))
-    assert {"numpy", "scipy"} <= needed.keys()
+    assert extras.keys() - {"all", "test"} == EXTRAS.keys()
+    for extra, modules in EXTRAS.items():
+        own = {"dask" if name == "distributed" else DISTRIBUTION_OF.get(name, name) for name in modules}
+        if extra == "dask":
+            own |= {DISTRIBUTION_OF.get(name, name) for name in EXTRAS["sweep"]}
+        assert _requirements(extra) == own
+        assert _requirements(extra) <= _requirements("all") <= _requirements("test")
 
 
-def test_dependencies_are_imported() -> None:
-    unused = _requirements() - {DISTRIBUTION_OF.get(name, name).lower() for name in _imports()}
-    assert not unused, f"dependencies that no module imports: {sorted(unused)}"
+def test_optional_packages_are_checked_where_they_are_imported() -> None:
+    """A module that imports a package of an extra, or the one that starts it, has `require`."""
+    started_by = {"io/_worker.py": "io/mat_hdf5.py", "sweep/disk.py": "sweep/store.py"}
+    started_by |= {"sweep/reading.py": "sweep/store.py", "diagnosis/report/figures.py": "diagnosis/report/page.py"}
+    for extra, modules in EXTRAS.items():
+        for path in set().union(*(_imports()[name] for name in modules if name in _imports())):
+            source = (LIBRARY / started_by.get(path, path)).read_text(encoding="utf-8")
+            typed_only = path in ("campaign/comparison.py", "sweep/figure.py", "frf/frf.py")
+            assert typed_only or f'require("{extra}"' in source, path
+
+
+def test_the_message_of_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    text = r"the report of a diagnosis needs plotly and jinja2: pip install 'receptance\[report\]'"
+    with pytest.raises(MissingExtraError, match=text):
+        require("report", "the report of a diagnosis")
+    with pytest.raises(ImportError, match=r"FRF.to_xarray needs xarray: pip install 'receptance\[sweep\]'"):
+        require("sweep", "FRF.to_xarray", "xarray")
 
 
 def test_the_extra_for_tests_brings_the_tools() -> None:
@@ -131,3 +160,95 @@ def test_sdist_contains_all_build_inputs(tmp_path: Path) -> None:
     missing = {name for name in expected - names if not name.startswith("rust/core/benches/")}
     assert not missing
     assert not {name for name in names if name.endswith((".so", ".pyc")) or name.startswith("target/")}
+
+
+LAZY = ("", "campaign", "diagnosis", "report", "stability", "taper")
+"""Packages whose names are imported at first use."""
+
+
+def _stated(path: Path) -> dict[str, set[str]]:
+    """Return the names that a package imports for type checkers, by module."""
+    (block,) = (
+        node
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    )
+    found: dict[str, set[str]] = {}
+    for node in block.body:
+        if isinstance(node, ast.Import):
+            found.setdefault("", set()).update(one.name.removeprefix("receptance.") for one in node.names)
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found.setdefault(node.module, set()).update(one.name for one in node.names)
+    return found
+
+
+@pytest.mark.parametrize("name", LAZY)
+def test_lazy_names_are_those_that_type_checkers_see(name: str) -> None:
+    package = importlib.import_module(f"receptance.{name}".rstrip("."))
+    path = LIBRARY / name / "__init__.py"
+    stated = _stated(path)
+    modules = stated.pop("", set())
+    home = {
+        (module if module.startswith("receptance.") else f"{package.__name__}.{module}"): set(names)
+        for module, names in package._NAMES.items()
+    }
+    assert stated == home
+    assert modules == set(getattr(package, "_MODULES", ()))
+    assert set(package.__all__) == set().union(*stated.values())
+    assert {*package.__all__, *modules} <= set(dir(package))
+    # An imported submodule becomes an attribute of its package and would hide a lazy name.
+    inside = {one.stem for one in path.parent.glob("*.py")} | {
+        one.name for one in path.parent.iterdir() if one.is_dir()
+    }
+    assert not inside & set(package.__all__)
+    for one in package.__all__:
+        assert getattr(package, one) is not None
+    with pytest.raises(AttributeError, match="has no attribute 'no_such_name'"):
+        package.no_such_name  # noqa: B018
+
+
+def test_every_lazy_package_is_tested() -> None:
+    found = {path.parent.name for path in LIBRARY.rglob("__init__.py") if "lazily(" in path.read_text(encoding="utf-8")}
+    assert found == {name or "receptance" for name in LAZY}
+    assert callable(lazily)
+
+
+def _loaded(code: str) -> set[str]:
+    """Return the packages from outside that a new interpreter has loaded after some code."""
+    printed = "print(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{code}\n{printed}"], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split()) - set(sys.stdlib_module_names)
+
+
+def test_imports_load_little() -> None:
+    """Names are imported at first use; a command loads what it needs."""
+    assert not _loaded("import receptance") & {"numpy", "scipy"}
+    model = _loaded("from receptance import Assembly, Part, identify, FRF")
+    assert "numpy" in model
+    assert not model & {"scipy", "pydantic", "typer", "rich", "matplotlib", "pandas", "xarray"}
+    # rich, for the help of all commands, is loaded by typer.
+    assert not _loaded("import receptance.cli") & {"numpy", "pydantic", "matplotlib"}
+
+
+@pytest.mark.slow
+def test_a_command_takes_little_more_than_its_computation(tmp_path: Path) -> None:
+    """Processor time of `identify` on the smallest example over that of loading NumPy, in pairs on a shared machine.
+
+    The ratio was 20 when every command loaded the whole library and its optional packages; it is 9 now.
+    """
+    resource = pytest.importorskip("resource", reason="processor times of child processes are those of Unix")
+
+    def seconds(*command: str) -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, *command], check=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return float(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+
+    folder = str(tmp_path / "mine")
+    seconds("-m", "receptance.cli", "example", "free-free", folder)
+    identify, numpy = ("-m", "receptance.cli", "identify", folder), ("-c", "import numpy")
+    pairs = [(seconds(*identify), seconds(*numpy)) for _ in range(6)][1:]  # the first one fills the caches
+    ratios = sorted(one / other for one, other in pairs)
+    assert ratios[len(ratios) // 2] < 13.0, f"ratios {ratios}, seconds {pairs}"

@@ -1,16 +1,21 @@
 """Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
-from receptance.campaign.comparison import Comparison
-from receptance.campaign.json_schema import field_tables, json_schema
-from receptance.campaign.measurements import Measurement
-from receptance.campaign.prediction import Prediction, forecast_of
-from receptance.campaign.problems import CampaignError, Problem
-from receptance.campaign.read import load
-from receptance.campaign.run import Campaign
-from receptance.campaign.stability import CampaignCut, Tip
-from receptance.campaign.tolerances import Effects
-from receptance.campaign.values import Condition, Deviation
-from receptance.campaign.write import extended_text, write_extended
+from typing import TYPE_CHECKING
+
+from receptance._lazy import lazily
+
+if TYPE_CHECKING:
+    from receptance.campaign.comparison import Comparison
+    from receptance.campaign.measurements import Measurement
+    from receptance.campaign.prediction import Prediction, forecast_of
+    from receptance.campaign.problems import CampaignError, Problem
+    from receptance.campaign.read import load
+    from receptance.campaign.run import Campaign
+    from receptance.campaign.schema_document import field_tables, json_schema
+    from receptance.campaign.stability import CampaignCut, Tip
+    from receptance.campaign.tolerances import Effects
+    from receptance.campaign.values import Condition, Deviation
+    from receptance.campaign.write import extended_text, write_extended
 
 __all__ = [
     "Campaign",
@@ -31,3 +36,20 @@ __all__ = [
     "load",
     "write_extended",
 ]
+
+_NAMES = {
+    "comparison": ["Comparison"],
+    "schema_document": ["field_tables", "json_schema"],
+    "measurements": ["Measurement"],
+    "prediction": ["Prediction", "forecast_of"],
+    "problems": ["CampaignError", "Problem"],
+    "read": ["load"],
+    "run": ["Campaign"],
+    "stability": ["CampaignCut", "Tip"],
+    "tolerances": ["Effects"],
+    "values": ["Condition", "Deviation"],
+    "write": ["extended_text", "write_extended"],
+}
+
+if not TYPE_CHECKING:  # a type checker is to find misspelt names
+    __getattr__, __dir__ = lazily(__name__, _NAMES)

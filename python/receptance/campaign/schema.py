@@ -6,8 +6,12 @@ others are declared here.
 
 from __future__ import annotations
 
+import ast
 import functools
+import inspect
+import itertools
 import operator
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, get_type_hints
@@ -55,7 +59,7 @@ from receptance.model.terminals import ModalPart, Mode
 from receptance.stability import Milling, Turning
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 __all__ = [
     "AssemblyTable",
@@ -87,14 +91,50 @@ __all__ = [
 class Table(BaseModel):
     """A table of the file; unknown keys are mistakes, and text is not converted to numbers."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+    # Only the model of the whole file validates: building the others as well takes a tenth of a second.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Describe the keys by the strings below the fields, which only the JSON schema needs."""
+        found: dict[str, Any] = handler(core_schema)
+        properties = handler.resolve_ref_schema(found)["properties"]
+        texts = _descriptions(cls)
+        for name in properties.keys() & texts.keys():
+            properties[name].setdefault("description", texts[name])
+        return found
+
+
+def _descriptions(model: type[Table]) -> dict[str, str]:
+    """Return the strings below the fields of a model and of its bases by the name of the field.
+
+    pydantic would read them when the models are made, which takes half of the time in which this module is loaded.
+    """
+    written = _written()
+    return {name: text for base in reversed(model.__mro__) for name, text in written.get(base.__name__, {}).items()}
+
+
+@functools.cache
+def _written() -> dict[str, dict[str, str]]:
+    """Return the strings below the fields of the classes of this module by class and field."""
+    source = inspect.getsource(sys.modules[__name__])
+    classes = {one.name: one.body for one in ast.parse(source).body if isinstance(one, ast.ClassDef)}
+    return {
+        name: {
+            field.target.id: inspect.cleandoc(text.value.value)
+            for field, text in itertools.pairwise(body)
+            if isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+            and isinstance(text.value.value, str)
+        }
+        for name, body in classes.items()
+    }
 
 
 class ElementTable(Table):
     """A table whose keys follow from the declarations of an element."""
-
-    # `create_model` states every description. A search for source code would take half of the time of the import.
-    model_config = ConfigDict(use_attribute_docstrings=False)
 
     origin: ClassVar[tuple[Callable[[Any], type[ElementTable]], Any]]
     """Function that makes the model, and its argument."""
@@ -278,7 +318,7 @@ _MODE = Of(Mode, defaults=(("frequency_hz", None), ("damping_ratio", 0.03), ("y"
 """A mode; its numbers may be unknowns."""
 
 
-class _ModalPartKeys(ElementTable, use_attribute_docstrings=True):
+class _ModalPartKeys(ElementTable):
     """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
 
     modes: Annotated[list[Annotated[ElementTable, _MODE]], Field(min_length=1)]
@@ -288,7 +328,7 @@ class _ModalPartKeys(ElementTable, use_attribute_docstrings=True):
     frequencies are then optional"""
 
 
-class _MicroslipKeys(ElementTable, use_attribute_docstrings=True):
+class _MicroslipKeys(ElementTable):
     reference_force: Annotated[float, Amount(units.FORCE)] | None = None
     """force that is the level 1, where measurements give their `level` as a force"""
 
@@ -715,14 +755,14 @@ def _across(value: Any) -> Any:
     raise ValueError(f'is {shown(value)}, expected a table, "as x" or "rigid"')
 
 
-class _TurningKeys(ElementTable, use_attribute_docstrings=True):
+class _TurningKeys(ElementTable):
     angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
     """angle between the force and the direction of the chip thickness"""
     x: TipTable
     """receptance of the tip in the direction of the chip thickness"""
 
 
-class _MillingKeys(ElementTable, use_attribute_docstrings=True):
+class _MillingKeys(ElementTable):
     x: TipTable
     """receptance of the tip in the direction of feed"""
     y: Annotated[TipTable | Literal["as x", "rigid"], BeforeValidator(_across)] = "as x"

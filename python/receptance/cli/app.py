@@ -29,6 +29,7 @@ from receptance.cli.convert import convert
 from receptance.cli.running import InputError, InterruptedAnswer
 from receptance.cli.studies import demo, studies
 from receptance.cli.sweep import sweep
+from receptance.errors import MissingExtraError
 
 __all__ = ["app", "main"]
 
@@ -84,7 +85,7 @@ def main() -> None:
     try:
         # Not standalone, so that interruptions and wrong input get their own exit codes here.
         code = app(standalone_mode=False, prog_name="receptance")
-    except InputError as error:
+    except (InputError, MissingExtraError) as error:
         print(f"receptance: {printable(str(error))}", file=sys.stderr)
         code = 2
     except InterruptedAnswer as error:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from receptance.cli.campaigns import CampaignFile, load_campaign
@@ -108,8 +107,6 @@ def _fixed_values(at: list[str]) -> dict[str, float]:
 def _candidates(
     read: Campaign, vary: list[str], points: int | None, sample: int | None, seed: int, given: dict[str, float]
 ) -> Candidates:
-    from scipy import stats
-
     from receptance.identification.mapping import FACTORS
     from receptance.sweep import Grid, Sampled
 
@@ -127,6 +124,8 @@ def _candidates(
         raise InputError(f"the campaign has no unknowns, expected a parameter, such as --vary '{_EXAMPLE}'")
     logarithmic = {name: low > 0.0 and high / low >= _LOGARITHMIC for name, (low, high) in ranges.items()}
     if sample is not None:
+        from scipy import stats
+
         distributions = {
             name: stats.loguniform(low, high) if logarithmic[name] else stats.uniform(low, high - low)
             for name, (low, high) in ranges.items()
@@ -135,6 +134,8 @@ def _candidates(
     count = points ** len(ranges)
     if count > _MOST_CANDIDATES:
         raise InputError(f"{points} values of {len(ranges)} parameters are {count:.1e} candidates; use --sample COUNT")
+    import numpy as np
+
     return Grid(
         {
             name: np.geomspace(low, high, points) if logarithmic[name] else np.linspace(low, high, points)

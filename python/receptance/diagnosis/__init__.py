@@ -14,12 +14,17 @@ Data flow of `engine.diagnose`::
     `thresholds` has all constants.
 """
 
-from receptance.diagnosis.catalogue import CATALOGUE
-from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant
-from receptance.diagnosis.engine import diagnose
-from receptance.diagnosis.held_out import HeldOut, Metric
-from receptance.diagnosis.model import Model
-from receptance.diagnosis.verdict import Candidate, Gain, NextMeasurement, Verdict
+from typing import TYPE_CHECKING
+
+from receptance._lazy import lazily
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.catalogue import CATALOGUE
+    from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant
+    from receptance.diagnosis.engine import diagnose
+    from receptance.diagnosis.held_out import HeldOut, Metric
+    from receptance.diagnosis.model import Model
+    from receptance.diagnosis.verdict import Candidate, Gain, NextMeasurement, Verdict
 
 __all__ = [
     "CATALOGUE",
@@ -37,3 +42,15 @@ __all__ = [
     "Verdict",
     "diagnose",
 ]
+
+_NAMES = {
+    "catalogue": ["CATALOGUE"],
+    "causes": ["Cause", "Parameter", "Step", "UndecidableError", "Variant"],
+    "engine": ["diagnose"],
+    "held_out": ["HeldOut", "Metric"],
+    "model": ["Model"],
+    "verdict": ["Candidate", "Gain", "NextMeasurement", "Verdict"],
+}
+
+if not TYPE_CHECKING:  # a type checker is to find misspelt names
+    __getattr__, __dir__ = lazily(__name__, _NAMES)

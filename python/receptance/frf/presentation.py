@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance._extras import require
 from receptance.model.coordinates import UnknownPosition
 from receptance.report import Table
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
@@ -177,6 +178,7 @@ def _band(frf: FRF) -> str:
 
 def dataset(frf: FRF) -> xarray.Dataset:
     """Return the FRF as an xarray data set; see `FRF.to_xarray`."""
+    require("sweep", "FRF.to_xarray", "xarray")
     import xarray  # slow to import
 
     arrays: dict[str, Any] = {"frf": (_DIMENSIONS, frf.values, {"long_name": frf.form})}

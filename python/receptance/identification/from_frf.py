@@ -350,9 +350,11 @@ def _smooth_power(
         x = frequency_hz[near] - frequency_hz[at, None]
         x /= np.abs(x).max(axis=1, keepdims=True)
         columns = np.stack([np.ones_like(x), x, x * x], axis=-1)
-        inverse = np.linalg.inv(np.einsum("ki,kia,kib->kab", others, columns, columns))
-        fitted = np.einsum("kab,kib,ki->ka", inverse, columns, others * values[near])
-        left = np.abs(values[near] - np.einsum("kia,ka->ki", columns, fitted)) ** 2
+        # Products of three arrays in one `einsum` take three times as long.
+        weighted = np.swapaxes(columns * others[:, :, None], 1, 2)
+        inverse = np.linalg.inv(weighted @ columns)
+        fitted = (inverse @ (weighted @ values[near][:, :, None]))[:, :, 0]
+        left = np.abs(values[near] - (columns @ fitted[:, :, None])[:, :, 0]) ** 2
         freedom = np.count_nonzero(others, axis=1) - 3.0
         chi_square = np.sum(others * left / noise[near], axis=1) / freedom
         off = np.abs(values[at] - fitted[:, 0]) ** 2 / (noise[at] * (1.0 + inverse[:, 0, 0]))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
+from receptance._extras import require
 from receptance.errors import ReceptanceError
 from receptance.identification.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Table
@@ -162,10 +163,9 @@ def sample_posterior(
     progress: Callable[[str], None] | None = None,
 ) -> Samples:
     """Sample the posterior of a fit; see `Identification.sample`."""
-    try:
-        import emcee
-    except ImportError as error:
-        raise ReceptanceError("sampling needs the package emcee: pip install 'receptance[sampling]'") from error
+    require("sampling", "sampling of the posterior")
+    import emcee
+
     require_likelihood(found)
     _checks.whole_number("sample", "steps", steps, least=_CHUNK)
     count = len(found.unknowns)

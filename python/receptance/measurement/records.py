@@ -43,8 +43,8 @@ class HammerRecords:
     quantity : {"acceleration", "velocity", "displacement"}
         Quantity of the response.
     force_unit, response_unit : str, optional
-        Units of the given numbers, SI by default: any text that pint reads as such a quantity. "V/(2.25 mV/N)", for
-        example, converts volts of a sensor with 2.25 mV/N. The attributes are in SI.
+        Units of the given numbers, SI by default: any unit of such a quantity. "V/(2.25 mV/N)", for example, converts
+        volts of a sensor with 2.25 mV/N. The attributes are in SI.
     full_scale_force, full_scale_response : float, optional
         Full scale of the recorder in the given units; one number, or one for each channel. If it is unknown, overloads
         are detected by flat tops only.

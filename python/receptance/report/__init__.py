@@ -1,7 +1,21 @@
 """The protocol of results, and their rendering to terminal, text, HTML and JSON."""
 
-from receptance.report.provenance import Provenance, versions
-from receptance.report.result import Renderable, Result, Results
-from receptance.report.table import Column, Table
+from typing import TYPE_CHECKING
+
+from receptance._lazy import lazily
+
+if TYPE_CHECKING:
+    from receptance.report.provenance import Provenance, versions
+    from receptance.report.result import Renderable, Result, Results
+    from receptance.report.table import Column, Table
 
 __all__ = ["Column", "Provenance", "Renderable", "Result", "Results", "Table", "versions"]
+
+_NAMES = {
+    "provenance": ["Provenance", "versions"],
+    "result": ["Renderable", "Result", "Results"],
+    "table": ["Column", "Table"],
+}
+
+if not TYPE_CHECKING:  # a type checker is to find misspelt names
+    __getattr__, __dir__ = lazily(__name__, _NAMES)

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
 from receptance import _checks
 from receptance.stability.cutting import Milling
@@ -170,7 +168,14 @@ def _limit_near(cut: Milling, tip: TipModes, speed_rpm: float, depth: float, mos
             if high >= most:
                 return float("inf")
             low, high = high, min(high * _DEPTH_FACTOR, most)
-    return float(brentq(excess, low, high, xtol=_DRAW_ACCURACY * high, maxiter=_EVALUATIONS))
+    return _root(excess, low, high, _DRAW_ACCURACY)
+
+
+def _root(excess: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
+    """Return the depth between two others at which a function is zero."""
+    from scipy.optimize import brentq  # slow to import
+
+    return float(brentq(excess, low, high, xtol=accuracy * high, maxiter=_EVALUATIONS))
 
 
 def _steps(cut: Milling, tip: TipModes, speed: float, steps: int | None) -> int:
@@ -209,7 +214,7 @@ def _first_crossing(maps: _Maps, depths: NDArray[np.float64], accuracy: float) -
     # At zero depth the multiplier is below one only by the structural damping.
     if stable == 0.0:
         stable = 1e-9 * unstable
-    return float(brentq(excess, stable, unstable, xtol=accuracy * unstable, maxiter=_EVALUATIONS))
+    return _root(excess, stable, unstable, accuracy)
 
 
 class _Maps:
@@ -279,6 +284,8 @@ class _PassingMap:
 
     def _pieces(self, depth: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the propagators of each step: of the state, of a constant and of a rising past displacement."""
+        from scipy.linalg import expm  # slow to import
+
         k2, p = self.free.shape[0], self.used.size
         k = k2 // 2
         generator = np.zeros((self.step.size, k2 + 2 * p, k2 + 2 * p))

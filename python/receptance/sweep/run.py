@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance._extras import require
 from receptance.sweep.definition import Block, Definition
 from receptance.sweep.disk import SweepError
 from receptance.sweep.store import destination
@@ -81,6 +82,8 @@ def sweep(
     ------
     TypeError, ValueError
         An unknown parameter, two outputs of one name, or an input of the wrong type.
+    MissingExtraError
+        xarray or Zarr is not installed: `pip install 'receptance[sweep]'`.
     SweepError
         The store holds a different sweep (models, candidates, outputs, code of functions or version of the program
         differ), its metadata are damaged, another run writes to it, or the results do not fit into memory.
@@ -100,6 +103,7 @@ def sweep(
     >>> bool((found["natural_frequency"].diff("joint.k_theta") > 0.0).sel(mode=1).all())
     True
     """
+    require("sweep", "a sweep")
     definition = Definition.of(model, candidates, outputs)
     size = None if block is None else _checks.whole_number("sweep", "block", block)
     with destination(store, definition, size) as results:
@@ -187,6 +191,7 @@ def _on_workers(client: Any, definition: Definition, blocks: Sequence[BlockRange
 
     Blocks of a worker that died are submitted again. Each thread of a worker runs one task on one thread of the core.
     """
+    require("dask", "a sweep on the workers of a cluster")
     from distributed import KilledWorker, as_completed
 
     # A task is recomputed when its worker dies; data sent with `scatter` would be lost.

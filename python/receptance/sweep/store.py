@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance._extras import require
 from receptance.errors import ReceptanceWarning
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
 from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
@@ -206,6 +207,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
         The path holds no sweep. A damaged or missing chunk raises the error when it is read; the message names the
         store and the chunk.
     """
+    require("sweep", "open_sweep")
     import xarray as xr
 
     if not Path(path).is_dir():
@@ -235,6 +237,7 @@ def as_grid(results: xr.Dataset) -> xr.Dataset:
     SweepError
         The candidates are not a grid.
     """
+    require("sweep", "as_grid")
     import xarray as xr
 
     sizes = json.loads(results.attrs.get("grid", "null"))

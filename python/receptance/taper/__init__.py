@@ -1,18 +1,23 @@
 """The joint between a holder and the taper of a spindle, from FRFs over drawbar force (Xu et al. 2012)."""
 
-from receptance.taper.fit import TaperFit, fit_axial, fit_radial, without_each
-from receptance.taper.from_modes import (
-    AxialSolution,
-    RadialSolution,
-    RadialSolutions,
-    Shape,
-    axial_from_mode,
-    radial_from_modes,
-    rotation_alone,
-)
-from receptance.taper.holder import Holder
-from receptance.taper.rigid import AxialJoint, Body, RadialJoint, RigidModes, as_rigid, body_of
-from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
+from typing import TYPE_CHECKING
+
+from receptance._lazy import lazily
+
+if TYPE_CHECKING:
+    from receptance.taper.fit import TaperFit, fit_axial, fit_radial, without_each
+    from receptance.taper.from_modes import (
+        AxialSolution,
+        RadialSolution,
+        RadialSolutions,
+        Shape,
+        axial_from_mode,
+        radial_from_modes,
+        rotation_alone,
+    )
+    from receptance.taper.holder import Holder
+    from receptance.taper.rigid import AxialJoint, Body, RadialJoint, RigidModes, as_rigid, body_of
+    from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
 
 __all__ = [
     "AxialJoint",
@@ -38,3 +43,22 @@ __all__ = [
     "rotation_alone",
     "without_each",
 ]
+
+_NAMES = {
+    "fit": ["TaperFit", "fit_axial", "fit_radial", "without_each"],
+    "from_modes": [
+        "AxialSolution",
+        "RadialSolution",
+        "RadialSolutions",
+        "Shape",
+        "axial_from_mode",
+        "radial_from_modes",
+        "rotation_alone",
+    ],
+    "holder": ["Holder"],
+    "rigid": ["AxialJoint", "Body", "RadialJoint", "RigidModes", "as_rigid", "body_of"],
+    "series": ["ForceLaw", "ForceSeries", "Trend", "fit_laws"],
+}
+
+if not TYPE_CHECKING:  # a type checker is to find misspelt names
+    __getattr__, __dir__ = lazily(__name__, _NAMES)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance import _files
+from receptance._extras import require
 from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
 from receptance.diagnosis.report import figures
 from receptance.diagnosis.screening import look_alike
@@ -41,6 +42,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         Measured against simulated before and after, which can be zoomed; residuals by mode; evidence of the
         candidates and similar causes; improvement; next measurement; settings and versions.
     """
+    require("report", "the report of a diagnosis")
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
 

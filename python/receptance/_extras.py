@@ -1,0 +1,46 @@
+"""Optional parts: the packages that they need, and the error when one of them is missing."""
+
+from __future__ import annotations
+
+import importlib.util
+
+from receptance.errors import MissingExtraError
+
+__all__ = ["EXTRAS", "require"]
+
+EXTRAS = {
+    "report": ("plotly", "jinja2"),
+    "sweep": ("xarray", "zarr", "google_crc32c", "pandas"),
+    "hdf5": ("h5py",),
+    "sampling": ("emcee",),
+    "dask": ("distributed",),
+}
+"""Modules of each extra of the package, as in `pip install 'receptance[report]'`."""
+
+
+def require(extra: str, purpose: str, *modules: str) -> None:
+    """Raise an error if a package of an extra is not installed; nothing is imported.
+
+    Parameters
+    ----------
+    extra : str
+        A key of `EXTRAS`.
+    purpose : str
+        What needs the packages: the beginning of the message.
+    *modules : str
+        Those of the extra that are needed; by default all.
+
+    Raises
+    ------
+    MissingExtraError
+        The message names the missing packages and the command that installs them.
+
+    Examples
+    --------
+    >>> from receptance._extras import require
+    >>> require("report", "the report of a diagnosis")
+    """
+    missing = [name for name in modules or EXTRAS[extra] if importlib.util.find_spec(name) is None]
+    if missing:
+        names = " and ".join(name.replace("_", "-") for name in missing)
+        raise MissingExtraError(f"{purpose} needs {names}: pip install 'receptance[{extra}]'")
