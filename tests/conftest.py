@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import gc
+import importlib.util
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,25 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    """Skip tests of optional parts in an environment without their packages, which the message names."""
+    try:
+        return (yield)
+    except ImportError as error:
+        if not _without_extras():
+            raise  # nothing is missing, so the message is wrong
+        pytest.skip(str(error))
+
+
+@functools.cache
+def _without_extras() -> list[str]:
+    """Return the modules of optional parts that are not installed."""
+    from receptance._extras import EXTRAS
+
+    return [name for modules in EXTRAS.values() for name in modules if importlib.util.find_spec(name) is None]
 
 
 @pytest.fixture(autouse=True)

@@ -53,6 +53,28 @@ def test_there_is_one_version() -> None:
     assert "version" in _toml("pyproject.toml")["project"]["dynamic"]
 
 
+def test_the_citation_has_the_version() -> None:
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.+)$", text, re.MULTILINE)[1] == receptance.__version__  # type: ignore[index]
+    assert re.search(r"^license: (.+)$", text, re.MULTILINE)[1] == _toml("pyproject.toml")["project"]["license"]  # type: ignore[index]
+
+
+def test_a_release_is_built_and_tested_on_every_platform_before_it_is_published() -> None:
+    yaml = pytest.importorskip("yaml", reason="the workflow is a YAML file; PyYAML comes with the extra `dask`")
+    jobs = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8"))["jobs"]
+    built = {one["name"] for one in jobs["wheels"]["strategy"]["matrix"]["platform"]}
+    linux = {f"{kind}linux-{machine}" for kind in ("many", "musl") for machine in ("x86_64", "aarch64")}
+    assert built == {*linux, "macos-x86_64", "macos-arm64", "windows-x64"}
+    tested = {one["wheel"] for one in jobs["test"]["strategy"]["matrix"]["include"]}
+    assert tested <= built
+    assert {name.partition("-")[0] for name in (*tested, "musllinux")} == {name.partition("-")[0] for name in built}
+    assert set(jobs["publish"]["needs"]) == jobs.keys() - {"publish"}
+    assert jobs["publish"]["if"] == "startsWith(github.ref, 'refs/tags/')"
+    allowed = {name for name, job in jobs.items() if "id-token" in job.get("permissions", {})}
+    assert allowed == {"publish"}
+    assert not re.search(r"secrets\.", (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8"))
+
+
 def test_changelog_begins_with_unreleased_changes() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     headings = re.findall(r"^## \[(.+?)\]", text, re.MULTILINE)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
 import typer
@@ -35,12 +35,6 @@ __all__ = ["app", "main"]
 
 _INTERRUPTED = 130
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
-)
 _COMMANDS: dict[str, Callable[..., None]] = {
     "example": example,
     "identify": identify,
@@ -56,9 +50,6 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "schema": schema,
     "demo": demo,
 }
-for name, command in _COMMANDS.items():
-    app.command(name)(command)
-app.add_typer(studies, name="study")
 
 
 def _print_version(wanted: bool) -> None:
@@ -70,7 +61,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     version: Annotated[
         bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
@@ -80,11 +70,37 @@ def _root(
     del version
 
 
+def _built(commands: Mapping[str, Callable[..., None]]) -> typer.Typer:
+    built = typer.Typer(
+        add_completion=False,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
+    )
+    built.callback()(_root)
+    for name, command in commands.items():
+        built.command(name)(command)
+    return built
+
+
+app = _built(_COMMANDS)
+app.add_typer(studies, name="study")
+
+
+def _needed(arguments: Sequence[str]) -> typer.Typer:
+    """Return the application with the command that is called, or with all of them for help and mistakes.
+
+    At each call typer reads the annotations of all commands, which takes a twentieth of a second.
+    """
+    name = arguments[0] if arguments else ""
+    return _built({name: _COMMANDS[name]}) if name in _COMMANDS else app
+
+
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     try:
         # Not standalone, so that interruptions and wrong input get their own exit codes here.
-        code = app(standalone_mode=False, prog_name="receptance")
+        code = _needed(sys.argv[1:])(standalone_mode=False, prog_name="receptance")
     except (InputError, MissingExtraError) as error:
         print(f"receptance: {printable(str(error))}", file=sys.stderr)
         code = 2

@@ -69,7 +69,7 @@ def mat_bytes(measurements: Sequence[Measurement]) -> bytes:
 
 def hdf5_bytes(measurements: Sequence[Measurement]) -> bytes:
     """Return the contents of an HDF5 file with one group per measurement (frf1, time1, ...); all fields are stored."""
-    require("hdf5", "writing of an HDF5 file")
+    require("hdf5", "an HDF5 file")
     import h5py  # type: ignore[import-untyped]
 
     buffer = io.BytesIO()
@@ -95,7 +95,7 @@ def read_hdf5(path: Path, options: ReadOptions) -> list[Measurement]:
     with open_file(path) as file:
         if not is_hdf5(file.read(520)):
             raise FileFormatError("this is not an HDF5 file: the HDF5 signature is missing", byte=0)
-    require("hdf5", "an HDF5 file, which MATLAB's version 7.3 is as well,")
+    require("hdf5", "an HDF5 file (MATLAB's version 7.3 is one as well)")
     items, listed = _load(path, "hdf5", requested_names(options))
     return measurements_of(items, options, separator="/", listed=listed)
 
