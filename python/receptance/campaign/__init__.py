@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from receptance._lazy import lazily
 
 if TYPE_CHECKING:
+    from receptance.campaign.check import CampaignCheck
     from receptance.campaign.comparison import Comparison
     from receptance.campaign.measurements import Measurement
     from receptance.campaign.prediction import Prediction, forecast_of
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Campaign",
+    "CampaignCheck",
     "CampaignCut",
     "CampaignError",
     "Comparison",
@@ -38,6 +40,7 @@ __all__ = [
 ]
 
 _NAMES = {
+    "check": ["CampaignCheck"],
     "comparison": ["Comparison"],
     "schema_document": ["field_tables", "json_schema"],
     "measurements": ["Measurement"],

@@ -14,6 +14,7 @@ import typer
 
 from receptance._text import printable
 from receptance.cli.campaigns import (
+    check,
     diagnose,
     example,
     identify,
@@ -27,6 +28,7 @@ from receptance.cli.campaigns import (
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
 from receptance.cli.running import InputError, InterruptedAnswer
+from receptance.cli.show import show
 from receptance.cli.studies import demo, studies
 from receptance.cli.sweep import sweep
 from receptance.errors import MissingExtraError
@@ -37,6 +39,7 @@ _INTERRUPTED = 130
 
 _COMMANDS: dict[str, Callable[..., None]] = {
     "example": example,
+    "check": check,
     "identify": identify,
     "predict": predict,
     "transfer": transfer,
@@ -46,6 +49,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "sweep": sweep,
     "stability": stability,
     "catalogue": catalogue,
+    "show": show,
     "convert": convert,
     "schema": schema,
     "demo": demo,
