@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import receptance.studies
     import receptance.sweep
     import receptance.taper  # noqa: F401
+    from receptance.campaign import Campaign, CampaignError
+    from receptance.diagnosis import Verdict, diagnose
     from receptance.errors import (
         GrossSlipError,
         MissingExtraError,
@@ -31,16 +33,19 @@ if TYPE_CHECKING:
         Identification,
         MeasuredFrequencies,
         MeasuredFRF,
+        Tolerance,
         Unknown,
         find_bands,
         identify,
     )
+    from receptance.io import read_frf
     from receptance.model.assembly import Assembly
     from receptance.model.beams import CARBIDE, STEEL, Material, Part, Section, Segment
     from receptance.model.complex_modes import DampedModes, damped_modes
     from receptance.model.coordinates import Coordinate
     from receptance.model.distributed import SpreadJoint
     from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+    from receptance.model.mode_shapes import ModeShapes
     from receptance.model.terminals import MeasuredPart, ModalPart, Mode
 
     __version__: str
@@ -50,6 +55,8 @@ __all__ = [
     "FRF",
     "STEEL",
     "Assembly",
+    "Campaign",
+    "CampaignError",
     "ColletJoint",
     "Coordinate",
     "DampedModes",
@@ -64,6 +71,7 @@ __all__ = [
     "MissingExtraError",
     "ModalPart",
     "Mode",
+    "ModeShapes",
     "Part",
     "PointJoint",
     "PointMass",
@@ -75,13 +83,19 @@ __all__ = [
     "Segment",
     "SingularInterfaceError",
     "SpreadJoint",
+    "Tolerance",
     "Unknown",
+    "Verdict",
     "damped_modes",
+    "diagnose",
     "find_bands",
     "identify",
+    "read_frf",
 ]
 
 _NAMES = {
+    "campaign": ["Campaign", "CampaignError"],
+    "diagnosis": ["Verdict", "diagnose"],
     "errors": [
         "GrossSlipError",
         "MissingExtraError",
@@ -91,13 +105,23 @@ _NAMES = {
         "SingularInterfaceError",
     ],
     "frf": ["FRF"],
-    "identification": ["Identification", "MeasuredFRF", "MeasuredFrequencies", "Unknown", "find_bands", "identify"],
+    "identification": [
+        "Identification",
+        "MeasuredFRF",
+        "MeasuredFrequencies",
+        "Tolerance",
+        "Unknown",
+        "find_bands",
+        "identify",
+    ],
+    "io": ["read_frf"],
     "model.assembly": ["Assembly"],
     "model.beams": ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"],
     "model.complex_modes": ["DampedModes", "damped_modes"],
     "model.coordinates": ["Coordinate"],
     "model.distributed": ["SpreadJoint"],
     "model.joints": ["ColletJoint", "GroundSpring", "MicroslipJoint", "PointJoint", "PointMass", "Resonator"],
+    "model.mode_shapes": ["ModeShapes"],
     "model.terminals": ["MeasuredPart", "ModalPart", "Mode"],
 }
 _MODULES = (

@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from receptance.campaign.measurements import Measurement
     from receptance.campaign.prediction import Prediction, forecast_of
     from receptance.campaign.problems import CampaignError, Problem
-    from receptance.campaign.read import load
-    from receptance.campaign.run import Campaign
+    from receptance.campaign.run import Campaign, load
     from receptance.campaign.schema_document import field_tables, json_schema
     from receptance.campaign.stability import CampaignCut, Tip
     from receptance.campaign.tolerances import Effects
@@ -46,8 +45,7 @@ _NAMES = {
     "measurements": ["Measurement"],
     "prediction": ["Prediction", "forecast_of"],
     "problems": ["CampaignError", "Problem"],
-    "read": ["load"],
-    "run": ["Campaign"],
+    "run": ["Campaign", "load"],
     "stability": ["CampaignCut", "Tip"],
     "tolerances": ["Effects"],
     "values": ["Condition", "Deviation"],

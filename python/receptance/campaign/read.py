@@ -7,7 +7,6 @@ import difflib
 import math
 import re
 import tomllib
-import warnings
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -19,20 +18,18 @@ from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.measurements import Measurement, MeasurementReader
 from receptance.campaign.problems import CampaignError, KeyPath, Problem, Problems, lines_of, translate
-from receptance.campaign.run import Campaign, silent
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.stability import build_cut
 from receptance.campaign.tolerances import Effects, assembly_effects
 from receptance.campaign.values import OWNERS, References, parse_condition
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from receptance.campaign.problems import KeyPath, Problems
-    from receptance.campaign.run import Campaign
 
-__all__ = ["LEVEL", "expand_series", "from_data", "load", "measured_structures"]
+__all__ = ["LEVEL", "campaign_fields", "expand_series", "measured_structures", "read_campaign", "silent"]
 
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
@@ -57,51 +54,21 @@ _REQUIRED = ("materials", "parts", "assemblies")
 """Sections that a file without `cuts` must have; cuts may have measured tips only."""
 
 
-def load(path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None) -> Campaign:
-    """Read a campaign file and the data files that it names.
+def silent(text: str) -> None:
+    """Report no progress."""
+    del text
 
-    Parameters
-    ----------
-    path : str or path
-        The TOML file, or a folder with a `campaign.toml`. Paths of data files are relative to it.
-    threads : int, optional
-        Threads of all analyses of the campaign, as in `Assembly.receptance`.
-    progress : callable, optional
-        Called with a line of text before each measurement is read, and before each step of an analysis.
 
-    Returns
-    -------
-    Campaign
-        Assemblies, measurements and unknowns.
-
-    Raises
-    ------
-    CampaignError
-        The file has mistakes; `.problems` lists all of them with place and line. It is a ValueError.
-    OSError
-        The file does not exist or cannot be opened.
-
-    Warns
-    -----
-    ReceptanceWarning
-        Suspicious data; the `notes` of the campaign list them as well.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from receptance import campaign, examples
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = examples.write("er32", folder)
-    ...     er32 = campaign.load(folder)
-    >>> sorted(er32.assemblies)[:2]
-    ['d11_long', 'd11_medium']
-    """
+def read_campaign(
+    path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """Return the fields of the campaign in a file, see `receptance.campaign.Campaign.load`."""
     file = _find(Path(path))
     data, lines = _read(file)
-    return from_data(file, data, lines, called=path, threads=threads, progress=progress)
+    return campaign_fields(file, data, lines, called=path, threads=threads, progress=progress)
 
 
-def from_data(
+def campaign_fields(
     file: Path,
     data: dict[str, Any],
     lines: dict[KeyPath, int] | None = None,
@@ -109,8 +76,8 @@ def from_data(
     called: str | Path | None = None,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Campaign:
-    """Return the campaign of the contents of a file, which need not exist.
+) -> dict[str, Any]:
+    """Return the fields of the campaign of the contents of a file, which need not exist.
 
     Parameters
     ----------
@@ -123,7 +90,7 @@ def from_data(
     called : str or path, optional
         Name of the file in messages.
     threads, progress
-        As in `load`.
+        As in `Campaign.load`.
     """
     _checks.thread_count(threads)
     say = progress or silent
@@ -149,27 +116,27 @@ def from_data(
     if problems.found:
         raise CampaignError(called or file, problems.in_file())
     for warning in dict.fromkeys(builder.warnings):
-        warnings.warn(warning, ReceptanceWarning, stacklevel=3)
-    return Campaign(
-        file=file,
-        table=table,
-        assemblies=built.assemblies,
-        measurements=measurements,
-        unknowns=tuple(built.unknowns.values()),
-        effects=effects,
-        conditions=conditions,
-        places=places,
-        candidates={name: one for name, one in possible.items() if one is not None},
-        cuts={name: cut for name, cut in cuts.items() if cut is not None},
-        built=built,
-        contents=data,
-        templates={
+        warn_user(warning)
+    return {
+        "file": file,
+        "table": table,
+        "assemblies": built.assemblies,
+        "measurements": measurements,
+        "unknowns": tuple(built.unknowns.values()),
+        "effects": effects,
+        "conditions": conditions,
+        "places": places,
+        "candidates": {name: one for name, one in possible.items() if one is not None},
+        "cuts": {name: cut for name, cut in cuts.items() if cut is not None},
+        "built": built,
+        "contents": data,
+        "templates": {
             str(path[1]): str(inside[1]) for path, inside in problems.templates.items() if path[0] == "measurements"
         },
-        notes=tuple(builder.notes),
-        threads=threads,
-        progress=say,
-    )
+        "notes": tuple(builder.notes),
+        "threads": threads,
+        "progress": say,
+    }
 
 
 def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:

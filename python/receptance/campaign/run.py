@@ -13,6 +13,7 @@ from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.build import Built
 from receptance.campaign.measurements import Measurement
 from receptance.campaign.problems import CampaignError, Problem, errors_about
+from receptance.campaign.read import read_campaign, silent
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
 from receptance.campaign.values import Condition, Deviation
@@ -39,11 +40,12 @@ from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
-from receptance.report import Column, Provenance, Table
+from receptance.report import Column, Provenance, Renderable, Table
 
 if TYPE_CHECKING:
     import os
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.campaign.comparison import Comparison
@@ -63,20 +65,17 @@ if TYPE_CHECKING:
     from receptance.stability import Stability
     from receptance.sweep import Candidates
 
-__all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighted_tolerances"]
+__all__ = ["Campaign", "campaign_model", "fit_options", "load", "observed_unknowns", "weighted_tolerances"]
 
+_MOST_DRAWN = 3
+"""Most assemblies that a notebook shows."""
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
 
 
-def silent(text: str) -> None:
-    """Report no progress."""
-    del text
-
-
 @dataclass(frozen=True, kw_only=True)
-class Campaign:
-    """A measuring campaign, read from a file with `receptance.campaign.load`.
+class Campaign(Renderable):
+    """A measuring campaign, read from a file with `Campaign.load`.
 
     Attributes
     ----------
@@ -120,7 +119,7 @@ class Campaign:
     >>> from receptance import campaign, examples
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = examples.write("er32", folder)
-    ...     er32 = campaign.load(folder)
+    ...     er32 = campaign.Campaign.load(folder)
     >>> er32
     Campaign('The ER32 collet holder, published natural frequencies', 13 assemblies, 13 measurements, 8 held out)
     >>> found = er32.identify()
@@ -145,6 +144,50 @@ class Campaign:
     threads: int | None = field(default=None, compare=False)
     progress: Callable[[str], None] = field(default=silent, compare=False, repr=False)
 
+    @classmethod
+    def load(
+        cls, path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+    ) -> Campaign:
+        """Read a campaign file and the data files that it names.
+
+        Parameters
+        ----------
+        path : str or path
+            The TOML file, or a folder with a `campaign.toml`. Paths of data files are relative to it.
+        threads : int, optional
+            Threads of all analyses of the campaign, as in `Assembly.receptance`.
+        progress : callable, optional
+            Called with a line of text before each measurement is read, and before each step of an analysis.
+
+        Returns
+        -------
+        Campaign
+            Assemblies, measurements and unknowns.
+
+        Raises
+        ------
+        CampaignError
+            The file has mistakes; `.problems` lists all of them with place and line. It is a ValueError.
+        OSError
+            The file does not exist or cannot be opened.
+
+        Warns
+        -----
+        ReceptanceWarning
+            Suspicious data; the `notes` of the campaign list them as well.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from receptance import campaign, examples
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = examples.write("er32", folder)
+        ...     er32 = campaign.Campaign.load(folder)
+        >>> sorted(er32.assemblies)[:2]
+        ['d11_long', 'd11_medium']
+        """
+        return cls(**read_campaign(path, threads=threads, progress=progress))
+
     @property
     def title(self) -> str:
         """Title, or else the name of the file."""
@@ -154,7 +197,7 @@ class Campaign:
         """Return the provenance of results of this campaign."""
         return Provenance(
             title=self.title,
-            description=self.table.description.strip(),
+            description=self.description,
             file=self.file.name,
             settings=settings or {},
             seed=seed,
@@ -230,6 +273,17 @@ class Campaign:
         low, high = settings.speeds
         step = settings.step if settings.step is not None else (high - low) / _SPEEDS[settings.method]
         return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+
+    @property
+    def description(self) -> str:
+        """Description of the file."""
+        return self.table.description.strip()
+
+    def drawing(self) -> Figure:
+        """Return the figure that a notebook shows: the first assemblies to scale."""
+        from receptance.model.figure import Drawing, draw_assemblies
+
+        return draw_assemblies([Drawing(one, name) for name, one in list(self.assemblies.items())[:_MOST_DRAWN]])
 
     def tables(self) -> list[Table]:
         """Return the measurements; those of a series in a table of their own."""
@@ -592,6 +646,10 @@ class Campaign:
             f"{len(self.held_out)} held out",
         ]
         return f"Campaign({self.title!r}, {', '.join(counts)})"
+
+
+load = Campaign.load
+"""`Campaign.load`, as a function."""
 
 
 _ORDER = ("k_theta", "k_y", "k_ytheta")

@@ -549,12 +549,12 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
 
 def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
     """Raise a ValueError if the written campaign is not the model that was diagnosed."""
-    from receptance.campaign.read import from_data
-    from receptance.campaign.run import campaign_model
+    from receptance.campaign.read import campaign_fields
+    from receptance.campaign.run import Campaign, campaign_model
 
     explanation = verdict.explanation
     assert explanation is not None
-    again = from_data(folder / "extended.toml", copy.deepcopy(data))
+    again = Campaign(**campaign_fields(folder / "extended.toml", copy.deepcopy(data)))
     fit = explanation.fit
     written = campaign_model(again, again.to_identify)[0]
     task = _on_diagnosed_lines(written, fit.model, with_discrepancy=verdict.discrepancy is not None).task

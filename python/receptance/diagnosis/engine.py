@@ -36,14 +36,14 @@ from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import UNUSED_COHERENCE
 from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFrequencies, Observation
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Unknowns, as_unknowns
 
 __all__ = ["diagnose"]
 
 
 def diagnose(
     observations: Observation | Sequence[Observation],
-    unknowns: Unknown | Sequence[Unknown],
+    unknowns: Unknowns,
     *,
     tolerances: Tolerance | Sequence[Tolerance] = (),
     causes: Iterable[Cause | str] | None = None,
@@ -60,8 +60,8 @@ def diagnose(
     ----------
     observations : sequence of MeasuredFRF and MeasuredFrequencies
         Measurements with standard deviations, best of several configurations; force levels are the condition "force".
-    unknowns : sequence of Unknown and Law
-        Unknowns of the base model: the joint.
+    unknowns : sequence of Unknown and Law, or mapping of str to bounds
+        Unknowns of the base model: the joint; as in `identify`.
     tolerances : sequence of Tolerance
         Errors of dimensions, materials and clampings, as in `identify`. Without them ordinary deviations are mistaken
         for causes.
@@ -127,7 +127,7 @@ def diagnose(
     >>> verdict.verdict, [one.id for one in verdict.causes]
     ('named', ['sensor_mass'])
     """
-    unknowns = (unknowns,) if isinstance(unknowns, Unknown) else tuple(unknowns)
+    unknowns = as_unknowns(unknowns)
     tolerances = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
     observed = _check_observations(observations)
     if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
+from receptance.frf.arithmetic import is_number, multiplied, sum_fields
+from receptance.frf.interchange import Order, fields_from_pandas, fields_from_xarray, frame, ordered, reordered
 from receptance.frf.plausibility import DRIVE_POINT_NOTE, drive_point_notes
 from receptance.frf.resampling import resample
 from receptance.frf.validation import check_form, check_lines, checked_fields
@@ -21,6 +23,7 @@ from receptance.report import Renderable, Table
 from receptance.units import FORMS, Form, FRFKind, frf_unit
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -362,6 +365,134 @@ class FRF(Renderable):
         from receptance.frf.presentation import dataset
 
         return dataset(self)
+
+    @classmethod
+    def from_xarray(cls, data: xarray.Dataset) -> FRF:
+        """Return the FRF of a data set of `to_xarray`, with all its fields."""
+        return cls(**fields_from_xarray(data))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the complex values as a `pandas.DataFrame` over frequency_hz, with columns (response, excitation)."""
+        return frame(self)
+
+    @classmethod
+    def from_pandas(cls, table: pandas.DataFrame | pandas.Series[Any], **fields: Any) -> FRF:
+        """Return the FRF of a table of complex values over frequency in Hz.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame or pandas.Series
+            Columns are responses, or pairs (response, excitation), whose names become `labels`.
+        **fields
+            Other arguments of `FRF`, such as `form`.
+        """
+        return cls(**{**fields_from_pandas(table), **fields})
+
+    def to_array(self, order: Order = "lines first") -> NDArray[np.complex128]:
+        """Return a copy of the values in the order of another program.
+
+        Parameters
+        ----------
+        order : {"lines first", "lines last"}, optional
+            "lines first": lines, responses, excitations, as in pyFBS. "lines last": responses, excitations, lines, as
+            in pyFRF and sdypy.
+        """
+        return ordered(self.values, order)
+
+    @classmethod
+    def from_array(cls, values: ArrayLike, frequency_hz: ArrayLike, order: Order = "lines first", **fields: Any) -> FRF:
+        """Return the FRF of an array of another program.
+
+        Parameters
+        ----------
+        values : array_like
+            Complex, as of `to_array`. Of two axes one is that of the lines, the other that of the responses.
+        frequency_hz : array_like
+            `(n,)` lines in Hz.
+        order
+            As in `to_array`.
+        **fields
+            Other arguments of `FRF`, such as `form`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance import FRF
+        >>> frf = FRF.from_array(np.ones((3, 2, 50)), np.arange(1.0, 51.0), "lines last", form="mobility")
+        >>> frf.shape, frf.to_array("lines last").shape
+        ((50, 3, 2), (3, 2, 50))
+        """
+        return cls(frequency_hz=frequency_hz, values=reordered(values, order), **fields)
+
+    # An array of its values -------------------------------------------------------------------------------------------
+
+    __array_priority__ = 1000.0
+    """NumPy's numbers and arrays leave arithmetic to the FRF."""
+    __iter__ = None
+    """Not iterable: a position is a frequency."""
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return the values, so that NumPy's functions take the FRF as an array."""
+        del copy  # the values are read-only, so a copy is always made
+        return np.array(self.values, dtype=dtype)
+
+    def __len__(self) -> int:
+        return self.frequency_hz.size
+
+    def __getitem__(self, chosen: slice | tuple[Any, ...]) -> FRF:
+        """Return the lines between two frequencies in Hz, both included, and responses and excitations.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance import FRF
+        >>> frf = FRF(frequency_hz=np.arange(1.0, 101.0), values=np.ones((100, 2, 1)), labels=(["a", "b"], ["hammer"]))
+        >>> frf[20:40], frf[:50, "b"].shape
+        (FRF(receptance in m/N, 2 x 1, 21 lines from 20 to 40 Hz), (50, 1, 1))
+        """
+        lines, *sides = chosen if isinstance(chosen, tuple) else (chosen,)
+        if not isinstance(lines, slice) or lines.step is not None or len(sides) > 2:
+            raise TypeError(
+                f"{self!r}[{chosen!r}] is not understood, expected frequencies in Hz as in [500:2000], optionally with "
+                'a response and an excitation as in [500:2000, "tip", 0]; values[...] takes numbers of lines'
+            )
+        every = [None if one == slice(None) else one for one in (*sides, None, None)]
+        return self.select(low_hz=lines.start, high_hz=lines.stop, responses=every[0], excitations=every[1])
+
+    def __abs__(self) -> NDArray[np.float64]:
+        return np.abs(self.values)
+
+    def __add__(self, other: Any) -> Any:
+        """Return the sum with an FRF on the same lines, with its variance, or with numbers as an array."""
+        return self._copy(**sum_fields(self, other, 1.0)) if isinstance(other, FRF) else self.values + other
+
+    def __sub__(self, other: Any) -> Any:
+        """Return the difference from an FRF on the same lines, with its variance, or from numbers as an array."""
+        return self._copy(**sum_fields(self, other, -1.0)) if isinstance(other, FRF) else self.values - other
+
+    def __mul__(self, other: Any) -> Any:
+        """Return the FRF times a number, or the product of the values with an array."""
+        return self._copy(**multiplied(self, other)) if is_number(other) else self.values * np.asarray(other)
+
+    def __truediv__(self, other: Any) -> Any:
+        """Return the FRF over a number, or the quotient of the values and an array or another FRF."""
+        if is_number(other) and other != 0:
+            return self._copy(**multiplied(self, 1.0 / other))
+        return self.values / np.asarray(other)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __rsub__(self, other: Any) -> NDArray[np.complex128]:
+        found: NDArray[np.complex128] = other - self.values
+        return found
+
+    def __rtruediv__(self, other: Any) -> NDArray[np.complex128]:
+        found: NDArray[np.complex128] = other / self.values
+        return found
+
+    def __neg__(self) -> FRF:
+        return self._copy(values=-self.values)
 
     @property
     def title(self) -> str:

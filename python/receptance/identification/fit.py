@@ -19,7 +19,7 @@ from receptance.identification.peaks import check_bands
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import GlobalSearch, Strategy
 from receptance.identification.task import Task
-from receptance.identification.unknowns import Unknown, Variables
+from receptance.identification.unknowns import Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ _UNEXPLAINED = 2.0
 
 def identify(
     observations: Observation | Sequence[Observation],
-    unknowns: Unknown | Sequence[Unknown],
+    unknowns: Unknowns,
     *,
     objective: Objective = "log",
     bands: Sequence[tuple[float, float]] | None = None,
@@ -80,8 +80,10 @@ def identify(
     ----------
     observations : sequence of MeasuredFRF and MeasuredFrequencies
         The measurements, of one or several assemblies.
-    unknowns : sequence of Unknown and Law
-        The parameters to identify, with bounds; a `Law` relates the values in several configurations.
+    unknowns : sequence of Unknown and Law, or mapping of str to bounds
+        The parameters to identify, with bounds; a `Law` relates the values in several configurations. A dictionary has
+        by address a lower and an upper bound, with the start as an optional third number, or a dictionary with
+        arguments of `Unknown`.
     objective : {"log", "percentage"}, optional
         "log": sum of squares of the complex logarithm of measured over calculated receptance, real and imaginary part,
         and of natural frequencies, calculated minus measured. Residuals are in standard deviations if these are given;
@@ -151,9 +153,15 @@ def identify(
     ... ])
     >>> {address: f"{value:.4g}" for address, value in found.values.items()}
     {'joint.k_y': '6.3e+08', 'joint.k_theta': '1e+05'}
+
+    The same with a dictionary of bounds:
+
+    >>> again = identify(measured, {"joint.k_y": (1e7, 1e10), "joint.k_theta": (1e3, 1e7)})
+    >>> again.values == found.values
+    True
     """
     observed = as_observations(observations)
-    given = _checks.items("unknowns", unknowns, Unknown)
+    given = as_unknowns(unknowns)
     parameters = Parameters(given, tolerances, [one.site(i) for i, one in enumerate(observed)])
     for name, value, options in (
         ("objective", objective, get_args(Objective)),

@@ -23,7 +23,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.identification.laws import Law, Move, Tolerance, error_of
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.unknowns import Unknown, as_unknowns, covered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -288,7 +288,7 @@ class Parameters:
     def __init__(
         self, given: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
     ) -> None:
-        self.given = _checks.items("unknowns", given, Unknown, least=0)
+        self.given = as_unknowns(given, least=0)
         self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
         self.notes = self._check(sites)
         values: list[Unknown] = []

@@ -16,7 +16,7 @@ from receptance.identification.laws import Law, Tolerance
 from receptance.identification.observations import MeasuredFRF, as_observations
 from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.unknowns import Unknown, Unknowns, as_unknowns, covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -265,7 +265,7 @@ class Transfer(Result):
 
 def transfer(
     observations: Observation | Sequence[Observation],
-    unknowns: Unknown | Sequence[Unknown],
+    unknowns: Unknowns,
     *,
     tolerances: Tolerance | Sequence[Tolerance] = (),
     splits: Splits | Iterable[Sequence[str]] = "leave-one-out",
@@ -328,7 +328,7 @@ def transfer(
     Transfer(3 splits, 6 modes predicted to 0.00554 % rms, +0.00 % on average, 6 of 6 in their 95 % intervals)
     """
     observed = as_observations(observations)
-    given = _checks.items("unknowns", unknowns, Unknown)
+    given = as_unknowns(unknowns)
     errors = _checks.items("tolerances", tolerances, Tolerance, least=0)
     confidence_multiplier(level, None)
     _refuse_free(given)

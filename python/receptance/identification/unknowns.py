@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["Prior", "Unknown", "Variables", "covered"]
+__all__ = ["Bounds", "Prior", "Unknown", "Unknowns", "Variables", "as_unknowns", "covered"]
 
 Scale = Literal["log", "linear"]
 
@@ -155,6 +155,46 @@ class Unknown:
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters that it changes."""
         return (self.address, *self.also)
+
+
+Bounds: TypeAlias = tuple[float, float] | tuple[float, float, float] | Mapping[str, Any]
+"""Lower and upper bound of an unknown, its start if it is given, or keyword arguments of `Unknown`."""
+Unknowns: TypeAlias = Unknown | Sequence[Unknown] | Mapping[str, Bounds]
+"""Parameters to identify as arguments: objects, or bounds by address."""
+
+
+def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
+    """Return unknowns that are given as objects, or as bounds by address.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Entries that are neither, bounds of another number than two or three, or fewer unknowns than `least`.
+
+    Examples
+    --------
+    >>> from receptance.identification.unknowns import as_unknowns
+    >>> [one.start for one in as_unknowns({"joint.k_y": (1e7, 1e9), "joint.c_y": {"lower": 0.0, "upper": 500.0}})]
+    [100000000.0, 250.0]
+    """
+    if not isinstance(unknowns, Mapping):
+        return _checks.items("unknowns", unknowns, Unknown, least=least)
+    found = []
+    for address, bounds in unknowns.items():
+        if isinstance(bounds, Unknown):
+            raise TypeError(f"unknowns[{address!r}] is an Unknown, expected bounds, or give a list of Unknown")
+        if isinstance(bounds, Mapping):
+            found.append(Unknown(address=address, **bounds))
+            continue
+        numbers: tuple[Any, ...] = tuple(bounds) if isinstance(bounds, (tuple, list, np.ndarray)) else ()
+        if len(numbers) not in (2, 3):
+            raise TypeError(
+                f"unknowns[{address!r}] is {bounds!r}, expected (lower, upper), (lower, upper, start), or a dictionary "
+                "with lower, upper and other arguments of Unknown"
+            )
+        lower, upper, start = (*numbers, None)[:3]
+        found.append(Unknown(address=address, lower=lower, upper=upper, start=start))
+    return _checks.items("unknowns", found, Unknown, least=least)
 
 
 def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:

@@ -36,10 +36,13 @@ from receptance.model.tables import (
     rows_of,
 )
 from receptance.model.terminals import MeasuredPart
+from receptance.report import Renderable, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from receptance.model.mode_shapes import ModeShapes
 
 __all__ = ["Assembly"]
 
@@ -50,7 +53,7 @@ def _matches(parameters: tuple[str, ...]) -> dict[str, frozenset[str]]:
     return {}
 
 
-class Assembly:
+class Assembly(Renderable):
     """A chain of parts and joints from the tip to the far end, with attached masses, springs and resonators.
 
     Neighbouring parts are rigidly connected, or by a joint: an elastic `PointJoint` (Matthias et al. 2016, eqs. 2 to
@@ -86,6 +89,8 @@ class Assembly:
     >>> assembly.natural_frequencies(15e3).round(0)
     array([ 2623.,  9314., 13343.])
     """
+
+    notes: Sequence[str] = ()
 
     def __init__(
         self, chain: Iterable[ChainElement], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
@@ -165,6 +170,37 @@ class Assembly:
         from receptance.model.figure import Drawing, draw_assemblies
 
         return draw_assemblies([Drawing(self)], ax)
+
+    def mode_shapes(self, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
+        """Return the shapes of the modes with damping up to a frequency; see `receptance.model.mode_shapes`.
+
+        Parameters
+        ----------
+        upper_hz : float
+            Limit of the natural frequencies in Hz.
+        points : int, optional
+            Number of points along the assembly, ends of segments in addition.
+        threads : int, optional
+            As in `receptance`.
+        """
+        from receptance.model.mode_shapes import mode_shapes
+
+        return mode_shapes(self, upper_hz, points=points, threads=threads)
+
+    @property
+    def title(self) -> str:
+        """Names of the elements, for `summary` and notebooks."""
+        return f"Assembly {', '.join(self._elements)}{'' if self.motion == 'bending' else f' in {self.motion} motion'}"
+
+    def tables(self) -> list[Table]:
+        """Return the tables of `summary`: elements and attachments with their values."""
+        from receptance.model.presentation import element_tables
+
+        return element_tables(self)
+
+    def drawing(self) -> Figure:
+        """Return the figure that a notebook shows: the assembly to scale."""
+        return self.plot()
 
     def receptance(
         self,

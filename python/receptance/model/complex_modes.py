@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["DampedModes", "damped_modes"]
+__all__ = ["DampedModes", "circles", "damped_modes"]
 
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""
@@ -161,6 +161,24 @@ def _ascending(lines: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray
     return order, ascending + 1e-15 * np.arange(ascending.size) * ascending.real
 
 
+def circles(
+    poles: NDArray[np.complex128], more: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.intp], NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return lines on small circles around poles, and more lines: their order, the ascending lines and the offsets.
+
+    A mean over the offsets `(k, m)` of a circle times a function is its residue at the pole.
+    """
+    # The distance to the mirror image of a pole counts as well, so the circle stays in the upper half.
+    others = np.concatenate([poles, -poles.conj()])
+    distance = np.abs(poles[:, None] - others[None, :])
+    distance[np.arange(poles.size), np.arange(poles.size)] = np.inf
+    radius = _RADIUS * np.minimum(distance.min(axis=1), np.abs(poles))
+    offset = radius[:, None] * np.exp(1j * tau * (0.3 + np.arange(_CIRCLE)) / _CIRCLE)
+    lines = (poles[:, None] + offset).ravel()
+    order, ascending = _ascending(lines if more is None else np.concatenate([lines, more]))
+    return order, ascending, offset
+
+
 def _modes_of_poles(
     assembly: Assembly,
     poles: NDArray[np.complex128],
@@ -179,17 +197,10 @@ def _modes_of_poles(
             log_slopes=none,
             missed=missed,
         )
-    # The distance to the mirror image of a pole counts as well, so the circle stays in the upper half.
-    others = np.concatenate([poles, -poles.conj()])
-    distance = np.abs(poles[:, None] - others[None, :])
-    distance[np.arange(poles.size), np.arange(poles.size)] = np.inf
-    radius = _RADIUS * np.minimum(distance.min(axis=1), np.abs(poles))
-    offset = radius[:, None] * np.exp(1j * tau * (0.3 + np.arange(_CIRCLE)) / _CIRCLE)
     peaks = np.repeat(poles.real, 2) * np.tile([1.0 - _STEP, 1.0 + _STEP], poles.size)
-    lines = np.concatenate([(poles[:, None] + offset).ravel(), peaks])
-    order, ascending = _ascending(lines)
-    g = np.empty(lines.size, np.complex128)
-    dg = np.empty((lines.size, len(parameters)), np.complex128)
+    order, ascending, offset = circles(poles, peaks)
+    g = np.empty(ascending.size, np.complex128)
+    dg = np.empty((ascending.size, len(parameters)), np.complex128)
     g[order], dg[order] = assembly.derivatives(
         ascending, parameters, response=coordinates[0], excitation=coordinates[1], threads=threads
     )

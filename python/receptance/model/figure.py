@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
     from receptance.model.beams import Material, Section, Segment
+    from receptance.model.mode_shapes import ModeShapes
 
-__all__ = ["Drawing", "Mark", "draw_assemblies"]
+__all__ = ["Drawing", "Mark", "draw_assemblies", "draw_mode_shapes"]
 
 _WIDTH = 9.0
 """Width of a figure in inches."""
@@ -102,6 +103,44 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
         add_legend(figure, handles=patches, loc="outside lower right", ncols=len(patches))
     if title:
         title_left(figure, title, 11.0)
+    return finished(figure)
+
+
+def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
+    """Draw the assembly and below it the deflection of each mode, over the distance from the tip in mm.
+
+    Parameters
+    ----------
+    shapes : ModeShapes
+        From `Assembly.mode_shapes`.
+    ax : Axes, optional
+        As in `Result.plot`.
+    """
+    import numpy as np
+
+    assembly = shapes.assembly
+    ends = (-0.03 * _extent(assembly), 1.03 * _extent(assembly))
+    sketch = _Sketch(Drawing(assembly), _extent(assembly) / (_WIDTH - 2.0 * _MARGIN), ends, {})
+    figure = surface(ax, _WIDTH, 1.2 + 1.3 * max(len(shapes), 1))
+    outline, *axes = panels(figure, 1 + len(shapes), 1, height_ratios=[1.0, *[1.3] * len(shapes)], sharex=True)
+    sketch.draw_shapes(outline)
+    for number, place in enumerate(axes):
+        y = shapes.y[number]
+        # The phase of the largest deflection; what is left of the imaginary part is due to damping.
+        turned = (y * np.conj(y[np.abs(y).argmax()]) / np.abs(y).max()).real
+        text = f"{shapes.frequency_hz[number]:.1f} Hz, damping ratio {100.0 * shapes.damping_ratio[number]:.3g} %"
+        set_up(place, "", "", "y (1/√kg)", grid="none")
+        place.set_title(f"{number + 1}: {text}", loc="left", fontsize=9.5, color=INK)
+        place.axhline(0.0, color=PALE, linewidth=0.8)
+        for index, name in enumerate(dict.fromkeys(shapes.part)):
+            own = [point for point, part in enumerate(shapes.part) if part == name]
+            colour = COLOURS[index % len(COLOURS)]
+            x = _MM * shapes.distance[own]
+            place.plot(x, turned[own], color=colour, linewidth=1.6, label=name)
+            place.fill_between(x, turned[own], 0.0, color=colour, alpha=0.15, linewidth=0)
+    (axes[-1] if axes else outline).set_xlabel("distance from the tip (mm)", color=INK)
+    if axes:
+        add_legend(axes[0], loc="best")
     return finished(figure)
 
 
@@ -300,20 +339,8 @@ class _Sketch:
 
     def draw(self, axes: Axes) -> None:
         """Draw everything; the axes have the scale of the sketch."""
-        from matplotlib.patches import Rectangle
-
+        self.draw_shapes(axes)
         set_up(axes, self.drawing.title, "", "", grid="none")
-        over = 0.3 * self.ends[0]
-        axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])
-        axes.plot(*axis, color=PALE, linewidth=0.6, linestyle=(0, (8, 3, 1, 3)), zorder=3)
-        for x, y, width, height, fill, hatch in self.rectangles:
-            axes.add_patch(
-                Rectangle((x, y), width, height, facecolor=fill, edgecolor=INK, linewidth=0.8, hatch=hatch, zorder=2)
-            )
-        for x, length, half in self.joints:
-            for side in (-half, half) if length else (0.0,):
-                ends = ([x, x + length], [side, side]) if length else ([x, x], [-half, half])
-                axes.plot(*ends, color=COLOURS[1], linewidth=2.4, zorder=4, solid_capstyle="butt")
         bar = {"arrowstyle": "|-|,widthA=0.18,widthB=0.18", "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}
         for low, high, y in self.spans:
             axes.annotate("", (low, y), (high, y), arrowprops=bar)
@@ -334,6 +361,27 @@ class _Sketch:
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
         axes.tick_params(labelbottom=True)
+
+    def draw_shapes(self, axes: Axes) -> None:
+        """Draw the axis, the sections and the joints without labels."""
+        from matplotlib.patches import Rectangle
+
+        set_up(axes, "", "", "", grid="none")
+        over = 0.3 * self.ends[0]
+        axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])
+        axes.plot(*axis, color=PALE, linewidth=0.6, linestyle=(0, (8, 3, 1, 3)), zorder=3)
+        for x, y, width, height, fill, hatch in self.rectangles:
+            axes.add_patch(
+                Rectangle((x, y), width, height, facecolor=fill, edgecolor=INK, linewidth=0.8, hatch=hatch, zorder=2)
+            )
+        for x, length, half in self.joints:
+            for side in (-half, half) if length else (0.0,):
+                ends = ([x, x + length], [side, side]) if length else ([x, x], [-half, half])
+                axes.plot(*ends, color=COLOURS[1], linewidth=2.4, zorder=4, solid_capstyle="butt")
+        axes.set_xlim(*self.ends)
+        axes.set_ylim(-1.1 * self.radius, 1.1 * self.radius)
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
 
     def _draw_symbol(self, axes: Axes, x: float, y: float, kind: str, colour: str) -> None:
         if kind == "excitation":

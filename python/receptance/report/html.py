@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 from html import escape
 from typing import TYPE_CHECKING
 
 from receptance._text import printable
+from receptance.report.figure import as_image
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from matplotlib.figure import Figure
 
     from receptance.report.result import Renderable
     from receptance.report.table import Table
@@ -16,10 +20,16 @@ if TYPE_CHECKING:
 __all__ = ["as_html"]
 
 
-def as_html(content: Renderable) -> str:
-    """Return a result or another renderable as an HTML fragment."""
+def as_html(content: Renderable, figure: Figure | None = None) -> str:
+    """Return a result or another renderable as an HTML fragment, with a figure below its title."""
     texts = [*filter(None, [content.description]), *content.sentences()]
-    parts = [f"<p><b>{_shown(content.title)}</b></p>", *(f"<p>{_shown(text)}</p>" for text in texts)]
+    parts = [f"<p><b>{_shown(content.title)}</b></p>"]
+    if figure is not None:
+        # In an image of its own: names inside several drawings of one page must not meet.
+        drawing = base64.b64encode(as_image(figure, "svg")).decode()
+        alternative = escape(printable(content.title), quote=True)
+        parts.append(f'<img alt="{alternative}" style="max-width: 100%" src="data:image/svg+xml;base64,{drawing}">')
+    parts += [f"<p>{_shown(text)}</p>" for text in texts]
     parts += [_table(table) for table in content.tables()]
     parts += _list("Advice", content.warnings())
     parts += _list("Notes", content.grouped_notes())

@@ -94,10 +94,14 @@ class Renderable(ABC):
 
         return as_text(self, width)
 
+    def drawing(self) -> Figure | None:
+        """Return the figure that a notebook shows below the title; None for text and tables alone."""
+        return None
+
     def _repr_html_(self) -> str:
         from receptance.report.html import as_html
 
-        return as_html(self)
+        return as_html(self, self.drawing())
 
 
 class Result(Renderable):

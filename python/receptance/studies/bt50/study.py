@@ -419,7 +419,8 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
     >>> bt50.rigid_campaign("axial", 2)
     Campaign('BT50 taper over drawbar force (simulated)', 13 assemblies, 13 measurements, 10 held out)
     """
-    from receptance.campaign.read import from_data
+    from receptance.campaign import Campaign
+    from receptance.campaign.read import campaign_fields
 
     if motion not in _SPRINGS:
         raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(_SPRINGS)}")
@@ -444,7 +445,7 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
     with tempfile.TemporaryDirectory() as folder:
         for name, content in taper_files(pair for pair in measured if pair[0].force_kn in forces).items():
             Path(folder, name).write_bytes(content)
-        return from_data(Path(folder, "campaign.toml"), data)
+        return Campaign(**campaign_fields(Path(folder, "campaign.toml"), data))
 
 
 def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], None]) -> dict[str, Any]:
