@@ -11,13 +11,14 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
 
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import Coherence, FileFormatError, TimeSeries, mat_hdf5, read, read_all, read_frf, write
+
+h5py = pytest.importorskip("h5py", reason="needs h5py: pip install 'receptance[hdf5]'")
 
 LINES = np.array([10.0, 20.0, 30.0])
 NUMBERS = np.array([1 + 1j, 2 - 2j, 3 + 0.5j])
