@@ -72,20 +72,20 @@ def run_batch(
 
 def outcome_from(row: dict[str, Any]) -> Outcome:
     """Return an outcome from a line of a file."""
-    names = ("effects", "sizes", "reported", "together", "same", "covered", "size_covered", "shuffled")
+    names = ("effects", "sizes", "reported", "together", "same", "covered", "size_covered", "shuffled", "within")
     return Outcome(**{name: tuple(v) if name in names else v for name, v in row.items()})
 
 
 def read(paths: list[Path]) -> list[Outcome]:
     """Return the finished cases of files that exist."""
     rows = [line for path in paths if path.exists() for line in path.read_text(encoding="utf-8").splitlines()]
-    found = {}
+    found: dict[tuple[int, str, int], Outcome] = {}
     for row in rows:
         try:
             one = outcome_from(json.loads(row))
         except (json.JSONDecodeError, TypeError):
             continue  # the line that an interrupted run was writing
-        found[one.seed, one.index] = one
+        found[one.seed, one.knowledge, one.index] = one
     return list(found.values())
 
 

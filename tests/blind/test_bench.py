@@ -20,7 +20,7 @@ def bench(monkeypatch):
     spec.loader.exec_module(module)
     module.ran = []
 
-    def run_case(seed, index, kind, effects, ask, *, quick=False):
+    def run_case(seed, index, kind, effects, ask, *, quick=False, knowledge=""):
         module.ran.append(index)
         effects = effects or (() if kind.startswith("nothing") else ("time_delay",))
         return Outcome(

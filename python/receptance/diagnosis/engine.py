@@ -18,10 +18,11 @@ from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import DATA_HOLDER, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
+from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     CANDIDATES_ON_INTERRUPT,
     DISCREPANCY_SELECTIONS,
@@ -135,7 +136,9 @@ def diagnose(
     metrics = _check_metrics(metrics)
     catalogue = resolve_causes(causes)
     _checks.thread_count(threads)
-    model, line_notes = select_lines(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
+    model, table_notes = with_table_noise(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
+    model, line_notes = select_lines(model)
+    line_notes = (*table_notes, *line_notes)
     model = model.with_witnesses()
     report = Progress(progress)
     report.plan("held out", count_folds(model) if held_out else 0)
@@ -320,6 +323,12 @@ def _data_notes(selection: Selection) -> list[str]:
         notes.append("there is one configuration: measure another overhang to distinguish the joint from the parts")
     if selection.base.one_mode:
         notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
+    of_holder = [id for id, reason in selection.undecidable.items() if reason.startswith(DATA_HOLDER)]
+    if of_holder:
+        notes.append(
+            f"{DATA_HOLDER}, not by beams, so these causes are not decided: {', '.join(of_holder)}; if it may have "
+            "changed since, measure it again"
+        )
     frequencies = [one for one in model.observations if isinstance(one, MeasuredFrequencies)]
     if len(frequencies) == len(model.observations):
         hidden = (

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of
+from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of, require_beams
 from receptance.diagnosis.thresholds import COLLET_GYRATION, LAYER_POINTS, SAME_PLACE, SHORTEST_SPREAD, VARIED
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, Observation, altered
@@ -192,9 +192,13 @@ def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     own = [anatomy for anatomy in model.anatomies if anatomy.joint]
     sides = {
         "on the tool": [PointMass(mass=0.0, part=one.tool[-1], position="end", name="cause_collet") for one in own],
-        "on the holder": [PointMass(mass=0.0, part=one.holder[0], position=0.0, name="cause_collet") for one in own],
+        "on the holder": [
+            PointMass(mass=0.0, part=one.holder[0], position=0.0, name="cause_collet") for one in own if one.holder
+        ],
     }
     for name, listed in sides.items():
+        if len(listed) < len(own):
+            continue  # data instead of a holder have no place for a mass
         points = dict.fromkeys(listed)
         yield Variant(name, model.attach(*points).plus(p["mass"].unknown("cause_collet.mass")))
 
@@ -256,6 +260,7 @@ def _halves(address: str, joint: str) -> tuple[str, ...]:
 
 def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     (joint, *others) = _point_joints(model)
+    require_beams(model)
     if others or len({anatomy for anatomy in model.anatomies if anatomy.joint}) > 1:
         raise UndecidableError("there are several joints between tool and holder")
     if any(model.has(f"{joint}.{field}") for field in ("k_ytheta", "c_ytheta")):

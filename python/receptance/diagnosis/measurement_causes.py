@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, with_points
+from receptance.diagnosis.model import Model, require_beams, with_points
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
@@ -183,6 +183,7 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    require_beams(model)
     # A structure without a joint hangs as a whole.
     hanging = {anatomy.holder or anatomy.tool for anatomy in model.anatomies}
     if len(hanging) != 1:
@@ -253,6 +254,12 @@ def _quantity_of(order: int) -> str:
 
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
+    if any(one.assembly.tabulated for one in model.observations):
+        # The end of a record is calculated at complex frequencies.
+        raise UndecidableError(
+            "the model contains a table of receptances, which has no values at complex frequencies; describe that part "
+            "by modes, or record until the structure is at rest"
+        )
     end = truncation_time([one for one in model.observations if isinstance(one, MeasuredFRF)])
     if end is None:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")

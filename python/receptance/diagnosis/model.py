@@ -19,8 +19,10 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.terminals import Terminal
 
 __all__ = [
+    "DATA_HOLDER",
     "Anatomy",
     "IndescribableError",
     "Model",
@@ -28,11 +30,16 @@ __all__ = [
     "named_elements",
     "part_of",
     "places_on",
+    "require_beams",
     "with_points",
 ]
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
+
+
+DATA_HOLDER = "the holder is described by data"
+"""First words of the reason why a cause in the holder is not decided where no beams describe it."""
 
 
 class UndecidableError(Exception):
@@ -53,11 +60,15 @@ class Anatomy:
         Names of the parts before and behind the joint.
     joint : str
         Name of the joint; empty where there is none.
+    end : str
+        Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
+        holder, it describes all that is behind the joint.
     """
 
     tool: tuple[str, ...]
     joint: str
     holder: tuple[str, ...]
+    end: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +170,12 @@ class Model:
         identified = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
         joint = (identified or joints or [""])[0]
         parts = [name for name in names if isinstance(assembly.elements[name], Part)]
+        end = names[-1] if isinstance(assembly.elements[names[-1]], Terminal) else ""
         if not joint:
-            return Anatomy(tuple(parts), "", ())
+            return Anatomy(tuple(parts), "", (), end)
         before = names[: names.index(joint)]
         tool = tuple(name for name in parts if name in before)
-        return Anatomy(tool, joint, tuple(name for name in parts if name not in before))
+        return Anatomy(tool, joint, tuple(name for name in parts if name not in before), end)
 
     def has(self, address: str) -> bool:
         """Return whether the parameter at an address is an unknown."""
@@ -307,6 +319,16 @@ class Model:
         unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
+
+
+def require_beams(model: Model) -> None:
+    """Raise `UndecidableError` if data describe all that is behind the joint: they have no dimensions or materials."""
+    data = dict.fromkeys(one.end for one in model.anatomies if one.joint and one.end and not one.holder)
+    if data:
+        raise UndecidableError(
+            f"{DATA_HOLDER} ({', '.join(data)}), not by beams: they contain its errors, and a change since they were "
+            "measured has no place in the model; measure the holder again"
+        )
 
 
 def places_on(one: Observation, part: str) -> Iterator[float]:

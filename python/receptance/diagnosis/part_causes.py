@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.joint_causes import overhang_of
-from receptance.diagnosis.model import Model, places_on
+from receptance.diagnosis.model import Model, places_on, require_beams
 from receptance.diagnosis.thresholds import (
     DRAWING,
     FLUTE_ROOM,
@@ -34,6 +34,8 @@ __all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]
 
 
 def _parts(model: Model, side: str) -> tuple[str, ...]:
+    if side == "holder":
+        require_beams(model)
     found = tuple(dict.fromkeys(name for anatomy in model.anatomies for name in getattr(anatomy, side)))
     if not found:
         raise UndecidableError(f"the model has no {side}")
