@@ -43,8 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
         choices=LEVELS,
         nargs="+",
         default=[""],
-        help="what is known of the holder, by default its dimensions with ordinary tolerances; several levels are run "
-        "one after another, with the cases of the same list",
+        help="what is known of the holder, by default its dimensions with ordinary tolerances; each case is run at "
+        "all levels that are given",
     )
     parser.add_argument("--quick", action="store_true", help="three overhangs and a narrower band")
     parser.add_argument("--threads", type=int, default=1, help="of one diagnosis; shards are the better use of cores")
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     done = {(o.knowledge, o.index) for o in outcomes}
     own, count = options.shard
     begun = time.perf_counter()
-    cases = [(level, *case) for level in options.holder for case in enumerate(every(options.cases))]
+    cases = [(level, *case) for case in enumerate(every(options.cases)) for level in options.holder]
     for level, index, (kind, effects) in cases:
         if index % count != own - 1 or (level, index) in done:
             continue

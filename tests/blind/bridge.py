@@ -123,7 +123,9 @@ def _stated_modes(known: Modes) -> Holder:
     names = ("residual_y", "residual_theta", "residual_ytheta")
     end = ModalPart(modes=modes, **dict(zip(names, known.residuals.tolist(), strict=True)), name="holder")
     # The rows have four numbers of each mode; its shape is real.
-    stated = [f"mode[{i}].{name}" for i in range(len(modes)) for name in ("frequency_hz", "damping_ratio", "y", "theta")]
+    stated = [
+        f"mode[{i}].{name}" for i in range(len(modes)) for name in ("frequency_hz", "damping_ratio", "y", "theta")
+    ]
     places = [end.addresses.index(address) for address in (*stated, *names)]
     covariance = np.zeros((len(end.addresses), len(end.addresses)))
     covariance[np.ix_(places, places)] = known.covariance

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, named_elements, require_beams
+from receptance.diagnosis.model import Model, named_elements, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.identification.laws import Move
 from receptance.identification.unknowns import Unknown
@@ -28,10 +28,7 @@ _MODE_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
 
 def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_beams(model)
-    if any(one.assembly.tabulated for one in model.observations):
-        raise UndecidableError(
-            "the model ends with a table of receptances, which contains every mode of that part; measure it again"
-        )
+    require_no_table(model, "which contains every mode of that part; measure it again")
     if not all(one.assembly.countable for one in model.observations):
         raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
     ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)

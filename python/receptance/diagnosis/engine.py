@@ -18,7 +18,7 @@ from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.model import DATA_HOLDER, Model
+from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
@@ -323,12 +323,13 @@ def _data_notes(selection: Selection) -> list[str]:
         notes.append("there is one configuration: measure another overhang to distinguish the joint from the parts")
     if selection.base.one_mode:
         notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
-    of_holder = [id for id, reason in selection.undecidable.items() if reason.startswith(DATA_HOLDER)]
-    if of_holder:
-        notes.append(
-            f"{DATA_HOLDER}, not by beams, so these causes are not decided: {', '.join(of_holder)}; if it may have "
-            "changed since, measure it again"
-        )
+    for words, remedy in (
+        (DATA_HOLDER, "if the holder may have changed since it was measured, measure it again"),
+        (TABLE, "describe that part by modes to decide them"),
+    ):
+        not_decided = [id for id, reason in selection.undecidable.items() if reason.startswith(words)]
+        if not_decided:
+            notes.append(f"{words}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
     frequencies = [one for one in model.observations if isinstance(one, MeasuredFrequencies)]
     if len(frequencies) == len(model.observations):
         hidden = (

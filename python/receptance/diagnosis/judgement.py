@@ -8,7 +8,16 @@ from dataclasses import dataclass, replace
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.thresholds import LEAST_FREEDOM, LEAST_SHARE, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
+from receptance.diagnosis.model import TABLE
+from receptance.diagnosis.thresholds import (
+    LEAST_FREEDOM,
+    LEAST_SHARE,
+    LIKE_A_WINDOW,
+    MARGIN,
+    ONE_CONFIGURATION,
+    STRAIN_CHANCE,
+    TIE,
+)
 from receptance.diagnosis.verdict import Answer, Gain
 from receptance.diagnosis.wording import implausible
 
@@ -176,6 +185,11 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         yield (
             f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "
             f"{errors}; another cause may act"
+        )
+    if one.ids & LIKE_A_WINDOW and selection.undecidable.get("exponential_window", "").startswith(TABLE):
+        yield (
+            f"{name} is suspected only: an exponential window that the FRFs do not state has a similar effect, and "
+            f"{TABLE}, which does not allow for it"
         )
     structure = any(cause.group == "structure" for cause, _ in one.steps)
     one_configuration = len(base.model.configurations) == 1 and structure

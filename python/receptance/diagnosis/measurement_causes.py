@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, require_beams, with_points
+from receptance.diagnosis.model import Model, require_beams, require_no_table, with_points
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
@@ -35,6 +35,7 @@ from receptance.units import FORMS
 
 __all__ = ["MEASUREMENT_CAUSES", "truncation_time"]
 
+_NOT_COMPLEX = "which has no values at the complex frequencies of a window: describe that part by modes"
 _TIMES = {1: "once", 2: "twice"}
 _RECORDED = ("displacements", "velocities", "accelerations")
 """Quantities of a record in the order of time derivatives."""
@@ -156,8 +157,7 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     the stated frequencies is too large by (1 + s)^2; where velocities or displacements were recorded, by 1 + s, or not
     at all. This difference is another unit of mass.
     """
-    if any(one.assembly.tabulated for one in model.observations):
-        raise UndecidableError("the model contains a table of receptances, whose frequencies may have the same error")
+    require_no_table(model, "whose frequencies may have the same error")
     addresses = dict.fromkeys(
         re.sub(r"segment\[\d+\]", "segment[*]", address)
         for one in model.observations
@@ -173,6 +173,7 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
+    require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
     recorded = _RECORDED[::-1]
     for name, address in zip(recorded, DECAY_RATES, strict=True):
         yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
@@ -254,12 +255,7 @@ def _quantity_of(order: int) -> str:
 
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    if any(one.assembly.tabulated for one in model.observations):
-        # The end of a record is calculated at complex frequencies.
-        raise UndecidableError(
-            "the model contains a table of receptances, which has no values at complex frequencies; describe that part "
-            "by modes, or record until the structure is at rest"
-        )
+    require_no_table(model, f"{_NOT_COMPLEX}, or record until the structure is at rest")
     end = truncation_time([one for one in model.observations if isinstance(one, MeasuredFRF)])
     if end is None:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")

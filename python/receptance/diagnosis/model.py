@@ -23,6 +23,7 @@ from receptance.model.terminals import Terminal
 
 __all__ = [
     "DATA_HOLDER",
+    "TABLE",
     "Anatomy",
     "IndescribableError",
     "Model",
@@ -31,6 +32,7 @@ __all__ = [
     "part_of",
     "places_on",
     "require_beams",
+    "require_no_table",
     "with_points",
 ]
 
@@ -40,6 +42,8 @@ _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 DATA_HOLDER = "the holder is described by data"
 """First words of the reason why a cause in the holder is not decided where no beams describe it."""
+TABLE = "the model ends with a table of receptances"
+"""First words of the reason why a cause is not decided beside a table."""
 
 
 class UndecidableError(Exception):
@@ -329,6 +333,12 @@ def require_beams(model: Model) -> None:
             f"{DATA_HOLDER} ({', '.join(data)}), not by beams: they contain its errors, and a change since they were "
             "measured has no place in the model; measure the holder again"
         )
+
+
+def require_no_table(model: Model, reason: str) -> None:
+    """Raise `UndecidableError` if an assembly ends with a table of receptances, which does not allow for a cause."""
+    if any(one.assembly.tabulated for one in model.observations):
+        raise UndecidableError(f"{TABLE}, {reason}")
 
 
 def places_on(one: Observation, part: str) -> Iterator[float]:

@@ -75,7 +75,9 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
         one = observations[i]
         assert isinstance(one, MeasuredFRF)
         added = deviations[i] * np.array([sums[line] for line in lines[i]])
-        observations[i] = altered(one, standard_deviation=np.sqrt(np.square(np.asarray(one.standard_deviation)) + added))
+        observations[i] = altered(
+            one, standard_deviation=np.sqrt(np.square(np.asarray(one.standard_deviation)) + added)
+        )
     notes.append(
         f"the variance of {len(records)} records includes the noise of {', '.join(tables)}; they share it, so on each "
         "line it has the information of one measurement"

@@ -242,3 +242,5 @@ SPRING_DECAY = 2.3
 """Natural logarithm of the decay of these springs from one end to the other."""
 SPRING_TRACE = math.log(1e-3)
 """Natural logarithm of the sum of these springs relative to the point spring, at the null of the cause."""
+LIKE_A_WINDOW = frozenset({"joint_hysteretic_loss"})
+"""Causes that imitate an undeclared exponential window, which a table of receptances does not allow for."""
