@@ -20,7 +20,6 @@ before the table.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,54 +44,53 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
     model : Model
         Observations with standard deviations.
     """
-    tables = {table.name: table for one in model.observations if (table := _table(one)) is not None}
+    tables: list[MeasuredPart] = []
+    for one in model.observations:
+        table = _table(one)
+        if table is not None and table not in tables:
+            tables.append(table)
     notes = [
-        f"the table {name!r} has no covariance: its noise counts as an error of the model; give `covariance`, or read "
-        "it with `receptance.spindle.read_spindle` from a file with variances"
-        for name, table in tables.items()
+        f"the table {table.name!r} has no covariance: its noise counts as an error of the model; give `covariance`, or "
+        "read it with `receptance.spindle.read_spindle` from a file with variances"
+        for table in tables
         if table.covariance is None
     ]
-    records = [i for i, one in enumerate(model.observations) if _shares_noise(one)]
-    if not records:
+    noisy = [table for table in tables if table.covariance is not None]
+    if not noisy:
         return model, tuple(notes)
     fit = evaluate(model, fit_base(select_lines(model)[0]).values)
     values = fit.task.variables.to_values(fit.x)
-    deviations: dict[int, NDArray[np.float64]] = {}
-    lines: dict[int, list[tuple[str, int]]] = {}
-    sums: dict[tuple[str, int], float] = {}
-    for i in records:
-        one = model.observations[i]
-        assert isinstance(one, MeasuredFRF)
+    # By observation, its table and the lines of this, and the deviation due to it.
+    found: dict[int, tuple[int, NDArray[np.intp], NDArray[np.float64]]] = {}
+    sums = [np.zeros(table.frequency_hz.size) for table in noisy]
+    for i, (one, mapping) in enumerate(zip(model.observations, fit.task.mappings, strict=True)):
         table = _table(one)
-        assert table is not None
-        nearest = _nearest(table.frequency_hz, one.frequency_hz.real)
-        deviations[i] = _deviation(one, fit.task.mappings[i].apply(one.assembly, values), table, nearest)
-        lines[i] = [(table.name, line) for line in nearest.tolist()]
-        for line, own in zip(lines[i], deviations[i].tolist(), strict=True):
-            sums[line] = sums.get(line, 0.0) + own
-    observations: list[Observation] = list(model.observations)
-    for i in records:
-        one = observations[i]
-        assert isinstance(one, MeasuredFRF)
-        added = deviations[i] * np.array([sums[line] for line in lines[i]])
-        observations[i] = altered(
-            one, standard_deviation=np.sqrt(np.square(np.asarray(one.standard_deviation)) + added)
-        )
+        if isinstance(one, MeasuredFRF) and table in noisy:
+            number = noisy.index(table)
+            nearest = _nearest(table.frequency_hz, one.frequency_hz.real)
+            deviation = _deviation(one, mapping.apply(one.assembly, values), table, nearest)
+            np.add.at(sums[number], nearest, deviation)
+            found[i] = number, nearest, deviation
+
+    def widened(i: int, one: Observation) -> Observation:
+        if i not in found or not isinstance(one, MeasuredFRF):
+            return one
+        number, nearest, deviation = found[i]
+        variance = np.square(np.asarray(one.standard_deviation)) + deviation * sums[number][nearest]
+        return altered(one, standard_deviation=np.sqrt(variance))
+
+    names = ", ".join(dict.fromkeys(table.name for table in noisy))
     notes.append(
-        f"the variance of {len(records)} records includes the noise of {', '.join(tables)}; they share it, so on each "
-        "line it has the information of one measurement"
+        f"the variance of {len(found)} records includes the noise of {names}; they share it, so on each line it has "
+        "the information of one measurement"
     )
-    return replace(model, observations=tuple(observations)), tuple(notes)
+    observations = tuple(widened(i, one) for i, one in enumerate(model.observations))
+    return replace(model, observations=observations), tuple(notes)
 
 
 def _table(one: Observation) -> MeasuredPart | None:
     *_, end = one.assembly.elements.values()
     return end if isinstance(end, MeasuredPart) else None
-
-
-def _shares_noise(one: Observation) -> TypeGuard[MeasuredFRF]:
-    table = _table(one)
-    return isinstance(one, MeasuredFRF) and table is not None and table.covariance is not None
 
 
 def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -108,15 +106,16 @@ def _deviation(
     covariance = table.covariance
     assert covariance is not None
     end = list(fitted.elements)[-1]
-    places = {"response": one.response, "excitation": one.excitation}
-    h, slopes = fitted.derivatives(one.frequency_hz, [f"{end}.{name}" for name in RESIDUALS], **places)
-    free = _before(fitted).receptance(one.frequency_hz, **places)
+    addresses, (response, excitation) = [f"{end}.{name}" for name in RESIDUALS], one.coordinates
+    h, slopes = fitted.derivatives(one.frequency_hz, addresses, response=response, excitation=excitation)
+    free = _before(fitted).receptance(one.frequency_hz, response=response, excitation=excitation)
     force = (free - one.receptance) / (free - h)
     force = np.clip(np.abs(force), 1.0 / LARGEST_SENSITIVITY, LARGEST_SENSITIVITY)
     # The change of the receptance is proportional to the force at the plane under the load, and to that under the
     # load at the other coordinate.
     relative = slopes * np.square(force / np.sqrt(np.abs(one.receptance)))[:, None]
-    return np.sqrt(np.einsum("ni,nij,nj->n", relative, covariance[nearest], relative.conj()).real.clip(0.0))
+    variance = np.einsum("ni,nij,nj->n", relative, covariance[nearest], relative.conj()).real
+    return np.asarray(np.sqrt(variance.clip(0.0)))
 
 
 def _before(assembly: Assembly) -> Assembly:

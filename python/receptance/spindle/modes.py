@@ -196,8 +196,8 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
     >>> spindle = ModalPart(modes=[Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)], name="spindle")
     >>> deviation = np.zeros(len(spindle.addresses))
     >>> deviation[spindle.addresses.index("mode[0].frequency_hz")] = 3.0
-    >>> mode_tolerances(spindle, np.diag(deviation**2))
-    (Tolerance(name='spindle, error 1', moves={'spindle.mode[0].frequency_hz': 3.0}, relative=False, configurations=None, labels=None),)
+    >>> [(one.name, dict(one.moves)) for one in mode_tolerances(spindle, np.diag(deviation**2))]
+    [('spindle, error 1', {'spindle.mode[0].frequency_hz': 3.0})]
     """
     owner = "mode_tolerances"
     if not part.name:
