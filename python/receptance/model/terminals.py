@@ -508,7 +508,8 @@ class ModalPart(Terminal):
         if bad.size:
             raise ValueError(
                 f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
-                "outside; it is not extrapolated"
+                f"outside; it is not extrapolated: leave out the {bad.size} of {lines.size} lines outside, "
+                f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or give modes of the whole band"
             )
 
     def _mode_and_field(self, parameter: str) -> tuple[int, str]:
