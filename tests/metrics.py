@@ -16,6 +16,7 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -106,6 +107,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
         rows += [(f"{name}: files", f"{files:,}"), (f"{name}: lines", f"{lines:,}")]
     classes = dataclasses = functions = numbers = anys = asked = registries = 0
     rendering: list[str] = []
+    names: Counter[str] = Counter()
     for _, text in python_files(package):
         tree = ast.parse(text)
         for node in ast.walk(tree):
@@ -114,6 +116,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
             registries += isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "UnitRegistry"
             if isinstance(node, ast.ClassDef):
                 classes += 1
+                names[node.name] += 1
                 dataclasses += any("dataclass" in ast.unparse(one) for one in node.decorator_list)
                 methods = {one.name for one in node.body if isinstance(one, ast.FunctionDef)}
                 rendering += [node.name] if methods & RENDERERS and node.name != "Result" else []
@@ -123,6 +126,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
     return [
         *rows,
         ("classes", f"{classes} ({dataclasses} dataclasses)"),
+        ("names of several classes", ", ".join(sorted(name for name, times in names.items() if times > 1))),
         ("functions and methods", f"{functions:,}"),
         ("functions of the extension", str(count)),
         ("their largest number of arguments", f"{most} ({name})"),

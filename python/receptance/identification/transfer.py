@@ -344,7 +344,7 @@ def transfer(
         near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]
         kept = [o for o in observed if o.configuration not in group]
         fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
-        predictor = _Predictor(fit, [u for u in given if u not in here], errors, draws, seed)
+        predictor = _HeldOutPredictor(fit, [u for u in given if u not in here], errors, draws, seed)
         for observation in observed:
             if observation.configuration in group:
                 predictor.predict(observation)
@@ -404,7 +404,7 @@ def _in_some(
 
 
 @dataclass
-class _Predictor:
+class _HeldOutPredictor:
     """A fit and its predictions of held-out observations; `lost` are the unknowns that the fit does not have."""
 
     fit: Identification | None

@@ -94,7 +94,7 @@ class Poles:
 
 
 @dataclass(frozen=True)
-class Search:
+class ModeSearch:
     """Search for modes among candidates.
 
     Attributes
