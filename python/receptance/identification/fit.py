@@ -407,17 +407,17 @@ def _misfit_advice(
         ]
     if rms > _UNEXPLAINED:
         return [
-            f"the residuals are {rms:.3g} times what the standard deviations explain: the model is incomplete or the "
-            "standard deviations are too small, and then the standard errors are too small as well"
+            f"the rms of the residuals is {rms:.3g} standard deviations, expected about 1: the model is incomplete or "
+            "the standard deviations are too small, and then the standard errors are too small as well"
         ]
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
     if left > 0.0 and chi_square < left / _UNEXPLAINED**2 and chdtr(left, chi_square) < _SMALL_PROBABILITY:
         share = float(np.sqrt(chi_square / left))
         return [
-            f"the residuals are only {share:.2g} times what the standard deviations explain: these are stated too "
-            "large (a percentage for a share, or a limit for a standard deviation?), and the standard errors are too "
-            "large as well; or the data have no noise"
+            f"the rms of the residuals is only {share:.2g} standard deviations, expected about 1: the standard "
+            "deviations are too large (a percentage for a share, or a limit for a standard deviation?), and the "
+            "standard errors are too large as well; or the data have no noise"
         ]
     return []
 

@@ -160,9 +160,9 @@ class Transfer(Result):
         most = max(split.identified.rms for split in self.splits if split.identified is not None)
         return (
             *own,
-            f"in {len(self.narrow)} of {len(self.splits)} splits the residuals of the fit are up to {most:.2g} times "
-            "what the standard deviations explain: the model is wrong, or they are too small, and the intervals are "
-            "then too narrow",
+            f"in {len(self.narrow)} of {len(self.splits)} splits the rms of the residuals of the fit is up to "
+            f"{most:.2g} standard deviations, expected about 1: the model is incomplete or the standard deviations are "
+            "too small, and the intervals are too narrow",
         )
 
     @property
