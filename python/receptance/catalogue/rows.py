@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -310,7 +310,7 @@ def _check_flutes(line: int, values: dict[str, Any]) -> Issue | None:
     return None
 
 
-def _raise_problems(file: Path, problems: list[Issue], rows: Any) -> None:
+def _raise_problems(file: Path, problems: list[Issue], rows: Sized) -> None:
     if problems:
         raise CampaignError(file, problems)
     if not rows:

@@ -511,7 +511,7 @@ def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observa
     return cast("tuple[Observation, ...]", found)
 
 
-def _owner(kind: str, label: str, assembly: Any) -> str:
+def _owner(kind: str, label: str, assembly: object) -> str:
     """Return the name of an observation in messages; raise unless it has an assembly."""
     owner = f"{kind} {label!r}" if label else kind
     if not isinstance(assembly, Assembly):

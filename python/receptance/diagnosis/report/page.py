@@ -17,6 +17,8 @@ from receptance.identification.observations import MeasuredFRF
 if TYPE_CHECKING:
     import os
 
+    from plotly.graph_objects import Figure
+
     from receptance.diagnosis import Verdict
 
 __all__ = ["diagnosis_html", "write_diagnosis"]
@@ -116,7 +118,7 @@ def _held_out_modes(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual |
     return [(one, after.get((one.label, one.mode))) for one in verdict.held_out_modes]
 
 
-def _html(figure: Any, name: str) -> str:
+def _html(figure: Figure, name: str) -> str:
     from plotly.io import to_html
 
     config = {"displaylogo": False, "responsive": True, "scrollZoom": True, "showSendToCloud": False}
