@@ -41,7 +41,7 @@ _MIN_PROBABILITY = 1e-3
 """A line that is less probable than this given its neighbours (hum, for example) keeps its variance."""
 _SHARE_HALF_WIDTH = 8
 """Independent lines to each side from which the additive share of the variance is estimated."""
-_CHUNK = 4096
+LINES_AT_ONCE = 4096
 """Lines processed at once, to limit memory."""
 
 
@@ -250,8 +250,8 @@ def additive_share(
     half = min(_SHARE_HALF_WIDTH, (power.size - 1) // (2 * int(stride.max())))
     if half < 1:
         return result
-    for first in range(0, power.size, _CHUNK):
-        lines = np.arange(first, min(first + _CHUNK, power.size))
+    for first in range(0, power.size, LINES_AT_ONCE):
+        lines = np.arange(first, min(first + LINES_AT_ONCE, power.size))
         near = lines_around(lines, half, stride[lines], power.size)
         # Variances of zero are handled by the caller.
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -10,14 +10,13 @@ import numpy as np
 from receptance import _checks
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.identification.observations import MeasuredFRF, altered
+from receptance.model.terminals import EQUAL_LINES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["check_observations", "common_lines", "masked_lines"]
 
-_SAME = 1e-9
-"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
 _GAP = 1.5
 """Times the median spacing of lines: nothing is interpolated across a wider gap."""
 _SPLINE_LINES = 4
@@ -101,7 +100,7 @@ def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]
     after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
     inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
     dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(observation)
-    window = np.abs(lines.imag - own.imag[nearest]) <= _SAME * np.abs(lines)
+    window = np.abs(lines.imag - own.imag[nearest]) <= EQUAL_LINES * np.abs(lines)
     found: NDArray[np.bool_] = same | (inside & dense & window)
     return found
 
@@ -144,7 +143,7 @@ def _nearest(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp
     after = np.minimum(after, others.size - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(others[after] - lines) < np.abs(others[before] - lines), after, before)
-    return nearest, np.abs(others[nearest] - lines) <= _SAME * np.abs(lines)
+    return nearest, np.abs(others[nearest] - lines) <= EQUAL_LINES * np.abs(lines)
 
 
 def masked_lines(masked: NDArray[Any], count: int) -> str:

@@ -43,6 +43,8 @@ __all__ = [
     "slopes_at",
 ]
 
+COST_TOLERANCE = 1e-6
+"""Decrease of the cost at which a fit has converged whose cost is compared with that of another fit."""
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
 _STATUS = {

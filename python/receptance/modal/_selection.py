@@ -20,7 +20,7 @@ _MAX_TRIES = 8
 """Candidates tried before the search for modes ends."""
 _MIN_GAIN = 0.2
 """Least reduction of the misfit by a candidate before the fit of the poles, relative to its penalty."""
-_EXACT = 1e-22
+EXACT = 1e-22
 """Share of the sum of squares below which residuals are rounding errors."""
 _SEARCH_TOLERANCE, _SEARCH_STEPS = 1e-6, 30
 """Tolerance and most steps of fits during the search."""
@@ -139,7 +139,7 @@ class ModeSearch:
                 break
             poles, fit = self.assigned(enlarged[0]), enlarged[1]
             problem = self._problem(fit)
-            if fit.chi_square <= _EXACT * problem.square:
+            if fit.chi_square <= EXACT * problem.square:
                 break
         return poles
 
