@@ -297,11 +297,7 @@ def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
     given = {
         name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
     }
-    found = [
-        observation
-        for observation in verdict.explanation.fit.model.observations
-        if isinstance(observation, MeasuredFRF)
-    ]
+    found = verdict.explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 

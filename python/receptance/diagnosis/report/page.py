@@ -68,7 +68,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         modes=[(one, rows.get((one.label, one.mode))) for one in before],
         columns=_columns([*before, *after]),
         extended=explanation is not None,
-        receptances=any(isinstance(one, MeasuredFRF) for one in base.model.observations),
+        receptances=bool(base.model.receptances),
         held_out_modes=_held_out_modes(verdict),
         # Of a cause that is reported together with another one its size there.
         sizes={one.id: sizes(one) for one in (*verdict.candidates, *verdict.causes)},
