@@ -119,7 +119,7 @@ def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF
     # Lines on the edge of the band may lie outside by rounding.
     grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
     values, bend = grid.spline(observation.receptance)
-    spread = observation.standard_deviation
+    deviation = observation.standard_deviation
     fields = {
         name: grid.linear(value)
         for name, value in vars(observation).items()
@@ -132,7 +132,7 @@ def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF
         *observation.notes,
         f"{observation.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}",
     ]
-    sharp = curvature_warning(grid, values, bend, None if spread is None else grid.linear(spread**2))
+    sharp = curvature_warning(grid, values, bend, None if deviation is None else grid.linear(deviation**2))
     notes += [f"{observation.label or owner}: {sharp}"] if sharp else []
     return altered(observation, **fields, notes=tuple(notes))
 

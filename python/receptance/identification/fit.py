@@ -310,12 +310,12 @@ def _scaled(inverse: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
 
 
 def _count_optima(
-    runs: Sequence[Start], best: Start, variables: Variables, size: int, spread: NDArray[np.float64]
+    runs: Sequence[Start], best: Start, variables: Variables, size: int, deviation: NDArray[np.float64]
 ) -> tuple[int, int]:
     """Count the runs that reached the best optimum, and equally good ones that ended at another."""
     low, high = variables.limits
     # Along a flat valley ends differ by a small part of the standard errors.
-    tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(spread), _SAME * spread, 0.0))
+    tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(deviation), _SAME * deviation, 0.0))
     good = best.cost * (1.0 + 1e-3) + 1e-12 * size
     as_good = [run for run in runs if run.cost <= good]
     same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= tolerance)]

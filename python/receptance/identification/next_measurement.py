@@ -571,9 +571,9 @@ class _Now:
         for name in self.values:
             self.intervals.setdefault(name, self.about(name, self.deviations[name]))
 
-    def about(self, name: str, spread: float) -> tuple[float, float]:
+    def about(self, name: str, deviation: float) -> tuple[float, float]:
         """Return the interval about the present value for a standard deviation."""
-        value, half = self.values[name], self._multiplier * spread
+        value, half = self.values[name], self._multiplier * deviation
         if self.scales[name] == "log":
             return value / 10.0**half, value * 10.0**half
         return value - half, value + half
@@ -588,13 +588,15 @@ def _expected(
     low, high = known.variables.limits
     expected = {}
     for name in now.values:
-        spreads = [one[name] for one in found]
+        deviations = [one[name] for one in found]
         open_share = 0.0
         if name in known.targets and name not in known.found.errors:
             i = known.variables.names.index(name)
-            ends = [(point.x[i], known.multiplier * spread) for point, spread in zip(points, spreads, strict=True)]
+            ends = [
+                (point.x[i], known.multiplier * deviation) for point, deviation in zip(points, deviations, strict=True)
+            ]
             open_share = sum(x + half > high[i] or x - half < low[i] for x, half in ends) / len(points)
-        typical = _geometric_mean(spreads)
+        typical = _geometric_mean(deviations)
         lower, upper = now.about(name, typical)
         expected[name] = Expectation(
             name=name,
@@ -606,7 +608,7 @@ def _expected(
             upper=min(upper, now.intervals[name][1]),
             deviation=typical,
             deviation_now=now.deviations[name],
-            deviations=tuple(spreads),
+            deviations=tuple(deviations),
             stays_open=open_share,
         )
     return expected

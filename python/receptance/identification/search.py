@@ -417,8 +417,10 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     value at complex lines.
     """
     if isinstance(observation, MeasuredFrequencies):
-        spread = 0.5 * width * observation.frequency_hz
-        return altered(observation, standard_deviation_hz=spread, damping_ratio=None, standard_deviation_damping=None)
+        deviation = 0.5 * width * observation.frequency_hz
+        return altered(
+            observation, standard_deviation_hz=deviation, damping_ratio=None, standard_deviation_damping=None
+        )
     f = observation.frequency_hz.real
     if f.size < _MIN_LINES or observation.assembly.tabulated:
         return None

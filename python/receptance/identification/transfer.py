@@ -242,8 +242,8 @@ class Transfer(Result):
             known = sorted(value for value in values if value is not None)
             apart = 100.0 * (known[-1] / known[0] - 1.0) if known[0] > 0.0 else None
             rows.append([name, len(known), known[0], known[-1], apart])
-        spread = (Column("least"), Column("most"), Column("apart", "%", ".2g"))
-        return Table("Identified over the splits, SI units", ("parameter", Column("splits", form="d"), *spread), rows)
+        extent = (Column("least"), Column("most"), Column("apart", "%", ".2g"))
+        return Table("Identified over the splits, SI units", ("parameter", Column("splits", form="d"), *extent), rows)
 
     def __repr__(self) -> str:
         return f"Transfer({self._headline()})"

@@ -411,9 +411,9 @@ def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: b
         return np.asarray(1.0 / (lines.relative * size))
     unit = size if scatter == "relative" else np.ones_like(size)
     residuals = lines.values if fit is None else lines.values - fit.fitted
-    spread = np.sqrt(_noise(residuals / unit) if fit is not None else np.mean(np.abs(residuals / unit) ** 2, axis=0))
+    deviation = np.sqrt(_noise(residuals / unit) if fit is not None else np.mean(np.abs(residuals / unit) ** 2, axis=0))
     least = 1e-12 if scatter == "relative" else floor
-    return np.asarray(1.0 / (unit * np.maximum(spread, least)))
+    return np.asarray(1.0 / (unit * np.maximum(deviation, least)))
 
 
 def _noise(residuals: NDArray[np.complex128]) -> NDArray[np.float64]:
