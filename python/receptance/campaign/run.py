@@ -12,7 +12,7 @@ import numpy as np
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.build import Built
 from receptance.campaign.measurements import Measurement
-from receptance.campaign.problems import CampaignError, Problem, errors_about
+from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
 from receptance.campaign.values import Condition, Deviation
@@ -638,7 +638,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
         raise CampaignError(
             campaign.file,
             [
-                Problem(
+                Issue(
                     ("settings", "objective"),
                     'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
                     'fitted; expected "log", or no tolerances',
@@ -651,7 +651,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
             "has no standard deviation, which a fit of errors of dimensions and materials needs; expected "
             '`standard_deviation`, such as "2 %", or no tolerances'
         )
-        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in unweighted])
+        raise CampaignError(campaign.file, [Issue(("measurements", name), expected) for name in unweighted])
     return tolerances
 
 

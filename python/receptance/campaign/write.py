@@ -30,6 +30,7 @@ from receptance.units import Quantity
 
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
+    from receptance.campaign.tolerances import Effects
     from receptance.diagnosis import Verdict
     from receptance.identification.laws import Tolerance
     from receptance.model.assembly import Assembly
@@ -296,15 +297,13 @@ def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
     given = {
         name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
     }
-    found = [
-        observation
-        for observation in verdict.explanation.fit.model.observations
-        if isinstance(observation, MeasuredFRF)
-    ]
+    found = verdict.explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
-def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Any) -> _Extended:
+def _applied(
+    verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Effects
+) -> _Extended:
     """Apply the causes of the best explanation to an observation, one after the other."""
     explanation = verdict.explanation
     assert explanation is not None
@@ -500,7 +499,7 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
     data["unknowns"] = {**written, **tables}
 
 
-def _restarted(raw: dict[str, Any], unknown: Any, values: Mapping[str, float]) -> dict[str, Any]:
+def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float]) -> dict[str, Any]:
     if unknown.name not in values:  # a law with a value for each assembly
         return raw
     start = min(max(values[unknown.name], unknown.lower), unknown.upper)

@@ -85,7 +85,7 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _require_damping(model: Model) -> None:
-    if not any(isinstance(one, MeasuredFRF) or one.damped.size for one in model.observations):
+    if not model.receptances and not any(one.damped.size for one in model.frequencies):
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
 
 

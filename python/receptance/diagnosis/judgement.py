@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import LEAST_FREEDOM, LEAST_SHARE, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
-from receptance.diagnosis.verdict import Answer, Gain
 from receptance.diagnosis.wording import implausible
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.verdict import Answer, Gain
 
 __all__ = ["Judgement", "conclude", "doubt_prediction"]
 

@@ -51,7 +51,7 @@ _POWERS = {
 
 
 def _require_receptances(model: Model) -> None:
-    if not any(isinstance(one, MeasuredFRF) for one in model.observations):
+    if not model.receptances:
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs")
 
 
@@ -164,7 +164,7 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         for address in one.assembly.parameters
     )
     powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
-    frfs = any(isinstance(one, MeasuredFRF) for one in model.observations)
+    frfs = bool(model.receptances)
     for number, recorded in enumerate(_RECORDED if frfs else _RECORDED[:1]):
         moves = {address: time + (2.0 - number) * mass for address, (mass, time) in powers.items()}
         scale = p["log_scale"].move({address: n for address, n in moves.items() if n}, relative=True)
@@ -211,12 +211,10 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    stated = dict.fromkeys(one.form for one in model.observations if isinstance(one, MeasuredFRF))
+    stated = dict.fromkeys(one.form for one in model.receptances)
     for order in (1, 2, -1, -2):
 
-        def change(one: Observation, order: int = order) -> Observation:
-            if not isinstance(one, MeasuredFRF):
-                return one
+        def change(one: MeasuredFRF, order: int = order) -> Observation:
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
@@ -228,7 +226,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
         yield Variant(
             f"{how} {_TIMES[abs(order)]} more than stated",
-            model.map(change),
+            model.map_receptances(change),
             changes_data=True,
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
@@ -238,7 +236,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    changed = model.map(lambda one: altered(one, receptance=-one.receptance) if isinstance(one, MeasuredFRF) else one)
+    changed = model.map_receptances(lambda one: altered(one, receptance=-one.receptance))
     yield Variant("all", changed, changes_data=True)
 
 
@@ -253,10 +251,10 @@ def _quantity_of(order: int) -> str:
 
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    end = truncation_time([one for one in model.observations if isinstance(one, MeasuredFRF)])
+    end = truncation_time(model.receptances)
     if end is None:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
-    ended = model.map(lambda one: altered(one, ends=end) if isinstance(one, MeasuredFRF) else one)
+    ended = model.map_receptances(lambda one: altered(one, ends=end))
     unknown = replace(p["end"], typical=end).unknown(END, lower=0.8 * end, upper=1.1 * end)
     yield Variant("records end too early", ended.plus(unknown))
 

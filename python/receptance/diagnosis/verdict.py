@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
 
-__all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Verdict"]
+__all__ = ["Answer", "Candidate", "Gain", "Improvement", "ProposedMeasurement", "Verdict"]
 
 _SHOWN = 6
 """Candidates and natural frequencies in the tables; `to_dict` has all of them."""
@@ -151,7 +151,7 @@ class Improvement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NextMeasurement:
+class ProposedMeasurement:
     """The measurement that is proposed next.
 
     Attributes
@@ -215,7 +215,7 @@ class Verdict(Result):
         Held-out natural frequencies in which the errors of the base have a common sign.
     held_out_modes, held_out_modes_after : tuple of ModeResidual
         Held-out modes, measured less predicted.
-    next_measurement : NextMeasurement or None
+    next_measurement : ProposedMeasurement or None
         The measurement that is proposed next.
     final : bool
         False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
@@ -232,7 +232,7 @@ class Verdict(Result):
     causes: tuple[Candidate, ...]
     candidates: tuple[Candidate, ...]
     ambiguous_between: tuple[str, ...]
-    next_measurement: NextMeasurement | None
+    next_measurement: ProposedMeasurement | None
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.identification.observations import MeasuredFRF
-
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -186,13 +184,13 @@ def deviation_factor(verdict: Verdict) -> float | None:
 
 def report_sentences(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
     """Return the sentences on data, model, causes, modes and gain."""
-    observed = verdict.selection.base.model.observations
-    receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
+    model = verdict.selection.base.model
+    receptances = model.receptances
     lines = sum(one.frequency_hz.size for one in receptances)
-    frequencies = sum(one.frequency_hz.size for one in observed if not isinstance(one, MeasuredFRF))
+    frequencies = sum(one.frequency_hz.size for one in model.frequencies)
     data = [f"{len(receptances)} receptances with {lines} lines"] if receptances else []
     data += [f"{frequencies} natural frequencies"] if frequencies else []
-    count = len(verdict.selection.base.model.configurations)
+    count = len(model.configurations)
     sentences = [
         f"The data are {' and '.join(data)} of {count} configuration{'s' if count != 1 else ''}. The model was fitted "
         "to all of them together; dimensions and materials vary within their tolerances.",

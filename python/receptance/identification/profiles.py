@@ -274,8 +274,8 @@ class _Profiler:
         """Step to one side until the rise exceeds the threshold, then bracket the end of the interval."""
         bound = float(self.limits[0 if sign < 0.0 else 1][index])
         target = float(np.sqrt(self.threshold))
-        inside = _Point(self.best, float(self.best.x[index]), 0.0)
-        outside: _Point | None = None
+        inside = _ProfilePoint(self.best, float(self.best.x[index]), 0.0)
+        outside: _ProfilePoint | None = None
         points: list[tuple[NDArray[np.float64], float]] = []
         step = self._first_step(index) * target
         infeasible = np.inf  # distance from `inside` at which the model has no value
@@ -299,7 +299,7 @@ class _Profiler:
                 continue
             infeasible = np.inf if outside is not None else infeasible - distance
             rise = max(2.0 * (fit.cost - self.best.cost) / self.variance if self.variance > 0.0 else np.inf, 0.0)
-            point = _Point(fit, float(fit.x[index]), float(np.sqrt(rise)))
+            point = _ProfilePoint(fit, float(fit.x[index]), float(np.sqrt(rise)))
             points.append((fit.x, rise))
             if at == bound and point.root < target:
                 return _Side(_outwards(points, index, sign), bound, True)
@@ -372,7 +372,7 @@ class BetterOptimumError(Exception):
         self.better = better
 
 
-class _Point(NamedTuple):
+class _ProfilePoint(NamedTuple):
     """A constrained fit, the value of the held variable and the root of the rise of -2 log L."""
 
     fit: End
@@ -407,7 +407,7 @@ def _outwards(
     return sorted(points, key=lambda point: sign * float(point[0][index]))
 
 
-def _interpolate(inside: _Point, outside: _Point, target: float) -> float:
+def _interpolate(inside: _ProfilePoint, outside: _ProfilePoint, target: float) -> float:
     """Return where the linearly interpolated root reaches the target, at a distance from the ends of the bracket."""
     share = (target - inside.root) / (outside.root - inside.root)
     return inside.at + min(max(share, 0.05), 0.95) * (outside.at - inside.at)

@@ -600,8 +600,8 @@ class Identification(Result):
             together.append([group, len(own), min(sizes), float(np.median(sizes)), max(sizes), max(own)[1], unit])
         title = f"Residuals, in {self.units[0]}" if common else "Residuals"
         numbers = (Column("residuals", form="d"), Column("rms", form=".3g"))
-        spread = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
-        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *spread, "of", "unit")
+        by_rms = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
+        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *by_rms, "of", "unit")
         return [
             Table(title, ("measurement", "data", *numbers, "unit"), alone).without_empty(),
             Table(f"{title}, by group", by_group, together).without_empty(),

@@ -211,8 +211,8 @@ def _check_finite(owner: str, name: str, array: NDArray[Any]) -> None:
         raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
 
 
-_SAME = 1e-9
-"""Relative difference below which lines are equal."""
+EQUAL_LINES = 1e-9
+"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
 _MAX_ERROR = 0.01
 """Largest interpolation error, relative to the values around it."""
 _ERROR_RATIO = 16.0
@@ -239,7 +239,7 @@ def _interpolated(
         A line outside the table, in a gap, or where the table is too coarse or too noisy.
     """
     low, high = known_hz[0], known_hz[-1]
-    outside = np.flatnonzero((lines_hz < low * (1.0 - _SAME)) | (lines_hz > high * (1.0 + _SAME)))
+    outside = np.flatnonzero((lines_hz < low * (1.0 - EQUAL_LINES)) | (lines_hz > high * (1.0 + EQUAL_LINES)))
     if outside.size:
         raise ValueError(
             f"{owner} is known from {low:g} to {high:g} Hz, and the line at {lines_hz[outside[0]]:g} Hz is outside; "
@@ -251,7 +251,7 @@ def _interpolated(
     before = after - 1
     nearest = np.where(lines_hz - known_hz[before] < known_hz[after] - lines_hz, before, after)
     result = table[nearest]
-    between = np.flatnonzero(np.abs(known_hz[nearest] - lines_hz) > _SAME * lines_hz)
+    between = np.flatnonzero(np.abs(known_hz[nearest] - lines_hz) > EQUAL_LINES * lines_hz)
     if not between.size:
         return result
     _check_between(owner, known_hz, table, lines_hz[between], after[between])

@@ -12,6 +12,9 @@ from receptance.diagnosis.wording import remarks
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+    from plotly.graph_objects import Figure
+
     from receptance.diagnosis import Candidate, Verdict
     from receptance.diagnosis.by_mode import Curve
 
@@ -23,7 +26,7 @@ _SHOWN = 16
 _FONT = {"family": "system-ui, sans-serif", "size": 13}
 
 
-def curve_figure(before: Curve, after: Curve | None) -> Any:
+def curve_figure(before: Curve, after: Curve | None) -> Figure:
     """Return magnitude, phase and residual of one receptance: measured, before and after."""
     from plotly.subplots import make_subplots
 
@@ -63,7 +66,7 @@ def curve_figure(before: Curve, after: Curve | None) -> Any:
     return _with_layout(figure, 620)
 
 
-def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Any:
+def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figure:
     """Return the errors of natural frequencies, before and after."""
     from plotly.graph_objects import Figure
 
@@ -82,7 +85,7 @@ def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Any:
     return _with_layout(figure, 420)
 
 
-def evidence_figure(verdict: Verdict) -> Any:
+def evidence_figure(verdict: Verdict) -> Figure:
     """Return the evidence of the candidates, each alone, and the detection threshold."""
     from plotly.graph_objects import Figure
 
@@ -112,7 +115,7 @@ def _bar_label(one: Candidate) -> str:
     return ", ".join(text for text in (f"misfit {one.misfit:.2f}", remarks(one)) if text)
 
 
-def similarity_figure(names: Sequence[str], cosines: Any) -> Any:
+def similarity_figure(names: Sequence[str], cosines: Sequence[Sequence[float]]) -> Figure:
     """Return the cosines between the effects of causes on these data."""
     from plotly.graph_objects import Figure
 
@@ -131,12 +134,12 @@ def similarity_figure(names: Sequence[str], cosines: Any) -> Any:
     return _with_layout(figure, 160 + 28 * len(names))
 
 
-def _five_digits(values: Any) -> list[float]:
+def _five_digits(values: ArrayLike) -> list[float]:
     """Return numbers with five digits, which are more than a screen shows and keep the file small."""
     return [float(f"{value:.5g}") for value in np.asarray(values, dtype=np.float64)]
 
 
-def _with_layout(figure: Any, height: int) -> Any:
+def _with_layout(figure: Figure, height: int) -> Figure:
     figure.update_layout(
         height=height,
         font=_FONT,

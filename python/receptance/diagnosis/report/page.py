@@ -17,6 +17,8 @@ from receptance.identification.observations import MeasuredFRF
 if TYPE_CHECKING:
     import os
 
+    from plotly.graph_objects import Figure
+
     from receptance.diagnosis import Verdict
 
 __all__ = ["diagnosis_html", "write_diagnosis"]
@@ -66,7 +68,7 @@ def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
         modes=[(one, rows.get((one.label, one.mode))) for one in before],
         columns=_columns([*before, *after]),
         extended=explanation is not None,
-        receptances=any(isinstance(one, MeasuredFRF) for one in base.model.observations),
+        receptances=bool(base.model.receptances),
         held_out_modes=_held_out_modes(verdict),
         # Of a cause that is reported together with another one its size there.
         sizes={one.id: sizes(one) for one in (*verdict.candidates, *verdict.causes)},
@@ -116,7 +118,7 @@ def _held_out_modes(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual |
     return [(one, after.get((one.label, one.mode))) for one in verdict.held_out_modes]
 
 
-def _html(figure: Any, name: str) -> str:
+def _html(figure: Figure, name: str) -> str:
     from plotly.io import to_html
 
     config = {"displaylogo": False, "responsive": True, "scrollZoom": True, "showSendToCloud": False}
