@@ -21,7 +21,7 @@ project = "receptance"
 author = "the authors of receptance"
 version = release = receptance.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "site_extension"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "site_extension", "cause_pages"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["generator", "studies"]
 # Names in single backquotes are links where they are names of the API, and code everywhere else.
