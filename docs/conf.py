@@ -21,13 +21,13 @@ project = "receptance"
 author = "the authors of receptance"
 version = release = receptance.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "site_extension", "cause_pages"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "site_extension", "cause_pages", "gallery"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["generator", "studies"]
 # Names in single backquotes are links where they are names of the API, and code everywhere else.
 default_role = "name"
 
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "tasklist"]
 myst_heading_anchors = 4
 
 # The names of a package's `__all__`, in that order. Docstrings state types and units; signatures would repeat them.

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import cause_effects
+import drawings
 import receptance
-from examples.documents import ROOT
+from examples.documents import ROOT, difference
 from receptance import Assembly, PointMass
 from receptance.diagnosis import CATALOGUE
 from receptance.diagnosis.thresholds import LARGE_SIZE
@@ -82,3 +83,17 @@ def test_look_alikes_are_symmetric_where_both_have_one_variant() -> None:
     first = cause_effects.look_alikes("tool_modulus")["tool_density"]
     assert first == pytest.approx(cause_effects.look_alikes("tool_density")["tool_modulus"], rel=1e-9)
     assert 0.0 < first < 1.0
+
+
+@pytest.mark.parametrize("name", list(drawings.DRAWINGS))
+def test_the_drawings_are_those_of_their_script(name: str) -> None:
+    shown = (drawings.FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+    assert difference(drawings.DRAWINGS[name](), shown) is None, "run `python docs/generator/drawings.py`"
+
+
+def test_every_example_of_the_gallery_has_a_page() -> None:
+    folder = ROOT / "docs" / "gallery"
+    pages = sorted(path.stem for path in folder.glob("*.md") if path.stem != "index")
+    assert pages == sorted(path.stem for path in folder.glob("*.py"))
+    for name in pages:
+        assert f"```{{example}} {name}.py\n" in (folder / f"{name}.md").read_text(encoding="utf-8")
