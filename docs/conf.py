@@ -23,7 +23,7 @@ version = release = receptance.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "site_extension", "cause_pages", "gallery"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-exclude_patterns = ["generator", "studies"]
+exclude_patterns = ["generator", "studies", "generated"]
 # Names in single backquotes are links where they are names of the API, and code everywhere else.
 default_role = "name"
 
@@ -48,6 +48,8 @@ numpydoc_xref_aliases = {name: name for name in DEFAULT_LINKS} | {
 
 html_theme = "furo"
 html_title = f"receptance {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {"navigation_with_keys": True}

@@ -89,7 +89,10 @@ def _row(one: Parameter) -> str:
 
 def _shown(parameter: Parameter, numbers: Sequence[float]) -> str:
     _, unit, scale = _quantity(parameter, parameter.key, numbers)
-    if scale is None:
+    if scale is None and max(map(abs, numbers)) > 0.7:
+        # Half and twice are -50 % and +100 %; beyond these a factor is easier to read.
+        texts, unit = [f"× {math.exp(x):.2g}" for x in numbers], ""
+    elif scale is None:
         texts = [f"{100.0 * math.expm1(x):+.3g}" if x else "0" for x in numbers]
     else:
         texts = [_number(scale * x) for x in numbers]
