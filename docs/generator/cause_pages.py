@@ -100,6 +100,8 @@ def _shown(parameter: Parameter, numbers: Sequence[float]) -> str:
 
 
 def _number(x: float) -> str:
+    if 1e3 <= abs(x) < 1e5:
+        return f"{float(f'{x:.3g}'):.0f}"
     mantissa, _, exponent = f"{x:.3g}".partition("e")
     return mantissa if not exponent else f"{'' if mantissa == '1' else mantissa + ' × '}10{_raised(int(exponent))}"
 
@@ -138,7 +140,8 @@ def _identified(true: float, fitted: float) -> str:
         return "at the upper bound of the fit"
     if fitted < 1.01 / cause_effects.RANGE * true:
         return "at the lower bound of the fit"
-    return f"{_number(fitted)} ({100.0 * (fitted / true - 1.0):+.3g} %)"
+    change = f"× {fitted / true:.2g}" if fitted > 3.0 * true else f"{100.0 * (fitted / true - 1.0):+.2g} %"
+    return f"{_number(fitted)} ({change})"
 
 
 class LookAlikes(_AboutCause):
