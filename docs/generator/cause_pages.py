@@ -21,7 +21,6 @@ from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.part_causes import PART_CAUSES
 from receptance.diagnosis.thresholds import LOOK_ALIKE
-from receptance.diagnosis.wording import _quantity
 
 __all__ = ["setup"]
 
@@ -31,6 +30,8 @@ LISTED = 6
 """Number of look-alikes on a page."""
 LEAST = 0.5
 """Similarity below which effects are not listed."""
+SMALL_UNITS = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
+"""Units of numbers below one, and how many of them the SI unit has."""
 GROUPS = {
     "In the joint": JOINT_CAUSES,
     "In the tool and the holder": PART_CAUSES,
@@ -88,13 +89,15 @@ def _row(one: Parameter) -> str:
 
 
 def _shown(parameter: Parameter, numbers: Sequence[float]) -> str:
-    _, unit, scale = _quantity(parameter, parameter.key, numbers)
-    if scale is None and max(map(abs, numbers)) > 0.7:
+    largest = max(map(abs, numbers))
+    if parameter.name.startswith("log_"):
         # Half and twice are -50 % and +100 %; beyond these a factor is easier to read.
-        texts, unit = [f"× {math.exp(x):.2g}" for x in numbers], ""
-    elif scale is None:
-        texts = [f"{100.0 * math.expm1(x):+.3g}" if x else "0" for x in numbers]
+        if largest > 0.7:
+            texts, unit = [f"× {math.exp(x):.2g}" for x in numbers], ""
+        else:
+            texts, unit = [f"{100.0 * math.expm1(x):+.3g}" if x else "0" for x in numbers], "%"
     else:
+        scale, unit = SMALL_UNITS.get(parameter.unit, (1.0, parameter.unit)) if largest < 1.0 else (1.0, parameter.unit)
         texts = [_number(scale * x) for x in numbers]
     return f"{' to '.join(texts)} {unit}".strip()
 
