@@ -89,7 +89,8 @@ def test_numbers_and_intervals() -> None:
     ("value", "unit", "digits", "text"),
     [
         (1.9912e-3, "kg", 3, "1.99 g"),
-        (0.9999e-3, "kg", 2, "1.0 g"),
+        (0.9999, "kg", 2, "1.0 kg"),
+        (0.52e-3, "kg", 2, "0.52 g"),
         (2.4e8, "N/m", 3, "2.40e8 N/m"),
         (99999.0, "N m/rad", 3, "1.00e5 N m/rad"),
         (12345.0, "N m/rad", 3, "12345 N m/rad"),

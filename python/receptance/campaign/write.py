@@ -38,6 +38,7 @@ __all__ = [
     "Materials",
     "attachment_table",
     "element_table",
+    "extended_data",
     "extended_text",
     "quantity",
     "quantity_at",
@@ -239,9 +240,14 @@ def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     """
     import tomli_w
 
+    return tomli_w.dumps(extended_data(campaign, verdict, folder))
+
+
+def extended_data(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
+    """Return the contents of the file of `extended_text`, with the same parameters and errors."""
     data = _extended(campaign, verdict, folder)
     _check(verdict, data, folder)
-    return tomli_w.dumps(data)
+    return data
 
 
 def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Path:

@@ -44,11 +44,11 @@ def interval(ends: Interval, form: str = ".4g") -> str:
 
 
 _SMALLER = {
-    "kg": ((1.0, "kg"), (1e-3, "g"), (1e-6, "mg")),
-    "m": ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")),
-    "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")),
+    "kg": ((1.0, 1.0, "kg"), (1e-5, 1e-3, "g"), (0.0, 1e-6, "mg")),
+    "m": ((1.0, 1.0, "m"), (1e-4, 1e-3, "mm"), (0.0, 1e-6, "µm")),
+    "s": ((1.0, 1.0, "s"), (1e-4, 1e-3, "ms"), (0.0, 1e-6, "µs")),
 }
-"""Units of small amounts, by SI unit."""
+"""Units of small amounts by SI unit: smallest amount, scale and name."""
 _PLAIN = (1e-3, 1e5)
 """Magnitudes that are written without a power of ten."""
 
@@ -73,8 +73,8 @@ def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[l
     """
     # Rounded, because 0.9999e-3 kg with two digits is 1.0 g.
     largest = max((abs(_rounded(value, digits)) for value in values if math.isfinite(value)), default=0.0)
-    choices = _SMALLER.get(unit, ((1.0, unit),))
-    scale, shown = next(((own, name) for own, name in choices if largest >= own), choices[-1] if largest else choices[0])
+    choices = _SMALLER.get(unit, ((0.0, 1.0, unit),)) if largest else ((0.0, 1.0, unit),)
+    scale, shown = next((own, name) for least, own, name in choices if largest >= least)
     power = bool(largest) and not _PLAIN[0] <= largest / scale < _PLAIN[1]
     decimals = max(digits - 1 - _exponent(largest / scale), 0)
 
