@@ -26,6 +26,9 @@ _MEASURE = """(() => {
     if (!box) continue;
     const name = element.tagName + ': ' + element.textContent.slice(0, 60);
     if (box.right > width + 1 || box.left < -1) found.push('outside: ' + name);
+    const svg = element.closest('svg'), frame = svg && svg.getBoundingClientRect();
+    if (frame && (box.right > frame.right + 1 || box.left < frame.left - 1 || box.bottom > frame.bottom + 1))
+      found.push('outside of its figure: ' + name);
     if (element.scrollWidth > element.clientWidth + 1 && getComputedStyle(element).overflowX !== 'visible')
       found.push('cut: ' + name);
   }

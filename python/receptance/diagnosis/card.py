@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
-__all__ = ["alternatives", "effect", "facts", "key_figures", "next_step"]
+__all__ = ["alternatives", "beyond_chance", "effect", "facts", "key_figures", "next_step"]
 
 _PARAMETERS = 8
 """Rows of parameters in the table of the effect; the result has all of them."""
@@ -33,6 +33,13 @@ def facts(verdict: Verdict) -> list[Fact]:
     sentence = wording.sentence(verdict)
     texts = [f"{verdict.verdict}{'' if verdict.final else ', not final'}: {sentence[:1].lower()}{sentence[1:]}"]
     texts += wording.where(verdict) if known else ["The base model is not fitted yet, so no cause was tried."]
+    if known and verdict.candidates and not beyond_chance(verdict):
+        likely = verdict.candidates[0]
+        odds = wording.odds(verdict.best_evidence - likely.evidence)
+        texts.append(
+            f"None of the {len(verdict.candidates)} causes explains more than noise does by chance; the most likely is "
+            f"{likely.title} (odds {odds} to the model as it is)."
+        )
     found = [Fact("Verdict", tuple(texts))]
     count = len(verdict.causes)
     for number, one in enumerate(verdict.causes, 1):
@@ -177,7 +184,7 @@ def _ratio(before: float, after: float) -> str:
     if before * after <= 0.0:
         return ""
     ratio = after / before
-    return f"{100.0 * (ratio - 1.0):+.2g} %" if 0.5 < ratio < 2.0 else f"x {ratio:.2g}"
+    return f"{100.0 * (ratio - 1.0):+.2g} %" if 0.5 < ratio < 2.0 else f"× {amount(ratio, digits=2)}"
 
 
 def _with_interval(found: Identification, name: str) -> str:
@@ -231,13 +238,24 @@ def alternatives(verdict: Verdict, most: int | None = _ALTERNATIVES) -> Table:
     is_held_out = gain is not None and any(one.held_out is not None for one in verdict.candidates)
     before = amount(scale * gain.held_out_before, unit) if gain is not None and is_held_out else None
     rows: list[list[Cell]] = [["none: the model as it is", "", wording.odds(best), before, ""]]
-    for one in verdict.candidates[:most]:
+    likely = beyond_chance(verdict)
+    for one in likely[:most]:
         own = amount(scale * one.held_out, unit) if one.held_out is not None and is_held_out else None
         odds = wording.odds(best - one.evidence)
         rows.append([one.title, _share(verdict, one), odds, own, _why_not(verdict, one)])
     columns = ("cause, alone", Column("share\nexplained"), Column("odds to\nthe best"), Column("held out"), "why not")
-    note = f"Held out: {name}." if is_held_out else ""
-    return Table("Alternatives", columns, rows if len(rows) > 1 else [], note).without_empty()
+    notes = [f"Held out: {name}."] if is_held_out else []
+    less = len(likely) - len(likely[:most])
+    notes += [f"{less} more in the report and in the JSON."] if less else []
+    others = len(verdict.candidates) - len(likely)
+    notes += [f"No more than noise by chance: {others} other cause{'s' if others > 1 else ''}."] if others else []
+    return Table("Alternatives", columns, rows if likely else [], " ".join(notes)).without_empty()
+
+
+def beyond_chance(verdict: Verdict) -> list[Candidate]:
+    """Return the causes that are reported, or explain more than noise does by chance."""
+    reported, least = {one.id for one in verdict.causes}, max(verdict.threshold, 0.0)
+    return [one for one in verdict.candidates if one.evidence > least or one.id in reported]
 
 
 def _share(verdict: Verdict, one: Candidate) -> str:
@@ -252,8 +270,6 @@ def _why_not(verdict: Verdict, one: Candidate) -> str:
     together = {other.id: other.together_with for other in verdict.causes}
     if one.id in together:
         return f"reported, together with {wording.names(together[one.id])}" if together[one.id] else "reported"
-    if one.evidence <= max(verdict.threshold, 0.0):
-        return "not beyond chance"
     reasons = [one.vetoed] if one.vetoed else [] if one.plausible else ["implausible size"]
     if one.misfit > verdict.adequacy.limit and not reasons:
         reasons.append(f"leaves {wording.residual(verdict, one.misfit)}")

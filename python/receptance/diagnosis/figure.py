@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,9 +33,11 @@ if TYPE_CHECKING:
 __all__ = ["curve_figure", "draw_diagnosis", "evidence_figure", "frequencies_figure"]
 
 _CANDIDATES = 14
+_NAME = 26
+"""Characters in a line of the name of a cause."""
 _DECADES = 8.0
 """Largest power of ten of odds that is drawn; an arrow marks smaller odds."""
-_SIZE = (5.2, 4.2)
+_SIZE = (4.5, 4.0)
 """Size of a figure of the report in inches: its text is legible on a page of 400 pixels and in a column of a print."""
 _RECEPTANCES = 5
 """Receptances that are drawn; the report has all of them."""
@@ -90,7 +93,7 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     if frequencies:
         _draw_frequencies(next(axes), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
     if candidates:
-        _draw_evidence(next(axes), verdict)
+        _draw_evidence(next(axes), verdict, "Odds of each cause to the best")
     return finished(figure)
 
 
@@ -118,7 +121,7 @@ def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figur
 
 def evidence_figure(verdict: Verdict) -> Figure:
     """Return how far each cause is behind the best."""
-    figure = new_figure(_SIZE[0], 1.1 + 0.24 * min(len(verdict.candidates) + 1, _CANDIDATES))
+    figure = new_figure(_SIZE[0], 1.0 + 0.28 * min(len(verdict.candidates) + 1, _CANDIDATES))
     _draw_evidence(figure.subplots(), verdict)
     return figure
 
@@ -131,7 +134,7 @@ def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
     if after is not None:
         axes.plot(*_with_gaps(after.frequency_hz, after.modelled), color=COLOURS[2], lw=1.0, label="model after")
     axes.set_yscale("log")
-    add_legend(axes, fontsize=8)
+    add_legend(axes, fontsize=9)
 
 
 def _with_gaps(
@@ -155,23 +158,22 @@ def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve
             modelled = np.concatenate([one.modelled.real for one in curves])
             axes.plot(measured, 100.0 * (modelled / measured - 1.0), marker, color=colour, ms=4.0, label=label)
     axes.axhline(0.0, color=PALE, lw=0.9)
-    add_legend(axes, fontsize=8)
+    add_legend(axes, fontsize=9)
 
 
-def _draw_evidence(axes: Axes, verdict: Verdict) -> None:
-    """Draw the odds of each cause to the best explanation in powers of ten."""
+def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
+    """Draw the odds of each cause to the best explanation in powers of ten; a dashed line marks the margin of evidence."""
     reported, best = {one.id for one in verdict.causes}, verdict.best_evidence
     bars = [(one.title, best - one.evidence, one.id in reported) for one in verdict.candidates]
     bars = sorted([*bars, ("the model as it is", best, False)], key=lambda bar: bar[1])[:_CANDIDATES]
-    set_up(axes, "Odds of each cause alone to the best", "1 : 10 to the power of", "", grid="x")
+    set_up(axes, title, "n, where the odds are 1 : 10^n", "", grid="x")
     decades = [min(0.5 * behind / np.log(10.0), _DECADES) for _, behind, _ in bars]
     places = range(len(bars))
     axes.hlines(places, 0.0, decades, color=[COLOURS[2] if own else PALE for *_, own in bars], lw=2.0)
     for place, decade, (*_, own) in zip(places, decades, bars, strict=True):
         marker = ">" if decade == _DECADES else "o"
         axes.plot([decade], [place], marker, color=COLOURS[2] if own else PALE, ms=6.0, clip_on=False)
-    axes.axvline(0.5 * MARGIN / np.log(10.0), color=COLOURS[1], lw=1.0, ls="--", label="not distinguished left of it")
-    axes.set_yticks(places, [title for title, *_ in bars], fontsize=8)
+    axes.axvline(0.5 * MARGIN / np.log(10.0), color=COLOURS[1], lw=1.0, ls="--")
+    axes.set_yticks(places, [textwrap.fill(name, _NAME) for name, *_ in bars], fontsize=9)
     axes.set_ylim(len(bars) - 0.4, -0.6)
     axes.set_xlim(0.0, _DECADES)
-    add_legend(axes, fontsize=8, loc="lower right")

@@ -115,7 +115,8 @@ def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]
         if title.startswith("log_"):
             shown = [f"{_percent(x):+.3g} %" for x in numbers]
         else:
-            shown = [amount(x, parameter.unit) for x in numbers]
+            numbers_shown, unit = amounts(numbers, parameter.unit)
+            shown = [f"{text} {unit}".strip() for text in numbers_shown]
         texts.append(f"{_words(title)} {shown[0]}, where {shown[1]} to {shown[2]} is plausible")
     return "; ".join(texts)
 
@@ -208,7 +209,7 @@ def where(verdict: Verdict) -> list[str]:
     found = [f"The largest residuals are in {verdict.adequacy.worst[0]}."] if verdict.adequacy.worst else []
     times = deviation_factor(verdict) if verdict.final else None
     if verdict.verdict == "unexplained" and times is not None:
-        found.append(f"The model would be adequate if all standard deviations were {times:.2g} times as large.")
+        found.append(f"The model would be adequate if all standard deviations were {amount(times, digits=2)} times as large.")
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
 
     from receptance.report.result import Fact, Renderable
     from receptance.report.table import Table
+
+_CODE = re.compile("`([^`]+)`")
 
 __all__ = ["as_html", "facts_html", "shown", "table_html"]
 
@@ -65,5 +68,5 @@ def _list(title: str, texts: Iterable[str]) -> list[str]:
 
 
 def shown(text: str) -> str:
-    """Return a text as HTML, with control characters escaped."""
-    return escape(printable(text)).replace("\n", "<br>")
+    """Return a text as HTML, with control characters escaped, and words between backticks as code."""
+    return _CODE.sub(r"<code>\1</code>", escape(printable(text))).replace("\n", "<br>")

@@ -186,12 +186,15 @@ def _causes(verdict: Verdict) -> Iterable[str]:
     yield "<h2>All causes</h2>"
     yield (
         '<p class="small">A cause is reported only if the model with it is adequate, whatever its odds. All adequate causes '
-        "with odds above 1 : 150 to the best are reported.</p>"
+        "with odds above 1 : 150 to the best, left of the dashed line, are reported.</p>"
     )
     yield _figures([("odds of each cause alone to the best", evidence_figure(verdict))])
-    yield table_html(card.alternatives(verdict, None))
-    rows = [(one.title, one.variant, sizes(one)) for one in verdict.candidates if one.parameters]
-    yield table_html(Table("Sizes with 95 % intervals", ("cause, alone", "place", "size"), rows))
+    table = card.alternatives(verdict, None)
+    if table.rows:
+        yield table_html(table)
+    rows = [(one.title, one.variant, sizes(one)) for one in card.beyond_chance(verdict) if one.parameters]
+    if rows:
+        yield table_html(Table("Sizes with 95 % intervals", ("cause, alone", "place", "size"), rows))
     similar = _similar(verdict)
     if similar:
         columns = ("cause", "similar cause", Column("effect alike", "%", ".0f"))
@@ -221,22 +224,23 @@ def _mode_table(title: str, before: Sequence[ModeResidual], after: Sequence[Mode
         return ""
     other = {(one.label, one.mode): one for one in after}
     quantities = (
-        ("frequency", "frequency_percent", "%", "+.2f"),
-        ("damping", "damping_percent", "%", "+.1f"),
-        ("level", "level_db", "dB", "+.2f"),
-        ("phase", "phase_deg", "°", "+.1f"),
+        (Column("frequency", "%"), "frequency_percent", "+.2f"),
+        (Column("damping", "%"), "damping_percent", "+.1f"),
+        (Column("level", "dB"), "level_db", "+.2f"),
+        (Column("phase", "°"), "phase_deg", "+.1f"),
     )
-    columns: list[Column | str] = ["configuration", Column("mode", form="d"), Column("measured", "Hz", ".1f")]
-    for name, _, unit, form in quantities:
-        columns += [Column(f"{name} before" if after else name, unit, form), Column(f"{name} after", unit, form)]
     rows = []
     for one in before:
         found = other.get((one.label, one.mode))
-        values = [(getattr(one, field), getattr(found, field, None)) for _, field, *_ in quantities]
-        # A value that the data do not show is an empty cell.
-        cells = [None if x is None or not math.isfinite(x) else x for pair in values for x in pair]
+        cells = [_change(getattr(one, field), getattr(found, field, math.nan), form) for _, field, form in quantities]
         rows.append([one.label, one.mode, one.measured_hz, *cells])
-    return table_html(Table(title, columns, rows).without_empty())
+    columns = ("configuration", Column("mode", form="d"), Column("measured", "Hz", ".1f"), *(own for own, *_ in quantities))
+    return table_html(Table(f"{title}{', before → after' if after else ''}", columns, rows).without_empty())
+
+
+def _change(before: float, after: float, form: str) -> str:
+    """Return a residual before and after; empty where the data do not show it."""
+    return " → ".join(format(one, form) for one in (before, after) if math.isfinite(one))
 
 
 def _notes(verdict: Verdict) -> Iterable[str]:
