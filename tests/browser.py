@@ -1,4 +1,4 @@
-"""A headless Chromium, driven through its debugging pipe: pages at any width, light and dark, on a screen and on paper."""
+"""A headless Chromium, driven through its debugging pipe: pages at any width, light and dark, and on paper."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ PAPER = {"a4": (8.27, 11.69), "letter": (8.5, 11.0)}
 _MEASURE = """(() => {
   const width = document.documentElement.clientWidth, found = [];
   const texts = [...document.querySelectorAll('p, b, span, td, th, dt, dd, h1, h2, li, pre, summary, caption, text')];
-  const inside = (element) => { const box = element.getBoundingClientRect(); return box.width && box.height ? box : null; };
+  const inside = (element) => {
+    const box = element.getBoundingClientRect();
+    return box.width && box.height ? box : null;
+  };
   for (const element of texts) {
     const box = inside(element);
     if (!box) continue;
@@ -118,7 +121,9 @@ class Browser:
         """Open a page, and wait until it is there."""
         self.errors.clear()
         self.call("Page.navigate", url=file.as_uri())
-        while self.evaluate("document.readyState") != "complete" or not self.evaluate("location.href").startswith("file"):
+        while self.evaluate("document.readyState") != "complete" or not self.evaluate("location.href").startswith(
+            "file"
+        ):
             pass
 
     def evaluate(self, script: str) -> Any:

@@ -345,7 +345,7 @@ def test_bad_metrics() -> None:
     [
         (1.5e-3, 1.495e-3, 1.505e-3, "mass 1.5000 g (95 %: 1.4950 to 1.5050 g)"),
         (0.404, 0.397, 0.411, "mass 404.0 g (95 %: 397.0 to 411.0 g)"),
-        (1e-3, -math.inf, math.inf, "mass 0.00100 kg (95 %: 0.000100 to 1.00 kg)"),
+        (1e-3, -math.inf, math.inf, "mass 0.0010 kg (95 %: 0.00010 to 1.0 kg)"),
     ],
 )
 def test_digits_follow_the_interval_width(value: float, low: float, high: float, shown: str) -> None:

@@ -16,7 +16,7 @@ __all__ = ["changed_lines"]
 
 _OWN = ("title", "description", "settings")
 """Keys that every extended campaign has of its own."""
-_LONG = re.compile(r'^(-?\d[\d.]*(?:e[-+]?\d+)?)(?= |$)')
+_LONG = re.compile(r"^(-?\d[\d.]*(?:e[-+]?\d+)?)(?= |$)")
 
 
 def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:
@@ -41,9 +41,7 @@ def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:
 
     before = {key: value for key, value in campaign.contents.items() if key not in _OWN}
     after = {
-        key: value
-        for key, value in extended_data(campaign, verdict, campaign.file.parent).items()
-        if key not in _OWN
+        key: value for key, value in extended_data(campaign, verdict, campaign.file.parent).items() if key not in _OWN
     }
     for name, table in after["measurements"].items():
         given = before["measurements"][name]
@@ -60,8 +58,7 @@ def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:
         own = tomli_w.dumps({"measurements": {name: changed["measurements"].pop(name)}}).splitlines()
         for other in others:
             del changed["measurements"][other]
-        same = ", ".join(f"[measurements.{other}]" for other in others)
-        lines += [*own[:1], *([f"# and the same in {same}"] if others else []), *own[1:]]
+        lines += [*own[:1], *([f"# the same for {', '.join(others)}"] if others else []), *own[1:]]
     return (*(line for line in tomli_w.dumps({k: v for k, v in changed.items() if v}).splitlines() if line), *lines)
 
 

@@ -18,8 +18,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainVali
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
 from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import Prior
-from receptance.identification.unknowns import CHAIN_QUANTITIES
+from receptance.identification.unknowns import CHAIN_QUANTITIES, Prior
 from receptance.model.addresses import QUANTITIES
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 

@@ -285,7 +285,11 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     data["settings"].pop("objective", None)
     names = " and ".join(cause.title for cause, _ in verdict.explanation.steps)
     data["title"] = f"{campaign.title}, extended by {names}"
-    alike = f"; indistinguishable causes: {', '.join(title_of(id) for id in verdict.ambiguous_between)}" if verdict.ambiguous_between else ""
+    alike = (
+        f"; indistinguishable causes: {', '.join(title_of(id) for id in verdict.ambiguous_between)}"
+        if verdict.ambiguous_between
+        else ""
+    )
     own = data.get("description", "")
     data["description"] = f"{own} Written by `receptance diagnose` ({verdict.verdict}: {names}{alike}).".strip()
     order = ["format", "title", "description", "settings", "prediction"]

@@ -140,7 +140,7 @@ def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
 def _with_gaps(
     lines: NDArray[np.float64], values: NDArray[np.complex128] | NDArray[np.float64], *, signed: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lines and magnitudes, or signed values, with NaN where lines are left out, so that no curve is drawn there."""
+    """Return lines and magnitudes, or signed values; NaN where lines are left out, so that no curve is drawn there."""
     spacing = np.diff(lines)
     around = np.maximum(np.append(spacing[:1], spacing[:-1]), np.append(spacing[1:], spacing[-1:]))
     gaps = np.flatnonzero(spacing > _GAP * around) + 1
@@ -162,7 +162,7 @@ def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve
 
 
 def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
-    """Draw the odds of each cause to the best explanation in powers of ten; a dashed line marks the margin of evidence."""
+    """Draw the odds of each cause to the best in powers of ten; a dashed line marks the margin of evidence."""
     reported, best = {one.id for one in verdict.causes}, verdict.best_evidence
     bars = [(one.title, best - one.evidence, one.id in reported) for one in verdict.candidates]
     bars = sorted([*bars, ("the model as it is", best, False)], key=lambda bar: bar[1])[:_CANDIDATES]

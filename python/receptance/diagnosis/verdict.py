@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
-    from receptance.report.table import Cell
 
 __all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Verdict"]
 

@@ -189,7 +189,7 @@ def residual(verdict: Verdict, misfit: float) -> str:
 
 
 def metric(name: str) -> tuple[str, float, str]:
-    """Return the name of a metric of held-out data in words, the factor to the unit in which it is shown, and the unit."""
+    """Return a metric of held-out data in words, the factor to the unit in which it is shown, and this unit."""
     if name.startswith("log-spectral distance"):
         return "distance of the spectra", 20.0 / math.log(10.0), "dB"
     if name == "predictive log score in nats":
@@ -209,7 +209,9 @@ def where(verdict: Verdict) -> list[str]:
     found = [f"The largest residuals are in {verdict.adequacy.worst[0]}."] if verdict.adequacy.worst else []
     times = deviation_factor(verdict) if verdict.final else None
     if verdict.verdict == "unexplained" and times is not None:
-        found.append(f"The model would be adequate if all standard deviations were {amount(times, digits=2)} times as large.")
+        found.append(
+            f"The model would be adequate if all standard deviations were {amount(times, digits=2)} times as large."
+        )
     return found
 
 

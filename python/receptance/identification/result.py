@@ -565,7 +565,7 @@ class Identification(Result):
         names = ["standard error", "from noise\nof the data"][: len(errors)]
         numbers = (Column("value"), *(Column(name) for name in names), Column("95 % interval"))
         # A profile has the more accurate interval in a table of its own.
-        profiled = self.profiled or {}
+        profiled = () if self.profiled is None else tuple(self.profiled)
         rows: list[list[Cell]] = []
         for name, value in self.values.items():
             if name in self.errors or self._at_a_level(name):

@@ -289,7 +289,12 @@ def as_svg(figure: Figure, title: str) -> str:
 
     buffer = io.StringIO()
     # The salt makes the names of markers and clipping paths of each figure of a page different ones.
-    options = {"svg.fonttype": "none", "svg.hashsalt": title, "font.family": "sans-serif", "path.simplify_threshold": 0.4}
+    options: dict[Any, Any] = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": title,
+        "font.family": "sans-serif",
+        "path.simplify_threshold": 0.4,
+    }
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with mpl.rc_context(options):
         figure.savefig(buffer, format="svg", metadata=nothing, facecolor="none")

@@ -37,7 +37,9 @@ def facts_html(facts: Sequence[Fact]) -> str:
     items = []
     for fact in facts:
         lines = f"<pre>{escape(printable(chr(10).join(fact.lines)))}</pre>" if fact.lines else ""
-        items.append(f"<dt>{shown(fact.label)}</dt><dd>{''.join(f'<p>{shown(text)}</p>' for text in fact.texts)}{lines}</dd>")
+        items.append(
+            f"<dt>{shown(fact.label)}</dt><dd>{''.join(f'<p>{shown(text)}</p>' for text in fact.texts)}{lines}</dd>"
+        )
     return f"<dl>{''.join(items)}</dl>" if items else ""
 
 

@@ -45,7 +45,7 @@ def as_text(content: Renderable, width: int = 100) -> str:
 
 
 def print_result(console: Console, content: Renderable, measured: Sequence[Table] = ()) -> None:
-    """Print warnings, findings, tables, next step and notes; for the result of a campaign also data, seed and versions."""
+    """Print warnings, findings, tables, next step and notes; of a campaign also data, seed and versions."""
     print_title(console, content.title)
     if content.description:
         print_sentences(console, [content.description])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import os
 
     from receptance.diagnosis import Verdict
+    from receptance.report.table import Cell
 
 __all__ = ["diagnosis_html", "write_diagnosis"]
 
@@ -88,7 +89,10 @@ def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: st
 def _header(verdict: Verdict, heading: str) -> Iterable[str]:
     origin = verdict.provenance
     about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
-    tiles = [f'<div class="tile"><b>{shown(value)}</b><span>{shown(name)}</span></div>' for name, value in card.key_figures(verdict)]
+    tiles = [
+        f'<div class="tile"><b>{shown(value)}</b><span>{shown(name)}</span></div>'
+        for name, value in card.key_figures(verdict)
+    ]
     yield f"<header><h1>{shown(heading)}</h1>"
     state = "" if verdict.final else " so far, not final"
     yield f'<p><span class="badge {verdict.verdict}">{verdict.verdict}</span>{state}</p>'
@@ -177,7 +181,9 @@ def _records(verdict: Verdict) -> Iterable[str]:
 
 
 def _figures(drawn: Sequence[tuple[str, Any]]) -> str:
-    return f'<div class="figures">{"".join(f"<figure>{as_svg(figure, title)}</figure>" for title, figure in drawn)}</div>'
+    return (
+        f'<div class="figures">{"".join(f"<figure>{as_svg(figure, title)}</figure>" for title, figure in drawn)}</div>'
+    )
 
 
 def _causes(verdict: Verdict) -> Iterable[str]:
@@ -185,8 +191,8 @@ def _causes(verdict: Verdict) -> Iterable[str]:
         return
     yield "<h2>All causes</h2>"
     yield (
-        '<p class="small">A cause is reported only if the model with it is adequate, whatever its odds. All adequate causes '
-        "with odds above 1 : 150 to the best, left of the dashed line, are reported.</p>"
+        '<p class="small">A cause is reported only if the model with it is adequate, whatever its odds. All adequate '
+        "causes with odds above 1 : 150 to the best, left of the dashed line, are reported.</p>"
     )
     yield _figures([("odds of each cause alone to the best", evidence_figure(verdict))])
     table = card.alternatives(verdict, None)
@@ -229,12 +235,17 @@ def _mode_table(title: str, before: Sequence[ModeResidual], after: Sequence[Mode
         (Column("level", "dB"), "level_db", "+.2f"),
         (Column("phase", "°"), "phase_deg", "+.1f"),
     )
-    rows = []
+    rows: list[list[Cell]] = []
     for one in before:
         found = other.get((one.label, one.mode))
         cells = [_change(getattr(one, field), getattr(found, field, math.nan), form) for _, field, form in quantities]
         rows.append([one.label, one.mode, one.measured_hz, *cells])
-    columns = ("configuration", Column("mode", form="d"), Column("measured", "Hz", ".1f"), *(own for own, *_ in quantities))
+    columns: tuple[Column | str, ...] = (
+        "configuration",
+        Column("mode", form="d"),
+        Column("measured", "Hz", ".1f"),
+        *(own for own, *_ in quantities),
+    )
     return table_html(Table(f"{title}{', before → after' if after else ''}", columns, rows).without_empty())
 
 
