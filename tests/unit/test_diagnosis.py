@@ -324,7 +324,7 @@ def test_material_is_reported_with_an_unknown_cause() -> None:
     text = verdict.summary(1000)
     assert "Material of the tool (cemented carbide) comes nearest: the tool is of cemented carbide" in text
     only = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
-    assert "Vetoed   Modulus of the tool reduces the residuals from" in only.summary(1000)
+    assert "Vetoed   With the modulus of the tool the residuals fall from" in only.summary(1000)
     assert "where -13.9 % to +16.2 % is plausible" in only.summary(1000)
 
 

@@ -228,7 +228,7 @@ def test_natural_frequencies_without_an_explanation(tmp_path: Path) -> None:
     output, page = verdict.summary(1000), diagnosis_html(verdict)
     assert "if all standard deviations were" in output
     for words in (
-        "Density of the tool reduces the residuals from",
+        "With the density of the tool the residuals fall from",
         "leaves residuals of",
         "Held-out modes",
         "The model as it is",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance.diagnosis import wording
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.report import Column, Fact, Table
 from receptance.report.table import amount
 
@@ -65,8 +66,9 @@ def facts(verdict: Verdict) -> list[Fact]:
 
 
 def _of_cause(one: Candidate, number: str) -> list[Fact]:
-    where = wording.place(one)
-    found = [Fact(f"Cause{number}", (f"{wording.capital(one.title)}: {one.meaning}{f' ({where})' if where else ''}.",))]
+    where = f" ({wording.place(one)})" if wording.place(one) else ""
+    beside = f" It acts together with the {wording.names(one.together_with)}." if one.together_with else ""
+    found = [Fact(f"Cause{number}", (f"{wording.capital(one.title)}: {one.meaning}{where}.{beside}",))]
     if one.parameters:
         found.append(Fact("Size", (f"{wording.sizes(one)}.",)))
     return [*found, Fact("How to fix", (f"{wording.capital(one.remedy)}.",))]
@@ -275,6 +277,8 @@ def _why_not(verdict: Verdict, one: Candidate) -> str:
         reasons.append(f"leaves {wording.residual(verdict, one.misfit)}")
     if not one.converged:
         reasons.append("fit not converged")
+    if not reasons and verdict.best_evidence - one.evidence <= MARGIN:
+        reasons.append("rejected, see the notes")
     if not reasons:
         alike = max((other.look_alikes.get(one.id, 0.0) for other in verdict.causes), default=0.0)
         reasons.append(f"less likely; effect {100.0 * alike:.0f} % alike" if alike else "less likely")

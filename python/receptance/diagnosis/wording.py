@@ -219,8 +219,8 @@ def veto(verdict: Verdict, one: Candidate) -> str:
     """Return why a cause that explains the data is not reported."""
     before, after = (amount(math.sqrt(x)) for x in (verdict.adequacy.misfit, one.misfit))
     return (
-        f"{capital(names((one.id, *one.together_with)))} reduces the residuals from {before} to {after} times the "
-        f"noise, more than any plausible cause, but only with an implausible size: {one.vetoed}"
+        f"With the {names((one.id, *one.together_with))} the residuals fall from {before} to {after} times the noise, "
+        f"more than with any plausible cause, but only with an implausible size: {one.vetoed}"
     )
 
 
