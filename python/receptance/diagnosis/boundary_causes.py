@@ -304,6 +304,7 @@ RESONATOR_PARAMETERS = (
 BOUNDARY_CAUSES = (
     Cause(
         id="missing_mode",
+        title="missing mode",
         group="structure",
         parameters=RESONATOR_PARAMETERS,
         change=_missing_mode,
@@ -313,6 +314,7 @@ BOUNDARY_CAUSES = (
     ),
     Cause(
         id="contact_distribution",
+        title="distribution of the contact",
         group="structure",
         parameters=(
             Parameter(name="log_ends", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
@@ -326,6 +328,7 @@ BOUNDARY_CAUSES = (
     ),
     Cause(
         id="spindle_mode",
+        title="mode of the spindle",
         group="structure",
         parameters=(
             Parameter(name="log_frequency", unit="", lower=-0.2, upper=0.2, typical=0.02, plausible=(-0.15, 0.15)),

@@ -309,6 +309,7 @@ def _power(one: MeasuredFRF) -> tuple[float, NDArray[np.float64]] | None:
 MEASUREMENT_CAUSES = (
     Cause(
         id="sensor_mass",
+        title="mass of the sensor",
         group="measurement",
         parameters=(Parameter(name="mass", unit="kg", lower=0.0, upper=0.2, typical=1e-3, plausible=(0.0, 0.03)),),
         change=_sensor,
@@ -317,6 +318,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="hammer_offset",
+        title="offset of the hits",
         group="measurement",
         parameters=(
             Parameter(name="distance", unit="m", lower=-0.02, upper=0.02, typical=2e-3, plausible=(-0.012, 0.012)),
@@ -327,6 +329,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="time_delay",
+        title="delay of a channel",
         group="measurement",
         parameters=(
             Parameter(
@@ -339,6 +342,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="calibration_gain",
+        title="calibration gain",
         group="measurement",
         parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-0.5, 0.5)),),
         change=_gain,
@@ -347,6 +351,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="frequency_scale",
+        title="scale of the frequencies",
         group="measurement",
         parameters=(
             Parameter(
@@ -364,6 +369,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="exponential_window",
+        title="exponential window",
         group="measurement",
         parameters=(
             Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),
@@ -374,6 +380,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="suspension",
+        title="stiff suspension",
         group="measurement",
         parameters=(
             Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),
@@ -385,6 +392,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="wrong_quantity",
+        title="wrong quantity",
         group="measurement",
         parameters=(),
         change=_quantity,
@@ -393,6 +401,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="reversed_polarity",
+        title="reversed polarity",
         group="measurement",
         parameters=(),
         change=_polarity,
@@ -401,6 +410,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="coarse_resolution",
+        title="truncated records",
         group="measurement",
         parameters=(Parameter(name="end", unit="s", lower=1e-4, upper=1e3, typical=0.1, secondary=True),),
         change=_truncation,

@@ -392,6 +392,9 @@ def contradicts(chi_square: float, left: float) -> bool:
     return left > 0.0 and bool(chdtrc(left, chi_square) < _LARGE_PROBABILITY)
 
 
+_DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
+
+
 def _misfit_advice(
     residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int, noise_factor: float
 ) -> list[str]:
@@ -403,12 +406,13 @@ def _misfit_advice(
     if noise_factor > 1.0:
         return [
             "the model does not explain the data within standard deviations and tolerances: it is incomplete or "
-            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations"
+            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations. "
+            f"{_DIAGNOSE}"
         ]
     if rms > _UNEXPLAINED:
         return [
             f"the rms of the residuals is {rms:.3g} standard deviations, expected about 1: the model is incomplete or "
-            "the standard deviations are too small, and then the standard errors are too small as well"
+            f"the standard deviations are too small, and then the standard errors are too small as well. {_DIAGNOSE}"
         ]
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted

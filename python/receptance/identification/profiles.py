@@ -18,6 +18,7 @@ import numpy as np
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.table import amount, amount_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,6 +111,8 @@ class Profile(Result):
         Ends of the interval in SI units; zero or -infinity, and infinity, where that side is open.
     lower_open, upper_open : bool
         Whether the interval is open on that side: the rise stays below the threshold up to the bound of the fit.
+    unit : str
+        SI unit of the value; empty for a plain number.
     level : float
         Level of the interval.
     values : ndarray
@@ -143,6 +146,7 @@ class Profile(Result):
     threshold: float
     statement: str
     evaluations: int
+    unit: str = ""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
@@ -157,7 +161,8 @@ class Profile(Result):
         """Return the interval and its meaning."""
         columns = ("parameter", Column("value"), Column(f"{100.0 * self.level:g} % interval"), "meaning")
         ends = (None if self.lower_open else self.lower, None if self.upper_open else self.upper)
-        return [Table("Profile likelihoods, SI units", columns, [(self.name, self.value, ends, self.statement)])]
+        row = (self.name, amount(self.value, self.unit, 4), amount_interval(ends, self.unit), self.statement)
+        return [Table("Profile likelihoods", columns, [row])]
 
     def data(self) -> dict[str, Any]:
         """Return interval, meaning and points."""
@@ -249,6 +254,7 @@ class _Profiler:
         upper = self._value(index, high.end) if not high.open else np.inf
         return Profile(
             name=name,
+            unit=unknown.unit,
             value=value,
             lower=lower,
             upper=upper,
