@@ -196,7 +196,7 @@ def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     assert hidden.adequacy.misfit > 10.0
     assert hidden.discrepancy.frequency > 2.0 * hidden.discrepancy_after.frequency
     assert hidden.gains[0].held_out_after < hidden.gains[0].held_out_before
-    assert "verdict: partly explained" in hidden.sentences()
+    assert hidden.facts()[0].texts[0].startswith("partly explained: ")
     frequencies, errors = hidden.predict_natural_frequencies(assembled(0.07), 8e3)
     assert np.all(errors >= hidden.discrepancy_after.frequency * frequencies)
     # A prediction that is not better contradicts the cause.
@@ -217,7 +217,7 @@ def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     frequencies, errors = found.predict_natural_frequencies(assembled(0.07), 8e3)
     assert np.all(np.isfinite(errors) & (errors >= found.discrepancy.frequency * frequencies))
     assert found.base.standard_errors["joint.k_theta"] > 0.0
-    assert any(line.startswith("error of the model beside noise: ") for line in found.sentences())
+    assert "model error beside noise, natural frequencies" in {row[0] for row in found.tables()[0].rows}
 
 
 @pytest.mark.parametrize("name", ["fit_discrepancy", "extend"])

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 import receptance
+from metrics import circles, imports
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
@@ -131,3 +132,11 @@ def test_sdist_contains_all_build_inputs(tmp_path: Path) -> None:
     missing = {name for name in expected - names if not name.startswith("rust/core/benches/")}
     assert not missing
     assert not {name for name in names if name.endswith((".so", ".pyc")) or name.startswith("target/")}
+
+
+def test_no_modules_import_each_other() -> None:
+    """`lint-imports` checks the layers of packages; this checks the modules within each as well."""
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"d"}}) == [["b", "c"], ["d"]]
+    edges = imports(LIBRARY)
+    assert "receptance.diagnosis.judgement" in edges["receptance.diagnosis.verdict"]  # inside a function
+    assert circles(edges) == []

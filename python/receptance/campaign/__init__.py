@@ -4,7 +4,7 @@ from receptance.campaign.comparison import Comparison
 from receptance.campaign.json_schema import field_tables, json_schema
 from receptance.campaign.measurements import Measurement
 from receptance.campaign.prediction import Prediction, forecast_of
-from receptance.campaign.problems import CampaignError, Problem
+from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.read import load
 from receptance.campaign.run import Campaign
 from receptance.campaign.stability import CampaignCut, Tip
@@ -20,9 +20,9 @@ __all__ = [
     "Condition",
     "Deviation",
     "Effects",
+    "Issue",
     "Measurement",
     "Prediction",
-    "Problem",
     "Tip",
     "extended_text",
     "field_tables",

@@ -439,7 +439,7 @@ class Builder:
         return self.make(here, assembly.replace, levels)
 
 
-def _store(store: dict[str, Any], name: str, made: Any) -> None:
+def _store(store: dict[str, Any], name: str, made: object) -> None:
     if made is not None:
         store[name] = made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,11 +13,11 @@ import numpy as np
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.build import Built
 from receptance.campaign.measurements import Measurement
-from receptance.campaign.problems import CampaignError, Problem, errors_about
+from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
 from receptance.campaign.values import Condition, Deviation
-from receptance.errors import ReceptanceError
+from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification import (
     Candidate,
     Identification,
@@ -570,16 +571,28 @@ class Campaign:
                 progress=self.progress,
             )
         if held_out and verdict.final:
-            found = improvement(
-                verdict.selection,
-                verdict.explanation,
-                [one.observation for one in held_out.values()],
-                tolerances_of_measurements(held_out),
-                metrics,
-            )
-            verdict = verdict.with_improvement(found)
+            measured = tuple(one.observation for one in held_out.values())
+            tolerances = tolerances_of_measurements(held_out)
+            found = improvement(verdict.selection, verdict.explanation, measured, tolerances, metrics)
+            unseen = replace(verdict.selection.base.model, observations=measured, tolerances=tuple(tolerances))
+            verdict = replace(verdict.with_improvement(found), held_out=unseen)
         notes += [*left_out, *verdict.notes]
-        return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
+        verdict = replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
+        return replace(verdict, campaign_lines=self._lines_of(verdict))
+
+    def _lines_of(self, verdict: Verdict) -> tuple[str, ...]:
+        """Return the lines that add the explanation of a verdict to the file; none if it cannot describe it."""
+        from receptance.campaign.changed_lines import changed_lines
+
+        if verdict.explanation is None or not verdict.final:
+            return ()
+        with warnings.catch_warnings():
+            # Warnings on the data were given when they were read.
+            warnings.simplefilter("ignore", ReceptanceWarning)
+            try:
+                return changed_lines(self, verdict)
+            except ValueError:
+                return ()
 
     def _check_unknowns(self) -> None:
         if not self.unknowns:
@@ -638,7 +651,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
         raise CampaignError(
             campaign.file,
             [
-                Problem(
+                Issue(
                     ("settings", "objective"),
                     'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
                     'fitted; expected "log", or no tolerances',
@@ -651,7 +664,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
             "has no standard deviation, which a fit of errors of dimensions and materials needs; expected "
             '`standard_deviation`, such as "2 %", or no tolerances'
         )
-        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in unweighted])
+        raise CampaignError(campaign.file, [Issue(("measurements", name), expected) for name in unweighted])
     return tolerances
 
 

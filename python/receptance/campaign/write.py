@@ -18,6 +18,7 @@ from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.wording import title_of
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import Prior, Unknown, covered
@@ -30,6 +31,7 @@ from receptance.units import Quantity
 
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
+    from receptance.campaign.tolerances import Effects
     from receptance.diagnosis import Verdict
     from receptance.identification.laws import Tolerance
     from receptance.model.assembly import Assembly
@@ -38,6 +40,7 @@ __all__ = [
     "Materials",
     "attachment_table",
     "element_table",
+    "extended_data",
     "extended_text",
     "quantity",
     "quantity_at",
@@ -239,9 +242,14 @@ def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     """
     import tomli_w
 
+    return tomli_w.dumps(extended_data(campaign, verdict, folder))
+
+
+def extended_data(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
+    """Return the contents of the file of `extended_text`, with the same parameters and errors."""
     data = _extended(campaign, verdict, folder)
     _check(verdict, data, folder)
-    return tomli_w.dumps(data)
+    return data
 
 
 def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Path:
@@ -276,9 +284,13 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     data["settings"] = {**data.get("settings", {}), "starts": 1}
     data["settings"].pop("strategy", None)
     data["settings"].pop("objective", None)
-    names = " and ".join(cause.id for cause, _ in verdict.explanation.steps)
+    names = " and ".join(cause.title for cause, _ in verdict.explanation.steps)
     data["title"] = f"{campaign.title}, extended by {names}"
-    alike = f"; indistinguishable causes: {', '.join(verdict.ambiguous_between)}" if verdict.ambiguous_between else ""
+    alike = (
+        f"; indistinguishable causes: {', '.join(title_of(id) for id in verdict.ambiguous_between)}"
+        if verdict.ambiguous_between
+        else ""
+    )
     own = data.get("description", "")
     data["description"] = f"{own} Written by `receptance diagnose` ({verdict.verdict}: {names}{alike}).".strip()
     order = ["format", "title", "description", "settings", "prediction"]
@@ -296,15 +308,13 @@ def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
     given = {
         name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
     }
-    found = [
-        observation
-        for observation in verdict.explanation.fit.model.observations
-        if isinstance(observation, MeasuredFRF)
-    ]
+    found = verdict.explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
-def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Any) -> _Extended:
+def _applied(
+    verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Effects
+) -> _Extended:
     """Apply the causes of the best explanation to an observation, one after the other."""
     explanation = verdict.explanation
     assert explanation is not None
@@ -500,7 +510,7 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
     data["unknowns"] = {**written, **tables}
 
 
-def _restarted(raw: dict[str, Any], unknown: Any, values: Mapping[str, float]) -> dict[str, Any]:
+def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float]) -> dict[str, Any]:
     if unknown.name not in values:  # a law with a value for each assembly
         return raw
     start = min(max(values[unknown.name], unknown.lower), unknown.upper)

@@ -129,13 +129,13 @@ class _Pieces:
 
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     identified = _identified_springs(model)
-    spread = [_divide(one) for one in identified if one.length > 0.0]
+    distributed = [_divide(one) for one in identified if one.length > 0.0]
     points = [one for one in identified if one.length == 0.0]
-    if len(points) not in (0, 2) or (not spread and len(points) != 2):
+    if len(points) not in (0, 2) or (not distributed and len(points) != 2):
         raise UndecidableError("the stretch along which the springs to ground could act is unknown")
     uneven: dict[str, tuple[Unknown, ...]] = {}
-    if spread:
-        own = _normalise(spread)
+    if distributed:
+        own = _normalise(distributed)
         ends = _redistribute(p["log_ends"], own, {one.name: [2.0 * x * x - 1.0 for x in one.places] for one in own})
         tilt = _redistribute(p["log_tilt"], own, {one.name: list(one.places) for one in own})
         uneven = {
@@ -145,7 +145,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         }
         for name, unknowns in uneven.items():
             yield Variant(name, _replace_springs(model, own).plus(*unknowns))
-        spread = own
+        distributed = own
     if not points:
         return
     laid = [_lay_out(one, points, model) for one in points]
@@ -156,7 +156,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     )
     yield Variant("not at points", _replace_springs(model, laid).plus(*along))
     for name, unknowns in uneven.items():
-        yield Variant(f"not at points, {name}", _replace_springs(model, [*laid, *spread]).plus(*along, *unknowns))
+        yield Variant(f"not at points, {name}", _replace_springs(model, [*laid, *distributed]).plus(*along, *unknowns))
 
 
 def _identified_springs(model: Model) -> list[GroundSpring]:
@@ -306,6 +306,7 @@ RESONATOR_PARAMETERS = (
 BOUNDARY_CAUSES = (
     Cause(
         id="missing_mode",
+        title="missing mode",
         group="structure",
         parameters=RESONATOR_PARAMETERS,
         change=_missing_mode,
@@ -315,6 +316,7 @@ BOUNDARY_CAUSES = (
     ),
     Cause(
         id="contact_distribution",
+        title="distribution of the contact",
         group="structure",
         parameters=(
             Parameter(name="log_ends", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
@@ -328,6 +330,7 @@ BOUNDARY_CAUSES = (
     ),
     Cause(
         id="spindle_mode",
+        title="mode of the spindle",
         group="structure",
         parameters=(
             Parameter(name="log_frequency", unit="", lower=-0.2, upper=0.2, typical=0.02, plausible=(-0.15, 0.15)),

@@ -50,8 +50,8 @@ class Explanation:
 
     @property
     def title(self) -> str:
-        """Ids of the causes as text, in the order of the steps."""
-        return " + ".join(cause.id for cause, _ in self.steps)
+        """Names of the causes, in the order of the steps."""
+        return " + ".join(cause.title for cause, _ in self.steps)
 
     @cached_property
     def adequacy(self) -> Adequacy:

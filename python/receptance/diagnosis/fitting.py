@@ -182,7 +182,7 @@ def fit_base(model: Model) -> Fit:
     task = thin(model).task
     problem = task.problem()
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
-    if all(isinstance(one, MeasuredFRF) for one in model.observations):
+    if len(model.receptances) == len(model.observations):
         starts = task.variables.draw(1, model.seed)
         runs = fit_staged(task, problem, starts, model.seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     else:

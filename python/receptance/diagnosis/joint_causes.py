@@ -85,7 +85,7 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _require_damping(model: Model) -> None:
-    if not any(isinstance(one, MeasuredFRF) or one.damped.size for one in model.observations):
+    if not model.receptances and not any(one.damped.size for one in model.frequencies):
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
 
 
@@ -402,6 +402,7 @@ _EXPONENTS = tuple(
 JOINT_CAUSES = (
     Cause(
         id="joint_cross_term",
+        title="coupling term of the joint",
         group="structure",
         parameters=(
             Parameter(name="k_ytheta", unit="N/rad", lower=-1e9, upper=1e9, typical=1e5),
@@ -413,6 +414,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_spread",
+        title="joint along the insertion",
         group="structure",
         parameters=(
             Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02, plausible=(0.0, 0.08)),
@@ -424,6 +426,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_hysteretic_loss",
+        title="hysteretic loss in the joint",
         group="structure",
         parameters=(Parameter(name="loss_factor", unit="", lower=0.0, upper=1.0, typical=0.02, plausible=(0.0, 0.3)),),
         change=_loss,
@@ -432,6 +435,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_amplitude",
+        title="joint that depends on the amplitude",
         group="structure",
         parameters=_EXPONENTS,
         change=_amplitude,
@@ -440,6 +444,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_overhang_law",
+        title="joint that depends on overhang or torque",
         group="structure",
         parameters=_EXPONENTS,
         change=_condition_law,
@@ -448,6 +453,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="xy_asymmetry",
+        title="different joints in x and y",
         group="structure",
         parameters=_EXPONENTS,
         change=_planes,
@@ -456,6 +462,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="collet_mass",
+        title="mass of the collet",
         group="structure",
         parameters=(
             Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
@@ -18,8 +19,10 @@ from receptance.diagnosis.thresholds import (
     STRAIN_CHANCE,
     TIE,
 )
-from receptance.diagnosis.verdict import Answer, Gain
-from receptance.diagnosis.wording import implausible
+from receptance.diagnosis.wording import implausible, names, odds
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.verdict import Answer, Gain
 
 __all__ = ["Judgement", "conclude", "doubt_prediction"]
 
@@ -88,7 +91,7 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     elif found.answer == "named":
         return replace(found, answer="partly explained", notes=(*found.notes, f"{taken}; the rest has no known cause"))
     elif found.ambiguous_between:
-        reason = f"{taken}, but these cannot be distinguished: {', '.join(found.ambiguous_between)}"
+        reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
     else:
         reason = f"{taken}, but this is not certain"
     return Judgement("unexplained", (), (), (reason,))
@@ -159,7 +162,9 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
 
 def _withhold(alternative: Explanation, best: Explanation) -> str:
     more = alternative.evidence - best.evidence
-    better = f"has {more:.0f} more evidence" if more > MARGIN else "has similar evidence as a single change"
+    better = "is as likely as a single change"
+    if more > MARGIN:
+        better = f"is more likely (odds {odds(more)})"
     return (
         f"{best.title} explains the data, but {_describe(alternative)} {better}; it is not a known cause, so no cause "
         "is named: inspect that place"
@@ -172,10 +177,10 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     if one.implausible:
         yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
     if one.evidence <= limit + MARGIN:
-        yield f"{name} is suspected only: its evidence is near the detection threshold"
+        yield f"{name} is suspected only: its effect is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
-        yield f"{name} is suspected only: {_describe(alternative)} has more evidence"
+        yield f"{name} is suspected only: {_describe(alternative)} is more likely"
     if one.fit.degrees_of_freedom < LEAST_FREEDOM:
         yield f"{name} is suspected only: {_freedom(one.fit)}"
     strain = one.adequacy.strain

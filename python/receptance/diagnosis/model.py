@@ -10,7 +10,7 @@ from typing import Any
 
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters, Site
-from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.problem import Problem, Unit
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, covered
@@ -148,6 +148,16 @@ class Model:
         return tuple(dict.fromkeys(self.configuration_of))
 
     @cached_property
+    def receptances(self) -> tuple[MeasuredFRF, ...]:
+        """The observations that are receptances."""
+        return tuple(one for one in self.observations if isinstance(one, MeasuredFRF))
+
+    @cached_property
+    def frequencies(self) -> tuple[MeasuredFrequencies, ...]:
+        """The observations that are natural frequencies."""
+        return tuple(one for one in self.observations if isinstance(one, MeasuredFrequencies))
+
+    @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
         """Tool, joint and holder of each observation."""
         return tuple(self._anatomy(one.assembly) for one in self.observations)
@@ -212,6 +222,10 @@ class Model:
         result = replace(self, unknowns=(*self.unknowns, *unknowns))
         object.__setattr__(result, "shorter", self)
         return result
+
+    def map_receptances(self, change: Callable[[MeasuredFRF], Observation]) -> Model:
+        """Return the model with changed receptances, witnesses included."""
+        return self.map(lambda one: change(one) if isinstance(one, MeasuredFRF) else one)
 
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""

@@ -293,6 +293,7 @@ def _between(name: str, typical: float, low: float, high: float) -> Parameter:
 PART_CAUSES = (
     Cause(
         id="fluted_part",
+        title="thinner fluted part",
         group="structure",
         parameters=(
             Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.2, typical=-0.05, plausible=(-0.4, 0.02)),
@@ -304,6 +305,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="tool_modulus",
+        title="modulus of the tool",
         group="structure",
         parameters=(_factor("log_modulus", 0.02, 0.15),),
         change=_tool_modulus,
@@ -312,6 +314,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="tool_density",
+        title="density of the tool",
         group="structure",
         parameters=(_factor("log_density", 0.01, 0.1),),
         change=_tool_density,
@@ -320,6 +323,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="overhang_error",
+        title="wrong overhang",
         group="structure",
         parameters=(
             Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),
@@ -330,6 +334,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="holder_inertia",
+        title="mass of the holder",
         group="structure",
         parameters=(
             _of_drawing("log_density", 0.02),
@@ -341,6 +346,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="holder_modulus",
+        title="stiffness of the holder",
         group="structure",
         parameters=(_of_drawing("log_modulus", 0.02),),
         change=_holder_modulus,
@@ -349,6 +355,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="flexible_body",
+        title="elastic body",
         group="structure",
         # Fits start three typical sizes from null, which is the stiffness of metals.
         parameters=(Parameter(name="decades", unit="", lower=-1.0, upper=9.0, typical=6.0, null=9.0),),
@@ -358,6 +365,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="shear_neglected",
+        title="shear of the beams",
         group="structure",
         parameters=(Parameter(name="poisson_ratio", unit="", lower=-1.3, upper=1.5, typical=0.05),),
         change=_shear,
@@ -366,6 +374,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="tool_material",
+        title="material of the tool",
         group="structure",
         parameters=tuple(
             Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")

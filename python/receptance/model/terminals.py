@@ -227,8 +227,8 @@ def _check_finite(owner: str, name: str, array: NDArray[Any]) -> None:
         raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
 
 
-_SAME = 1e-9
-"""Relative difference below which lines are equal."""
+EQUAL_LINES = 1e-9
+"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
 _MAX_ERROR = 0.01
 """Largest interpolation error, relative to the values around it."""
 _ERROR_RATIO = 16.0
@@ -274,7 +274,7 @@ def _interpolated(
 
 
 def _outside(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray((lines_hz < known_hz[0] * (1.0 - _SAME)) | (lines_hz > known_hz[-1] * (1.0 + _SAME)))
+    return np.asarray((lines_hz < known_hz[0] * (1.0 - EQUAL_LINES)) | (lines_hz > known_hz[-1] * (1.0 + EQUAL_LINES)))
 
 
 def _after(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -290,7 +290,7 @@ def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> ND
 
 
 def _off_the_lines(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray(np.abs(known_hz[_nearest(known_hz, lines_hz)] - lines_hz) > _SAME * lines_hz)
+    return np.asarray(np.abs(known_hz[_nearest(known_hz, lines_hz)] - lines_hz) > EQUAL_LINES * lines_hz)
 
 
 _FEW, _IN_GAP, _INEXACT = 1, 2, 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from receptance.report.plain import plain
@@ -14,10 +15,29 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Renderable", "Result", "Results"]
+__all__ = ["Fact", "Renderable", "Result", "Results"]
 
 _MOST_SOURCES = 3
 """Number of sources, such as measurements, whose notes are printed; `to_dict` contains all notes."""
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A finding with a label, such as the verdict of a diagnosis.
+
+    Attributes
+    ----------
+    label : str
+        One or two words.
+    texts : tuple of str
+        Sentences, a paragraph each.
+    lines : tuple of str
+        Lines to copy into a file, which are shown as they are.
+    """
+
+    label: str
+    texts: tuple[str, ...]
+    lines: tuple[str, ...] = ()
 
 
 class Renderable(ABC):
@@ -48,6 +68,10 @@ class Renderable(ABC):
         """Last line: seed and versions of the software."""
         return ""
 
+    def facts(self) -> list[Fact]:
+        """Return the answer as findings with labels, which are shown before sentences and tables."""
+        return []
+
     def tables(self) -> list[Table]:
         """Return the tables."""
         return []
@@ -57,8 +81,13 @@ class Renderable(ABC):
         return []
 
     def warnings(self) -> Sequence[str]:
-        """Return recommendations for the user, a sentence each."""
+        """Return recommendations for the user, a sentence each; they are shown above all numbers."""
         return ()
+
+    @property
+    def next_step(self) -> str:
+        """Next step for the user, shown below the tables; empty without one."""
+        return ""
 
     def grouped_notes(self) -> Iterator[str]:
         """Yield the notes; several notes of one source, the text before a colon, follow the name of the source."""
@@ -83,7 +112,7 @@ class Renderable(ABC):
             yield f"the notes of {rest} more sources are in the JSON"
 
     def summary(self, width: int = 100) -> str:
-        """Return the content as text: findings, tables, warnings and notes.
+        """Return the content as text: warnings, findings, tables, next step and notes.
 
         Parameters
         ----------
