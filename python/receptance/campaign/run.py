@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -40,6 +41,7 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
 from receptance.report import Column, Provenance, Table
+from receptance.spindle.unknown_modes import start_modes
 
 if TYPE_CHECKING:
     import os
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighted_tolerances"]
 
+_MODE_OF = re.compile(r"mode\[(\d+)\]")
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
 
@@ -556,6 +559,9 @@ class Campaign:
             text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
             raise CampaignError.about(self.file, text)
         model, left_out = campaign_model(self, seen)
+        started = started_by_mode(self, model.observations, model.unknowns)
+        if started is not None:
+            model = replace(model, unknowns=tuple(started))
         settings = self.table.settings
         with errors_about(self.file):
             verdict = diagnose(
@@ -606,21 +612,48 @@ def fit_options(
     by_level = campaign.table.series is not None and any(
         isinstance(unknown, Law) and unknown.free for unknown in unknowns
     )
-    started = list(unknowns)
-    if by_level:
-        started = started_by_level(campaign, observations, unknowns)
+    started = started_by_mode(campaign, observations, unknowns)
+    by_mode = started is not None
+    if started is None:
+        started = started_by_level(campaign, observations, unknowns) if by_level else list(unknowns)
     return (
         by_level,
         started,
         {
             "objective": settings.objective,
             "band_width_percent": 100.0 * settings.band_width,
-            "starts": 1 if by_level else settings.starts,
+            "starts": 1 if by_level or by_mode else settings.starts,
             "max_evaluations": settings.max_evaluations,
             "threads": campaign.threads,
-            "strategy": "direct" if by_level else settings.strategy,
+            "strategy": "direct" if by_level or by_mode else settings.strategy,
         },
     )
+
+
+def started_by_mode(
+    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
+) -> list[Unknown] | None:
+    """Return unknowns with the starts of a fit to which the modes of modal parts were added; None without such modes.
+
+    Modes with a row of their own among the unknowns have the start of that row.
+    """
+    table = campaign.table
+    started: list[Unknown] | None = None
+    for name, part in table.modal_parts.items():
+        given = {match[1] for address in table.unknowns if (match := _MODE_OF.match(address.removeprefix(f"{name}.")))}
+        if not part.identify or len(given) == len(part.modes):
+            continue
+        campaign.progress(f"adding the {len(part.modes)} modes of {name} one at a time")
+        with errors_about(campaign.file):
+            started = start_modes(
+                observations,
+                unknowns if started is None else started,
+                name,
+                starts=table.settings.starts,
+                seed=table.settings.seed,
+                threads=campaign.threads,
+            )
+    return started
 
 
 def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
