@@ -57,6 +57,8 @@ _PROMINENCE = 0.2
 """Prominence of peaks of the logarithm of the mean FRF."""
 _SAME = 0.1
 """Relative distance within which a peak belongs to a mode with a given frequency."""
+_SAME_LINE = 1e-6
+"""Relative distance within which a start is at a peak."""
 _LINES = 200
 """Largest number of lines of each FRF while modes are added."""
 _CANDIDATES = 80
@@ -238,21 +240,26 @@ def start_modes(
     """
     observed = tuple(_thinned(one) for one in observations)
     found = _Modes.among(name, unknowns)
-    frfs = [one for one in observed if isinstance(one, MeasuredFRF) and name in one.assembly.elements]
+    frfs = [one for one in observations if isinstance(one, MeasuredFRF) and name in one.assembly.elements]
     peaks = _peaks(*_mean(frfs))
-    waiting = [
+    without_peak = [
         index
         for index, own in enumerate(found.modes)
-        if found.may_grow(index) and not any(abs(_start_of(own["frequency_hz"]) - peak) < 1e-6 * peak for peak in peaks)
+        if found.may_grow(index)
+        and not any(abs(_start_of(own["frequency_hz"]) - peak) < _SAME_LINE * peak for peak in peaks)
     ]
-    if len(waiting) == len(found.modes):
-        waiting = waiting[1:]
-    first = _begun(observed, unknowns, found, waiting, tolerances, starts, seed, threads)
     growth = _Growth.of(observed, unknowns, found, tolerances, threads)
-    x = growth.at({**first, **{found.modes[index][key].name: 0.0 for index in waiting for key in ("y", "theta")}})
-    for count, index in enumerate(waiting):
-        x = growth.add(x, index, waiting[count + 1 :])
-    return growth.started(x, unknowns)
+    # A fit that begins with all peaks may have a tool's peak among them; one that begins with a mode has fewer hints.
+    after_first = [index for index in range(len(found.modes)) if found.may_grow(index)][1:]
+    ends = []
+    for waiting in (without_peak, after_first) if without_peak != after_first else (after_first,):
+        first = _begun(observed, unknowns, found, waiting, tolerances, starts, seed, threads)
+        absent = {found.modes[index][key].name: 0.0 for index in waiting for key in ("y", "theta")}
+        x = growth.at({**first, **absent})
+        for count, index in enumerate(waiting):
+            x = growth.add(x, index, waiting[count + 1 :])
+        ends.append((growth.problem.cost(x), x))
+    return growth.started(min(ends, key=lambda end: end[0])[1], unknowns)
 
 
 def _thinned(observation: Observation) -> Observation:
