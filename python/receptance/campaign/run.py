@@ -585,6 +585,8 @@ class Campaign:
             )
             verdict = verdict.with_improvement(found)
         notes += [*left_out, *verdict.notes]
+        if started is not None:
+            notes += _notes_on_modes(self, verdict)
         return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
 
     def _check_unknowns(self) -> None:
@@ -654,6 +656,25 @@ def started_by_mode(
                 threads=campaign.threads,
             )
     return started
+
+
+def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
+    """Return notes on what a diagnosis with unknown modes of a spindle can decide."""
+    from receptance.diagnosis.decidable import absorbed_causes
+
+    count = sum(len(part.modes) for part in campaign.table.modal_parts.values() if part.identify)
+    notes = []
+    if verdict.final and (hidden := absorbed_causes(verdict.selection)):
+        notes.append(
+            f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
+            f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
+        )
+    if not verdict.adequacy.passed:
+        notes.append(
+            f"{count} unknown modes may be too few: before a cause is searched for, try `modes = {count + 2}`, which "
+            "changes the description of the spindle alone"
+        )
+    return notes
 
 
 def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
