@@ -27,6 +27,7 @@ from receptance.cli.campaigns import (
 )
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
+from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer
 from receptance.cli.show import show
 from receptance.cli.studies import demo, studies
@@ -43,8 +44,10 @@ app = typer.Typer(
     help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
+    "new": new,
     "example": example,
     "check": check,
+    "show": show,
     "identify": identify,
     "predict": predict,
     "transfer": transfer,
@@ -54,7 +57,6 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "sweep": sweep,
     "stability": stability,
     "catalogue": catalogue,
-    "show": show,
     "convert": convert,
     "schema": schema,
     "demo": demo,
