@@ -122,8 +122,10 @@ def test_all_missing_options_are_listed(monkeypatch: pytest.MonkeyPatch, capsys:
 
 def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     replies = iter(
-        "Frequenz [Hz],Real,Imag,Coh|g/N|none|12|60 mm|80|80 mm|20 mm|carbid|carbide|48 mm x 50 mm, 90x44/16 mm|steel|"
-        "400 mm|48 mm|laser|spindle".split("|")
+        [
+            *("Frequenz [Hz],Real,Imag,Coh", "g/N", "none", "12", "60 mm", "80", "80 mm", "20 mm", "carbid", "carbide"),
+            *("48 mm x 50 mm, 90x44/16 mm", "steel", "400 mm", "48 mm", "laser", "spindle"),
+        ]
     )
     monkeypatch.setattr(module.sys.stdin, "isatty", lambda: True, raising=False)
     asked = []
