@@ -17,10 +17,7 @@ if __name__ == "__main__":
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
-import dataclasses
 import functools
-import json
-import secrets
 import sys
 import time
 from pathlib import Path
@@ -29,7 +26,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
-from blind.files import append, read, shard
+from blind.files import add_options, append, read, run_batch
 from blind.generator import every
 from blind.outcome import Outcome, run_case
 from blind.score import report, table
@@ -38,49 +35,19 @@ from blind.score import report, table
 def main(arguments: list[str] | None = None) -> int:
     """Run, print the table, write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=30)
-    parser.add_argument("--seed", type=int, help="by default a new one, which is printed")
-    parser.add_argument("--json", type=Path, help="outcomes and table as JSON")
-    parser.add_argument("--shard", type=shard, default=(1, 1), metavar="i/n")
-    parser.add_argument("--resume", type=Path, help="file of finished cases, which it goes on with")
-    parser.add_argument(
-        "--budget", type=float, default=float("inf"), metavar="MIN", help="begin no case after these minutes"
-    )
-    parser.add_argument("--score", type=Path, nargs="+", help="score files of finished cases, run nothing")
+    add_options(parser, cases=30)
     parser.add_argument("--quick", action="store_true", help="three overhangs and a narrower band")
     parser.add_argument("--threads", type=int, default=1, help="of one diagnosis; shards are the better use of cores")
     options = parser.parse_args(arguments)
-    own, count = options.shard
-    if options.score:
-        outcomes = read(options.score)
-        seeds = sorted({one.seed for one in outcomes})
-        seed = seeds[0] if len(seeds) == 1 else seeds
-        requested = len(outcomes)
-    else:
-        seed = secrets.randbelow(2**31) if options.seed is None else options.seed
-        sys.stdout.write(f"seed {seed}, {options.cases} cases, shard {own}/{count}\n")
-        outcomes = run(seed, options, own, count)
-        requested = len(range(own - 1, options.cases, count))
-    if not outcomes:
-        sys.stdout.write("no case\n")
-        return 0
-    hidden = sum(bool(one.effects) for one in outcomes)
-    sys.stdout.write(
-        f"seed {seed}: {len(outcomes)} of {requested} cases ran, {hidden} with something hidden, "
-        f"{len(outcomes) - hidden} with nothing\n{report(outcomes)}\n"
-    )
-    if options.json:
-        lines, rest = table(outcomes)
-        rows = [{**dataclasses.asdict(line), "interval": line.interval} for line in lines]
-        document = {"seed": seed, "lines": rows, "text": rest, "cases": [dataclasses.asdict(o) for o in outcomes]}
-        options.json.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    run_batch(options, functools.partial(run, options), report, table)
     return 0
 
 
-def run(seed: int, options: argparse.Namespace, own: int, count: int) -> list[Outcome]:
+def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     """Return the outcomes of a shard, those that were finished before included."""
     outcomes = [o for o in read([options.resume]) if o.seed == seed] if options.resume else []
     done = {o.index for o in outcomes}
+    own, count = options.shard
     begun = time.perf_counter()
     for index, (kind, effects) in enumerate(every(options.cases)):
         if index % count != own - 1 or index in done:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance._peaks import local_maxima
+from receptance._peaks import local_maxima, nearest_peak
 from receptance.diagnosis.fitting import Fit, evaluate, refit
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model
@@ -74,8 +74,8 @@ class Discrepancy:
 
     def is_close(self, other: Discrepancy) -> bool:
         """Return whether another discrepancy is the same to a tenth."""
-        ratios = (self.frequency / other.frequency, (self.relative or 1.0) / (other.relative or 1.0))
-        return all(abs(math.log(ratio)) < 0.1 for ratio in ratios)
+        pairs = ((getattr(self, name), getattr(other, name)) for name in ("frequency", "relative", "damping"))
+        return all(own == one or (own and one and abs(math.log(own / one)) < 0.1) for own, one in pairs)
 
     def allow(self, model: Model) -> Model:
         """Return the model with observations whose variance includes the discrepancy."""
@@ -139,7 +139,7 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> tuple[Discrepan
         before, found = found, _most_likely(model, fit)
         if found == before:
             break
-    # Lines and priors may agree less with these two parameters than their likelihood expects.
+    # Lines and priors may agree less with these parameters than their likelihood expects.
     larger = before.times(math.sqrt(max(fit.misfit, 1.0)))
     return larger, refit(larger.allow(model), fit.values)
 
@@ -224,8 +224,9 @@ def _records(model: Model) -> list[int]:
 def _modes(one: MeasuredFRF) -> NDArray[np.intp]:
     """Return for each line the number of its mode."""
     least = max(MODE_PROMINENCE, MODE_NOISE * float(np.median(one.standard_deviations)))
-    peaks, _ = local_maxima(np.log(np.abs(one.receptance) * one.frequency_hz.real), least)
-    return np.searchsorted((peaks[1:] + peaks[:-1] + 1) // 2, np.arange(one.frequency_hz.size), side="right")
+    lines = one.frequency_hz.real
+    peaks, _ = local_maxima(np.log(np.abs(one.receptance) * lines), least)
+    return nearest_peak(lines, lines[peaks])
 
 
 def _common_lines(modes: NDArray[np.intp], shifted: NDArray[np.bool_], records: int) -> NDArray[np.float64]:

@@ -59,7 +59,7 @@ def conclude(selection: Selection) -> Judgement:
        not converged. `doubt_prediction` judges a named one by held-out data.
 
     Where the selection allows for a discrepancy, every model is adequate. What would be named is then partly explained
-    if it takes at least half of the discrepancy; all other answers are unexplained.
+    if it takes at least half of the misfit; all other answers are unexplained.
     """
     found = _conclude(selection)
     return found if selection.discrepancy is None else _with_share(selection, found)

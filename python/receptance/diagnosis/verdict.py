@@ -180,7 +180,7 @@ class Verdict(Result):
     Attributes
     ----------
     verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"}
-        The answer. "partly explained" is a cause that takes at least half of the discrepancy of the model.
+        The answer. "partly explained" is a cause that takes at least half of the misfit.
     causes : tuple of Candidate
         The reported causes, the highest evidence first; none where the model is adequate or unexplained.
     candidates : tuple of Candidate
