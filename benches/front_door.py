@@ -57,6 +57,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, help="times and result as JSON")
     parser.add_argument("--seed", type=int, default=0, help="of the noise")
     options = parser.parse_args(arguments)
+    if options.wheel and not options.wheel.is_file():
+        parser.error(f"--wheel is {options.wheel}, which is not there; leave it out to build one")
     with tempfile.TemporaryDirectory() as temporary:
         folder, environment, wheels = (Path(temporary) / name for name in ("work", "environment", "wheels"))
         folder.mkdir()
