@@ -84,7 +84,8 @@ TOLERANCES = (
 @pytest.mark.parametrize(("frequency", "level"), [(0.003, 0.03), (0.01, 0.03), (0.003, 0.15)])
 def test_the_estimate_is_close_to_the_errors_that_were_made(frequency, level):
     model = resonant(Model(observed(frequency, level), JOINT, TOLERANCES, threads=1))
-    found, fit = fit_discrepancy(model, fit_base(model).values)
+    estimate = fit_discrepancy(model, fit_base(model).values)
+    found, fit = estimate.discrepancy, estimate.fit
     print(found, "made", frequency, level)
     assert found.relative is not None
     # Some ten modes show each of them, and the joint absorbs a part.
@@ -97,7 +98,7 @@ def test_intervals_of_the_joint_include_the_discrepancy():
     """Without it the joint misses the truth by many standard errors, with it by a few."""
     model = resonant(Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1))
     base = fit_base(model)
-    _, fit = fit_discrepancy(model, base.values)
+    fit = fit_discrepancy(model, base.values).fit
     true = {"joint.k_y": 4e8, "joint.k_theta": 9e4}
     away = [
         max(
@@ -154,7 +155,8 @@ def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
             )
         )
     model = Model(tuple(observations), JOINT, TOLERANCES, threads=1)
-    found, fit = fit_discrepancy(model, fit_base(model).values)
+    estimate = fit_discrepancy(model, fit_base(model).values)
+    found, fit = estimate.discrepancy, estimate.fit
     print(found, fit.misfit)
     assert found.frequency < 0.02
     assert 0.1 < found.damping < 1.0

@@ -89,9 +89,10 @@ class Ensemble:
 
     @cached_property
     def members(self) -> list[tuple[Explanation | None, float]]:
-        """Models and their probabilities, the base as None; those of negligible probability are excluded."""
+        """Models and their probabilities, the base as None; those rejected or of low probability are excluded."""
         every = self._selection.explanations
-        explanations = [one for one in every if not one.implausible or one is self._reported]
+        # A model that the data reject counts as little as one of an implausible size, even where none is adequate.
+        explanations = [one for one in every if one is self._reported or (one.passed and not one.implausible)]
         count = max(len({cause for one in explanations for cause in one.ids}), 1)
         logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
         weights = np.exp(np.array(logs) - max(logs))

@@ -127,10 +127,17 @@ LEAST_SHARE = 0.5
 """Least share of the misfit that a cause takes where it explains the data partly."""
 DISCREPANCY_LINES = 300
 """Lines of each receptance of fits that allow for a discrepancy."""
-DISCREPANCIES = (1e-4, 0.3, 36)
-"""Smallest and largest standard deviation that is tried, and the number of values."""
+DISCREPANCIES = (1e-4, 0.3)
+"""Smallest and largest standard deviation of an error."""
+LEAST_FACTOR = 0.5
+"""Least ratio of the discrepancy of an explanation to the one that its fit allows for."""
+MIXED_MODEL_STEPS = 60
+MIXED_MODEL_CHANGE = 0.02
+"""Most steps of the estimate of the standard deviations, and the change of the logarithm of a variance that ends it."""
 DISCREPANCY_SELECTIONS = 3
 """Most selections beside a discrepancy, each with the one that is left with the best cause of the selection before."""
+DISCREPANCY_CAUSES = 8
+"""Causes whose own discrepancy is estimated after each selection."""
 DISCREPANCY_ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 DIP_WIDTH = 0.08
