@@ -12,6 +12,7 @@ import pytest
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.campaign.measurements import FrequencyTableError, read_frequencies
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+from receptance.io.table import parse_column
 
 EXPECTED = [1e-3 - 2e-3j, 3e-3 + 4e-3j]
 
@@ -32,8 +33,26 @@ def text_file(tmp_path: Path, text: str, name: str = "made.csv", encoding: str =
         '"frequency [Hz]","H real [mm/s^2/N]","H imaginary part [mm/s^2/N]"\n"10","1","-2"\n20,3,4\n',
         "frequency [Hz],real [mm/s^2/N],imag [mm/s^2/N],\n10,1,-2,\n20,3,4,\n",
         "frequency [Hz],real [mm/s^2/N],imag [mm/s^2/N],remark\n10,1,-2,0\n20,3,4,0\n",
+        "Frequenz / Hz;Realteil / (mm/s²/N);Imaginärteil / (mm/s²/N)\n10,0;1,0;-2,0\n20,0;3,0;4,0\n",
+        "freq_Hz,H1 real [mm/s^2/N],H1 imag [mm/s^2/N]\n10,1,-2\n20,3,4\n",
+        "frequency [Hz],Re(H1) [mm/s^2/N],Im(H1) [mm/s^2/N]\n10,1,-2\n20,3,4\n",
+        "frequency [Hz],accelerance_real,accelerance_imag\nHz,mm/s^2/N,mm/s^2/N\n10,1,-2\n20,3,4\n",
+        "Frequency (Hz)   Real (mm/s²/N)   Imag (mm/s²/N)\n   10,0   1,0  -2,0\n   20,0   3,0   4,0\n",
     ],
-    ids=["plain", "German", "tabs", "row of units", "quoted", "comma at the end", "other column"],
+    ids=[
+        "plain",
+        "German",
+        "tabs",
+        "row of units",
+        "quoted",
+        "comma at the end",
+        "other column",
+        "DIN 1313",
+        "underscores",
+        "functions",
+        "underscores and units",
+        "blanks",
+    ],
 )
 def test_tables_written_by_hand(text: str, tmp_path: Path) -> None:
     for encoding in ("utf-8", "utf-8-sig", "latin-1"):
@@ -53,6 +72,39 @@ def test_magnitude_and_phase_and_coherence_in_percent(tmp_path: Path) -> None:
     alone = read(text_file(tmp_path, "f [Hz],coherence\n1,0.5\n2,0.75\n"))
     assert isinstance(alone, Coherence)
     assert alone.values.ravel().tolist() == [0.5, 0.75]
+
+
+def test_names_of_analysers_in_other_languages(tmp_path: Path) -> None:
+    for names in ("Frequenz [Hz];Betrag [m/s/N];Phasenwinkel [deg];Kohärenz", "f [Hz];|H| [m/s/N];arg(H) [deg];Coh."):
+        frf = read_frf(text_file(tmp_path, f"{names}\n10,0;2,0;90;0,5\n20,0;1,0;-180;0,75\n"))
+        assert np.allclose(frf.values[:, 0, 0], [2j, -1.0], atol=1e-15)
+        assert frf.coherence is not None
+        assert frf.coherence.ravel().tolist() == [0.5, 0.75]
+    found = read(text_file(tmp_path, "Zeit [ms]\ttip [g]\n0\t1\n0,5\t2\n"))
+    assert isinstance(found, TimeSeries)
+    assert found.sample_rate_hz == pytest.approx(2000.0)
+
+
+def test_averages_before_the_header(tmp_path: Path) -> None:
+    header = "f [Hz];real [m/N];imag [m/N]\n1;2;3\n2;3;4\n"
+    for line in ("Averages;12", "# Averages: 12", "Mittelungen = 12", "Number of averages\t12", "No. averages 12"):
+        frf = read_frf(text_file(tmp_path, f"Analyser;7\n{line}\n{header}"))
+        assert frf.averages == 12, line
+        assert "12 averages, by line 2" in frf.notes
+    for line in ("Averages;12 of 20", "Averages;12\nAverages;10", "Averages;0", "Averages", "12 averages later"):
+        assert read_frf(text_file(tmp_path, f"Analyser;7\n{line}\n{header}")).averages is None, line
+
+
+def test_a_slash_in_a_name_is_not_always_a_unit() -> None:
+    for name, expected in (("real 2/1", "2/1"), ("real tip/hammer", "tip/hammer"), ("imag a_b", "a_b")):
+        column = parse_column(name)
+        assert (column.unit, column.entry) == (None, expected)
+
+
+def test_a_given_header_skips_other_lines_with_as_many_columns(tmp_path: Path) -> None:
+    text = "Analyser;3;of 5\nRange;0;20\n10,0;1,5;-0,5\n20,0;2,5;0,5\n"
+    frf = read_frf(text_file(tmp_path, text), columns=["frequency [Hz]", "real [m/N]", "imag [m/N]"])
+    assert frf.values.ravel().tolist() == [1.5 - 0.5j, 2.5 + 0.5j]
 
 
 def test_several_responses(tmp_path: Path) -> None:
@@ -132,6 +184,12 @@ WRONG = [
     ("10,1,2\n20,3,4\n", r"line 1: this line holds numbers, expected a header .* columns=\[\.\.\.\]"),
     ("a,b\n1,2\n", "line 1: of the 2 columns none is named frequency or time, expected a header"),
     ("words only\n", "line 1: this line has no columns separated by"),
+    ("maker;X\nAbszisse;Y;Z\n10,0;1,5;2\n20,0;2;3\n", r"line 2: of the 3 columns none is named .*\(.*--columns\)"),
+    (
+        "Frequenz;Real;Imag\n10,0;1,5;2\n20,0;2;3\n",
+        r"line 1: column 'Frequenz' has no unit, expected Frequenz \[Hz\]; .* --columns 'Frequenz \[Hz\],Real,Imag'\)",
+    ),
+    ("f [Hz],real [m/N],imag [m/N]\n10,0,1,5,-0,5\n", r"line 2: there are 6 columns of whole numbers, .* semicolons"),
     ("frequency [Hz],real [m/N],imag [m/N]\n", "line 1: there are no rows of numbers"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,x,3\n", "line 3: column 'real' is 'x', expected a number"),
     (
@@ -159,7 +217,10 @@ WRONG = [
     ),
     ("frequency [Hz],real [m/N],real [m/N]\n1,2,3\n", "there are two columns 'real'; add the response"),
     ("frequency [Hz],magnitude [dB],phase [deg]\n1,2,3\n", "a level in dB"),
-    ("frequency [Hz],magnitude [m/N],phase\n1,2,3\n", r"column 'phase' has no unit, expected phase \[rad\]"),
+    (
+        "frequency [Hz],magnitude [m/N],phase\n1,2,3\n",
+        r"column 'phase' has no unit, expected phase \[deg\]; .*--columns 'frequency \[Hz\],.*,phase \[deg\]'\)",
+    ),
     ("frequency [Hz],remark\n1,2\n", "no column is an FRF or a coherence"),
     ("frequency [Hz],coherence\n1,1.3\n", "the coherence at 1 Hz is 1.3"),
     (

@@ -1,5 +1,6 @@
 """Measuring campaigns: TOML files that describe structures, measurements and unknowns."""
 
+from receptance.campaign.check import CampaignCheck
 from receptance.campaign.comparison import Comparison
 from receptance.campaign.json_schema import field_tables, json_schema
 from receptance.campaign.measurements import Measurement
@@ -14,6 +15,7 @@ from receptance.campaign.write import extended_text, write_extended
 
 __all__ = [
     "Campaign",
+    "CampaignCheck",
     "CampaignCut",
     "CampaignError",
     "Comparison",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -41,6 +42,7 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
 from receptance.report import Column, Provenance, Table
+from receptance.spindle.unknown_modes import start_modes
 
 if TYPE_CHECKING:
     import os
@@ -66,6 +68,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Campaign", "campaign_model", "fit_options", "observed_unknowns", "weighted_tolerances"]
 
+_MODE_OF = re.compile(r"mode\[(\d+)\]")
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
 
@@ -557,6 +560,9 @@ class Campaign:
             text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
             raise CampaignError.about(self.file, text)
         model, left_out = campaign_model(self, seen)
+        started = started_by_mode(self, model.observations, model.unknowns)
+        if started is not None:
+            model = replace(model, unknowns=tuple(started))
         settings = self.table.settings
         with errors_about(self.file):
             verdict = diagnose(
@@ -577,6 +583,8 @@ class Campaign:
             unseen = replace(verdict.selection.base.model, observations=measured, tolerances=tuple(tolerances))
             verdict = replace(verdict.with_improvement(found), held_out=unseen)
         notes += [*left_out, *verdict.notes]
+        if started is not None:
+            notes += _notes_on_modes(self, verdict)
         verdict = replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
         return replace(verdict, campaign_lines=self._lines_of(verdict))
 
@@ -619,21 +627,67 @@ def fit_options(
     by_level = campaign.table.series is not None and any(
         isinstance(unknown, Law) and unknown.free for unknown in unknowns
     )
-    started = list(unknowns)
-    if by_level:
-        started = started_by_level(campaign, observations, unknowns)
+    started = started_by_mode(campaign, observations, unknowns)
+    by_mode = started is not None
+    if started is None:
+        started = started_by_level(campaign, observations, unknowns) if by_level else list(unknowns)
     return (
         by_level,
         started,
         {
             "objective": settings.objective,
             "band_width_percent": 100.0 * settings.band_width,
-            "starts": 1 if by_level else settings.starts,
+            "starts": 1 if by_level or by_mode else settings.starts,
             "max_evaluations": settings.max_evaluations,
             "threads": campaign.threads,
-            "strategy": "direct" if by_level else settings.strategy,
+            "strategy": "direct" if by_level or by_mode else settings.strategy,
         },
     )
+
+
+def started_by_mode(
+    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
+) -> list[Unknown] | None:
+    """Return unknowns with the starts of a fit to which the modes of modal parts were added; None without such modes.
+
+    Modes with a row of their own among the unknowns have the start of that row.
+    """
+    table = campaign.table
+    started: list[Unknown] | None = None
+    for name, part in table.modal_parts.items():
+        given = {match[1] for address in table.unknowns if (match := _MODE_OF.match(address.removeprefix(f"{name}.")))}
+        if not part.identify or len(given) == len(part.modes):
+            continue
+        campaign.progress(f"adding the {len(part.modes)} modes of {name} one at a time")
+        with errors_about(campaign.file):
+            started = start_modes(
+                observations,
+                unknowns if started is None else started,
+                name,
+                starts=table.settings.starts,
+                seed=table.settings.seed,
+                threads=campaign.threads,
+            )
+    return started
+
+
+def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
+    """Return notes on what a diagnosis with unknown modes of a spindle can decide."""
+    from receptance.diagnosis.decidable import absorbed_causes
+
+    count = sum(len(part.modes) for part in campaign.table.modal_parts.values() if part.identify)
+    notes = []
+    if verdict.final and (hidden := absorbed_causes(verdict.selection)):
+        notes.append(
+            f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
+            f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
+        )
+    if not verdict.adequacy.passed:
+        notes.append(
+            f"{count} unknown modes may be too few: before a cause is searched for, try `modes = {count + 2}`, which "
+            "changes the description of the spindle alone"
+        )
+    return notes
 
 
 def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:

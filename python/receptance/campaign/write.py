@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,6 +59,10 @@ def quantity_at(address: str, value: float) -> str | float:
     return quantity(value, kind_of(address))
 
 
+Written = Callable[[float, Quantity], str | float]
+"""A function that writes a value in SI units."""
+
+
 class Materials:
     """Names of materials in a file, and tables of materials that are added to it.
 
@@ -94,8 +98,17 @@ class Materials:
         return name
 
 
-def element_table(element: Any, materials: Materials) -> dict[str, Any]:
+def element_table(element: Any, materials: Materials, written: Written = quantity) -> dict[str, Any]:
     """Return the table of a part, a joint or a modal part, without tolerances.
+
+    Parameters
+    ----------
+    element : Part, joint or ModalPart
+        The element.
+    materials : Materials
+        Names of materials, to which new ones are added.
+    written : callable, optional
+        Function that writes a value in SI units; by default with all digits.
 
     Raises
     ------
@@ -103,15 +116,16 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         A kind of element that cannot be written.
     """
     if isinstance(element, Part):
-        return {"segments": [_field_table(segment, materials) for segment in element.segments]}
+        return {"segments": [_field_table(segment, materials, written) for segment in element.segments]}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
-        return {"modes": [_field_table(mode, materials) for mode in element.modes], **_field_table(element, materials)}
+        modes = [_field_table(mode, materials, written) for mode in element.modes]
+        return {"modes": modes, **_field_table(element, materials, written)}
     kind = JOINTS.kind_of(element)
     if kind is None or isinstance(element, MicroslipJoint):  # its reference force is not a field of the element
         raise ValueError(f"{element!r} cannot be written as a table of a campaign")
-    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials)}
+    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials, written)}
 
 
 def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
@@ -133,7 +147,7 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     }
 
 
-def _field_table(element: Element, materials: Materials) -> dict[str, Any]:
+def _field_table(element: Element, materials: Materials, written: Written = quantity) -> dict[str, Any]:
     """Return the fields of an element that differ from their defaults."""
     table: dict[str, Any] = {}
     for name, field in element.declared.items():
@@ -141,9 +155,10 @@ def _field_table(element: Element, materials: Materials) -> dict[str, Any]:
         if value == getattr(type(element), name, MISSING):
             continue
         if isinstance(field, Number):
-            table[name] = quantity(value, field.quantity)
+            table[name] = written(value, field.quantity)
         elif isinstance(field, Member):
-            table[name] = materials.name_of(value) if field.kind is Material else _field_table(value, materials)
+            inner = field.kind is Material
+            table[name] = materials.name_of(value) if inner else _field_table(value, materials, written)
         elif isinstance(field, (Choice, Count)):
             table[name] = value
     return table

@@ -14,6 +14,7 @@ import typer
 
 from receptance._text import printable
 from receptance.cli.campaigns import (
+    check,
     diagnose,
     example,
     identify,
@@ -26,7 +27,9 @@ from receptance.cli.campaigns import (
 )
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
+from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer
+from receptance.cli.show import show
 from receptance.cli.studies import demo, studies
 from receptance.cli.sweep import sweep
 
@@ -41,7 +44,10 @@ app = typer.Typer(
     help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
+    "new": new,
     "example": example,
+    "check": check,
+    "show": show,
     "identify": identify,
     "predict": predict,
     "transfer": transfer,

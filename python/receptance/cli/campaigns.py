@@ -20,6 +20,7 @@ from receptance.cli.running import (
     output,
     with_progress,
 )
+from receptance.cli.show import NoWindow, open_figure
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CampaignFile",
+    "check",
     "diagnose",
     "example",
     "identify",
@@ -105,6 +107,30 @@ def example(
     if len(files) > _MOST_FILES:
         console.print(f"Written: {len(files) - _MOST_FILES} more files in {target}", soft_wrap=True)
     console.print(f"Next: receptance identify {files[0]}", soft_wrap=True)
+
+
+def check(
+    campaign: CampaignFile,
+    json_file: Json = None,
+    plot: Plot = None,
+    no_window: NoWindow = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 3 if identify or diagnose cannot run, or something is missing.")
+    ] = False,
+) -> None:
+    """Say what a campaign contains and lacks, and draw its assemblies.
+
+    The figure is opened in the default viewer, or saved with --plot.
+    """
+    from receptance.campaign import CampaignCheck
+
+    targets = Targets(json_file, plot)
+    _, found = run_on_campaign(campaign, targets, CampaignCheck)
+    targets.show(found)
+    if plot is None and not no_window and json_file is None:
+        open_figure(targets.console(), found.plot, "check")
+    if strict and (found.missing["identify"] or found.missing["diagnose"] or found.warnings()):
+        raise typer.Exit(_NO)
 
 
 def schema(

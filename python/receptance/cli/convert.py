@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from receptance.cli.reading import (
+    CoherenceFile,
+    Columns,
+    FileFormat,
+    IgnoreCoherence,
+    QuantityName,
+    SampleRate,
+    Units,
+    Variables,
+    read_options,
+)
 from receptance.cli.running import InputError, input_errors, output
 from receptance.errors import ReceptanceWarning
 
@@ -16,9 +26,7 @@ if TYPE_CHECKING:
     from receptance import FRF
     from receptance.io import Coherence, TimeSeries
 
-__all__ = ["convert"]
-
-_FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
+__all__ = ["chosen", "convert"]
 
 
 def convert(
@@ -27,49 +35,20 @@ def convert(
         Path,
         typer.Argument(metavar="OUT", help="Output file: .uff, .ufb, .csv, .npz, .mat, .h5 or .frf."),
     ],
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Quantity of FRFs if IN does not state it: receptance, mobility or accelerance."
-        ),
-    ] = None,
-    unit: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="UNIT", help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel."
-        ),
-    ] = None,
-    variable: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ROLE=NAME",
-            help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
-            "CHANNEL=NAME.",
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(metavar="NAMES", help="Header of a table without one, separated by commas."),
-    ] = None,
-    coherence: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Another file with the coherence of the FRF.")
-    ] = None,
-    ignore_coherence: Annotated[
-        bool, typer.Option("--ignore-coherence", help="Ignore the coherence of the FRFs.")
-    ] = False,
-    sample_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Sample rate of time records if IN does not state it.")
-    ] = None,
+    quantity: QuantityName = None,
+    unit: Units = None,
+    variable: Variables = None,
+    columns: Columns = None,
+    coherence: CoherenceFile = None,
+    ignore_coherence: IgnoreCoherence = False,
+    sample_rate: SampleRate = None,
     form: Annotated[
         str | None, typer.Option("--as", metavar="NAME", help="Write FRFs as receptance, mobility or accelerance.")
     ] = None,
     number: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Number of the only measurement to write, from 1.")
     ] = None,
-    source_format: Annotated[
-        str | None,
-        typer.Option("--from", metavar="FORMAT", help=f"Format of IN if its ending does not determine it: {_FORMATS}."),
-    ] = None,
+    source_format: FileFormat = None,
     target_format: Annotated[
         str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT if its ending does not determine it.")
     ] = None,
@@ -79,19 +58,19 @@ def convert(
 
     if target.exists() and source.exists() and target.resolve() == source.resolve():
         raise InputError(f"IN and OUT are both {source}; give two files")
-    options: dict[str, Any] = {
-        "format": source_format,
-        "quantity": quantity,
-        "unit": _units(unit),
-        "variables": _pairs(variable, "--variable", "ROLE=NAME") or None,
-        "columns": None if columns is None else columns.split(","),
-        "coherence": coherence,
-        "ignore_coherence": ignore_coherence,
-        "sample_rate_hz": sample_rate,
-    }
+    options = read_options(
+        quantity=quantity,
+        unit=unit,
+        variable=variable,
+        columns=columns,
+        coherence=coherence,
+        ignore_coherence=ignore_coherence,
+        sample_rate=sample_rate,
+        source_format=source_format,
+    )
     with warnings.catch_warnings(record=True) as caught, input_errors():
         warnings.simplefilter("always", ReceptanceWarning)
-        found = _chosen(read_all(source, **options), number)
+        found = chosen(read_all(source, **options), number)
         written = [_as_form(thing, form) for thing in found]
         write(target, written, format=target_format)
     console = output()
@@ -103,28 +82,8 @@ def convert(
     console.print(f"Written: {target}", soft_wrap=True)
 
 
-def _pairs(given: Sequence[str] | None, option: str, form: str) -> dict[str, str]:
-    """Return names and values, separated by the last =, because names may contain one and units do not."""
-    found: dict[str, str] = {}
-    for text in given or ():
-        name, sign, value = text.rpartition("=")
-        if not sign or not name or not value:
-            raise InputError(f"{option} is {text!r}, expected {form}")
-        if name in found:
-            raise InputError(f"{option} is given twice for {name!r}, expected one")
-        found[name] = value
-    return found
-
-
-def _units(given: Sequence[str] | None) -> str | dict[str, str] | None:
-    if not given:
-        return None
-    if len(given) == 1 and "=" not in given[0]:
-        return given[0]
-    return _pairs(given, "--unit", "one unit, or CHANNEL=UNIT for each channel")
-
-
-def _chosen(found: list[Any], number: int | None) -> list[Any]:
+def chosen(found: list[Any], number: int | None) -> list[Any]:
+    """Return all measurements of a file, or the only one of a number from 1."""
     if number is None:
         return found
     if number > len(found):

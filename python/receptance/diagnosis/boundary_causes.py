@@ -94,6 +94,8 @@ def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
     if len(ends) > 1:
         raise UndecidableError("the assemblies end with different spindles")
     name, spindle = ends.pop()
+    if all(model.has(f"{name}.mode[{index}].frequency_hz") for index in range(len(spindle.modes))):
+        raise UndecidableError(f"all modes of {name} are unknowns of the model already")
     low, high = _band(model)
     for index, mode in enumerate(spindle.modes):
         own = f"{name}.mode[{index}]"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import shlex
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def _time_series(table: Table, time: int, options: ReadOptions) -> Measurement:
         if not unit:
             raise FileFormatError(
                 f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
-                f"unit={{{column.name!r}: 'N'}}"
+                f"unit={{{column.name!r}: 'N'}} (on the command line --unit {shlex.quote(f'{column.name}=N')})"
             )
         if column.unit and unit != column.unit:
             notes.append(f"{column.name}: the unit in the file, {column.unit!r}, was overridden by {unit!r}")
@@ -114,6 +115,7 @@ def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: 
         directions=([kind.response for kind in kinds], [kinds[0].excitation]),
         coherence=coherence,
         labels=(entries, [""]) if any(entries) else None,
+        averages=table.averages,
         notes=notes,
         options=options,
     )

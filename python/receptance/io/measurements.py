@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,12 @@ from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
+from receptance.report import Renderable, Table
 from receptance.units import channel_kind, parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_notes"]
 
@@ -22,7 +27,7 @@ _LOW_COHERENCE = 0.5
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class Coherence:
+class Coherence(Renderable):
     """Ordinary coherence between excitations and responses, without its FRF.
 
     Parameters
@@ -95,6 +100,23 @@ class Coherence:
             },
         )
 
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"Coherence {self.label}".rstrip()
+
+    def tables(self) -> list[Table]:
+        """Return the table of `summary`: lines, entries and source."""
+        from receptance.io.presentation import coherence_table
+
+        return [coherence_table(self)]
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the coherence of all entries over frequency; `ax` as in `FRF.plot`."""
+        from receptance.io.presentation import draw_coherence
+
+        return draw_coherence(self, ax)
+
     def __len__(self) -> int:
         return int(self.frequency_hz.size)
 
@@ -105,7 +127,7 @@ class Coherence:
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class TimeSeries:
+class TimeSeries(Renderable):
     """Time series of one or several channels with a common sample rate.
 
     Parameters
@@ -229,6 +251,23 @@ class TimeSeries:
     def duration_s(self) -> float:
         """Number of samples over the sample rate."""
         return len(self) / self.sample_rate_hz
+
+    @property
+    def title(self) -> str:
+        """Title of `summary`."""
+        return f"Time records {self.label}".rstrip()
+
+    def tables(self) -> list[Table]:
+        """Return the tables of `summary`: sampling, and the channels with their units and largest values."""
+        from receptance.io.presentation import series_tables
+
+        return series_tables(self)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw all channels over time, a panel each; `ax` as in `FRF.plot`."""
+        from receptance.io.presentation import draw_series
+
+        return draw_series(self, ax)
 
     def __len__(self) -> int:
         return int(self.values.shape[0])

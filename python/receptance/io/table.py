@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +17,7 @@ from receptance.io.errors import FileFormatError, error_location
 from receptance.io.limits import MAX_NUMBERS, check_count, check_time
 from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
-from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, parse_unit
+from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, frf_kind, parse_unit
 
 __all__ = [
     "EXAMPLE",
@@ -34,24 +35,39 @@ __all__ = [
 QUALITY_NAMES = {field: field.replace("_", " ") for field in QUALITY}
 """Names of the columns of further fields of an FRF."""
 PARTS = {
-    "real": ("real", "re"),
-    "imaginary": ("imaginary", "imag", "im"),
-    "magnitude": ("magnitude", "mag", "amplitude", "abs"),
-    "phase": ("phase", "angle", "arg"),
+    "real": ("real", "re", "realteil"),
+    "imaginary": ("imaginary", "imag", "im", "imaginärteil", "imaginaerteil"),
+    "magnitude": ("magnitude", "mag", "amplitude", "ampl", "amp", "abs", "betrag"),
+    "phase": ("phase", "angle", "arg", "phasenwinkel"),
 }
 """Roles of the columns of an FRF, with the words for them in names of columns."""
-_AXES = ("frequency", "time")
+_AXES = {
+    "frequency": ("frequency", "freq", "freq.", "f", "frequenz", "fréquence", "frequence", "frequenza", "frecuencia"),
+    "time": ("time", "t", "zeit", "temps", "tempo", "tiempo"),
+}
+"""Roles of the first column, with the words for them."""
+_COHERENCE = ("coherence", "coh", "coh.", "kohärenz", "kohaerenz", "cohérence", "coherencia", "gamma2", "γ²")
 _FORMS = "|".join(FORM_NAMES)
+_ESTIMATE = "frf|h[12v]?"
+"""Names of an FRF that do not state its form: the letter of the transfer function, and its estimators."""
 _PART = "|".join(word for words in PARTS.values() for word in words)
 _FRF = re.compile(
-    rf"(?:(?P<form>{_FORMS}|frf|h)\s+)?(?P<part>{_PART})(?:\s+part)?(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",
+    rf"(?:(?P<form>{_FORMS}|{_ESTIMATE})\s+)?(?P<part>{_PART})(?:\s+part)?(?:\s+(?P<after>{_FORMS}|frf))?"
+    r"(?:\s+(?P<entry>.+))?",
     re.IGNORECASE,
 )
+_PART_OF = re.compile(rf"(?P<part>{_PART})\s*[({{]\s*(?P<form>{_FORMS}|{_ESTIMATE})\s*[)}}]", re.IGNORECASE)
+"""A part as a function, as in `Re(H1)`; the parentheses hold no unit."""
+_MAGNITUDE = re.compile(rf"\|\s*(?P<form>{_FORMS}|{_ESTIMATE})\s*\|", re.IGNORECASE)
+"""A magnitude as in `|H|`."""
 _QUALITY = re.compile(
-    rf"(?P<name>coherence|coh|{'|'.join(QUALITY_NAMES.values())})(?:\s+(?P<entry>.+))?", re.IGNORECASE
+    rf"(?P<name>{'|'.join(map(re.escape, _COHERENCE))}|{'|'.join(QUALITY_NAMES.values())})(?:\s+(?P<entry>.+))?",
+    re.IGNORECASE,
 )
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
 _PARENTHESES = re.compile(r"(?P<name>[^()]*?)\s*\((?P<unit>.*)\)", re.DOTALL)
+_SLASH = re.compile(r"(?P<name>[^/_]*?)\s*[/_]\s*(?P<unit>.+)", re.DOTALL)
+"""A unit behind a slash (DIN 1313) or an underscore, as in `Frequenz / Hz` and `freq_Hz`."""
 
 
 @dataclass(frozen=True)
@@ -78,26 +94,74 @@ def parse_column(text: str) -> Column:
     Column(name='Inertance imag 2/1', unit='m/s^2/N', role='imaginary', form='accelerance', entry='2/1')
     """
     text = text.strip()
-    match = _BRACKETS.fullmatch(text) or _PARENTHESES.fullmatch(text)
-    name, unit = (match["name"].strip(), match["unit"].strip()) if match and match["name"].strip() else (text, None)
-    if name.lower() in ("frequency", "freq", "f"):
-        return Column(name, unit, "frequency")
-    if name.lower() in ("time", "t"):
-        return Column(name, unit, "time")
+    if (match := _BRACKETS.fullmatch(text)) and match["name"].strip():
+        return _named(match["name"].strip(), match["unit"].strip())
+    if match := _SLASH.fullmatch(text):
+        column = _named(match["name"], match["unit"].strip())
+        # Other slashes and underscores belong to the name, such as those of the entry `2/1`.
+        if _has_unit_of_role(column):
+            return column
+    match = None if _PART_OF.fullmatch(text) else _PARENTHESES.fullmatch(text)
+    if match and match["name"].strip():
+        return _named(match["name"].strip(), match["unit"].strip())
+    column = _named(text, None)
+    return column if column.role != "channel" else replace(_named(text.replace("_", " "), None), name=text)
+
+
+def _named(name: str, unit: str | None) -> Column:
+    """Return the meaning of a name without its unit."""
+    for role, words in _AXES.items():
+        if name.lower() in words:
+            return Column(name, unit, role)
     if quality := _QUALITY.fullmatch(name):
         field = quality["name"].lower().replace(" ", "_")
         return Column(name, unit, field if field in QUALITY else "coherence", entry=quality["entry"] or "")
     if frf := _FRF.fullmatch(name):
-        role = next(role for role, words in PARTS.items() if frf["part"].lower() in words)
-        word = (frf["form"] or frf["after"] or "").lower()
-        return Column(name, unit, role, form_name(word) if word not in ("", "frf", "h") else None, frf["entry"] or "")
+        word = frf["form"] or frf["after"] or ""
+        return Column(name, unit, _role(frf["part"]), _form(word), frf["entry"] or "")
+    if part := _PART_OF.fullmatch(name):
+        return Column(name, unit, _role(part["part"]), _form(part["form"]))
+    if magnitude := _MAGNITUDE.fullmatch(name):
+        return Column(name, unit, "magnitude", _form(magnitude["form"]))
     return Column(name, unit, "channel")
+
+
+def _role(word: str) -> str:
+    return next(role for role, words in PARTS.items() if word.lower() in words)
+
+
+def _form(word: str) -> Form | None:
+    return form_name(word) if word.lower() in FORM_NAMES else None
+
+
+def _has_unit_of_role(column: Column) -> bool:
+    """Return whether the unit is one of the quantity that the column has by its name."""
+    try:
+        unit = parse_unit(column.unit or "")
+    except UnitError:
+        return False
+    if column.role in ("real", "imaginary", "magnitude"):
+        return frf_kind(unit) is not None
+    expected = _UNITS.get(column.role)
+    return expected is not None and unit.dimension == parse_unit(expected).dimension
 
 
 MARK = "# receptance: "
 """Beginning of the line with the fields of a measurement that columns do not hold."""
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
-_DELIMITERS = "\t;,"
+_UNITS = {"frequency": "Hz", "time": "s", "phase": "deg"}
+"""Usual units of columns whose quantity follows from their name."""
+_BLANKS = " "
+"""Delimiter of columns of numbers that are separated by any number of blanks."""
+_DELIMITERS = f"\t;,{_BLANKS}"
+_CELL = re.compile(r"[^\s\[(]+(?:\s?[\[(][^\])]*[\])])?|[\[(][^\])]*[\])]")
+"""A cell between blanks: a number, or a name with its unit in brackets."""
+_AVERAGES = re.compile(
+    r"#?\W*(?:(?:number|no\.?|nr\.?|anzahl)\s+(?:of\s+)?)?(?:averages?|averaging|avg\.?|mittelungen|mittelungszahl|moyennes|"
+    r"promedios|medie)\W+(?P<count>\d{1,6})\W*",
+    re.IGNORECASE,
+)
+"""A line before the header with the number of averages."""
 _MAX_NAME_LENGTH = 1000
 _MAX_PREAMBLE = 1000
 """Lines within which a header is searched for."""
@@ -116,6 +180,8 @@ class Table:
     lines: tuple[int, ...]
     about: dict[str, Any] | None
     notes: tuple[str, ...] = ()
+    averages: int | None = None
+    """Number of averages in a line before the header."""
 
     def indices(self, role: str) -> list[int]:
         """Return the indices of the columns with a role."""
@@ -131,13 +197,14 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         if text.startswith(MARK):
             with error_location(line=line):
                 about = parse_about(text.removeprefix(MARK).strip())
+    every = lines
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
-    skipped = _preamble_length(lines, options.columns)
+    skipped, delimiter = _layout(lines, options.columns)
     lines = lines[skipped:]
     notes = [f"{skipped} lines before line {lines[0][0]} were not read"] if skipped else []
-    delimiter = _delimiter(*lines[0])
+    averages = None if about is not None else _averages([one for one in every if one[0] < lines[0][0]], notes)
     rows = _split(lines, delimiter)
     header, names = rows[0]
     if options.columns is not None:
@@ -149,7 +216,7 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     elif _is_number(names[0], delimiter):
         raise FileFormatError(
             f"this line holds numbers, expected a header such as {EXAMPLE}; for a file without a header give it with "
-            "columns=[...] (on the command line --columns)",
+            f"columns=[...] (on the command line --columns), a name with its unit for each of the {len(names)} columns",
             line=header,
         )
     else:
@@ -174,11 +241,18 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         # The header is not quoted, because the file is not known to be a measurement.
         raise FileFormatError(
             f"of the {len(columns)} columns none is named frequency or time, expected a header such as {EXAMPLE} or "
-            "time [s],hammer [N],tip [m/s^2]. If the file has no header give it with columns=[...]",
+            "time [s],hammer [N],tip [m/s^2]. If the file has no header or one with other names, give it with "
+            "columns=[...] (on the command line --columns), a name with its unit for each column",
             line=header or None,
         )
     if not rows:
         raise FileFormatError("there are no rows of numbers below the header", line=header or None)
+    if delimiter == "," and len(rows[0][1]) > len(columns) and all(re.fullmatch(r"\s*-?\d+", x) for x in rows[0][1]):
+        raise FileFormatError(
+            f"there are {len(rows[0][1])} columns of whole numbers, expected {len(columns)}: commas seem to be decimal "
+            "signs as well as separators; export the table with semicolons or tabs between its columns",
+            line=rows[0][0],
+        )
     # The first row below a given header is not quoted, because the file may be anything.
     values = parse_rows(
         rows,
@@ -186,7 +260,7 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         decimal_comma=delimiter != ",",
         quote_first_row=options.columns is None,
     )
-    table = Table(tuple(columns), values, header, tuple(line for line, _ in rows), about)
+    table = Table(tuple(columns), values, header, tuple(line for line, _ in rows), about, averages=averages)
     _check_finite(table)
     declared = None if about is None else about.get("rows")
     if isinstance(declared, int):
@@ -194,6 +268,18 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     else:
         notes += truncation_notes(content, lines[-len(rows) :])
     return replace(table, notes=tuple(notes))
+
+
+def _averages(before: Sequence[tuple[int, str]], notes: list[str]) -> int | None:
+    """Return the number of averages that the lines before the header state, with a note; None if they state none."""
+    found = {int(match["count"]): line for line, text in before if (match := _AVERAGES.fullmatch(text.strip()))}
+    if len(found) != 1:
+        return None
+    ((count, line),) = found.items()
+    if count < 1:
+        return None
+    notes.append(f"{count} averages, by line {line}")
+    return count
 
 
 def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str) -> bool:
@@ -234,27 +320,47 @@ def _same_unit(first: str, second: str) -> bool:
         return first == second
 
 
-def _preamble_length(lines: Sequence[tuple[int, str]], given: Sequence[str] | None) -> int:
-    """Return the number of lines before the header, or before the table if the header is given.
+def _layout(lines: Sequence[tuple[int, str]], given: Sequence[str] | None) -> tuple[int, str]:
+    """Return the number of lines before the header, or before the table if the header is given, and the delimiter.
 
     A header names a frequency or a time, and the row below it, or below a row of units, has a number for each name. A
-    given header matches the first line with as many columns.
+    given header replaces the lines above the first row with as many numbers. Without a line that can be a header it is
+    the line above the first row of numbers, for the message.
     """
+    if given is None:
+        for index, (line, text) in enumerate(lines[:_MAX_PREAMBLE]):
+            for delimiter in _DELIMITERS:
+                cells = _fields(line, text, delimiter)
+                if any(len(name) <= _MAX_NAME_LENGTH and parse_column(name).role in _AXES for name in cells) and (
+                    (index == 0 and delimiter != _BLANKS) or _has_numbers_below(lines, index, len(cells), delimiter)
+                ):
+                    return index, delimiter
     for index, (line, text) in enumerate(lines[:_MAX_PREAMBLE]):
         for delimiter in _DELIMITERS:
-            names = _fields(line, text, delimiter)
-            if given is not None:
-                if len(names) == len(given):
-                    return index
-            elif any(parse_column(name).role in _AXES for name in names) and (
-                index == 0
-                or any(
-                    len(row) == len(names) and all(_is_number(field, delimiter) for field in row)
-                    for row in (_fields(*below, delimiter) for below in lines[index + 1 : index + 3])
-                )
-            ):
-                return index
-    return 0
+            cells = _fields(line, text, delimiter)
+            if not cells or not _are_numbers(cells, delimiter) or len(cells) != len(given or cells):
+                continue
+            above = [_fields(*lines[before], delimiter) for before in (index - 1, index - 2) if before >= 0]
+            names = int(bool(above) and len(above[0]) == len(cells))
+            if given and len(above) > names == 1 and len(above[1]) == len(cells):
+                # Names with a row of units below.
+                names += _are_units([parse_column(name) for name in given], above[0], delimiter)
+            return index - names, delimiter
+    line, text = lines[0]
+    found = next((delimiter for delimiter in _DELIMITERS if delimiter != _BLANKS and delimiter in text), None)
+    if found is None:
+        raise FileFormatError("this line has no columns separated by commas, semicolons or tabs", line=line)
+    return 0, found
+
+
+def _has_numbers_below(lines: Sequence[tuple[int, str]], index: int, count: int, delimiter: str) -> bool:
+    """Return whether one of the next two lines has so many numbers."""
+    below = (_fields(*line, delimiter) for line in lines[index + 1 : index + 3])
+    return any(len(cells) == count and _are_numbers(cells, delimiter) for cells in below)
+
+
+def _are_numbers(cells: Sequence[str], delimiter: str) -> bool:
+    return all(_is_number(cell, delimiter) for cell in cells)
 
 
 def _fields(line: int, text: str, delimiter: str) -> list[str]:
@@ -268,18 +374,6 @@ def _fields(line: int, text: str, delimiter: str) -> list[str]:
     return fields if len(fields) > 1 else []
 
 
-def _delimiter(line: int, text: str) -> str:
-    """Return the delimiter: the one that yields a frequency or time column, else the first one found."""
-    candidates = [delimiter for delimiter in _DELIMITERS if delimiter in text]
-    if not candidates:
-        raise FileFormatError("this line has no columns separated by commas, semicolons or tabs", line=line)
-    for delimiter in candidates:
-        ((_, names),) = _split([(line, text)], delimiter)
-        if any(len(name) <= _MAX_NAME_LENGTH and parse_column(name).role in _AXES for name in names):
-            return delimiter
-    return candidates[0]
-
-
 def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, list[str]]]:
     rows: list[tuple[int, list[str]]] = []
     count = 0
@@ -288,6 +382,9 @@ def _split(lines: Sequence[tuple[int, str]], delimiter: str) -> list[tuple[int, 
             check_time()
         count += text.count(delimiter) + 1
         check_count(count, MAX_NUMBERS, "numbers")
+        if delimiter == _BLANKS:
+            rows.append((line, text.split() if "(" not in text and "[" not in text else _CELL.findall(text)))
+            continue
         if '"' not in text:
             rows.append((line, text.split(delimiter)))
             continue
@@ -338,8 +435,21 @@ def column_in_unit(table: Table, index: int, unit: str) -> NDArray[np.float64]:
     column, target = table.columns[index], parse_unit(unit)
     source = column_unit(column)
     if source is None:
-        raise FileFormatError(f"column {column.name!r} has no unit, expected {column.name} [{unit}]")
+        expected = f"{column.name} [{_UNITS.get(column.role, unit)}]"
+        raise FileFormatError(f"column {column.name!r} has no unit, expected {expected}; {_header_option(table)}")
     if source.dimension != target.dimension:
         raise FileFormatError(f"column {column.name!r} is in {source.text!r}, expected {unit}")
     values: NDArray[np.float64] = table.values[:, index]
     return values if source.factor == target.factor else values * (source.factor / target.factor)
+
+
+def _header_option(table: Table) -> str:
+    """Return the option that gives the header of a table with the units that it does not state."""
+    names = []
+    for column in table.columns:
+        unit = column.unit or _UNITS.get(column.role)
+        names.append(f"{column.name} [{unit}]" if unit else column.name)
+    return (
+        f"give the header with the units, for example columns={names!r} (on the command line --columns "
+        f"{shlex.quote(','.join(names))})"
+    )

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import tau
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,10 @@ from receptance.model.tables import (
     rows_of,
 )
 from receptance.model.terminals import MeasuredPart
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["Assembly"]
 
@@ -142,6 +146,25 @@ class Assembly:
         A diagnosis matches the same addresses with similar assemblies millions of times.
         """
         return _matches(self.parameters)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the assembly to scale: sections of its parts in mm, joints and attachments.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            As in `Result.plot`.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> [axes.get_xlabel() for axes in bar.plot().axes]
+        ['distance from the tip (mm)']
+        """
+        from receptance.model.figure import Drawing, draw_assemblies
+
+        return draw_assemblies([Drawing(self)], ax)
 
     def receptance(
         self,

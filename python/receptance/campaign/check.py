@@ -1,0 +1,268 @@
+"""What a campaign contains, which commands it allows, what is missing, and its assemblies to scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from receptance.campaign.run import campaign_model
+from receptance.campaign.values import kind_of
+from receptance.identification import MeasuredFRF
+from receptance.identification.laws import Move
+from receptance.model.beams import Part, Segment
+from receptance.model.coordinates import Coordinate
+from receptance.model.distributed import SpreadJoint
+from receptance.model.figure import Drawing, Mark, draw_assemblies
+from receptance.model.joints import PointJoint
+from receptance.report import Column, Provenance, Result, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from receptance.campaign.measurements import Measurement
+    from receptance.campaign.run import Campaign
+    from receptance.model.assembly import Assembly
+
+__all__ = ["CampaignCheck"]
+
+_MOST_DRAWN = 8
+"""Most assemblies in the figure; those of the same shape are drawn once."""
+_MOST_NAMED = 3
+"""Most names of assemblies of one shape in a title."""
+_MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignCheck(Result):
+    """Contents of a campaign, the commands that it allows, and what is missing.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        A campaign that was read without mistakes.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from receptance import campaign, examples
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = examples.write("er32", folder)
+    ...     check = campaign.CampaignCheck(campaign.load(folder))
+    >>> check.missing["next"]
+    'no candidates, expected [candidates.NAME]'
+    """
+
+    heading: ClassVar[str] = "Check"
+    campaign: Campaign
+
+    @property
+    def provenance(self) -> Provenance:
+        """The campaign."""
+        return self.campaign.provenance()
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Notes on the data."""
+        return self.campaign.notes
+
+    @cached_property
+    def missing(self) -> dict[str, str]:
+        """What each command lacks, by its name; empty for a command that can run."""
+        one = self.campaign
+        fit = ""
+        if not one.measurements:
+            fit = "no measurements, expected [measurements.NAME]"
+        elif not one.to_identify:
+            fit = 'no measurement with the role "identify"'
+        elif not one.unknowns:
+            fit = 'no unknowns, expected such as "joint.k_theta" under [unknowns]'
+        else:
+            try:
+                campaign_model(one, one.to_identify)
+            except ValueError:
+                fit = "no measurement depends on an unknown"
+        weights = [name for name, measured in one.to_identify.items() if not measured.observation.weighted]
+        lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
+        tolerances = any(measured.effects for measured in one.to_identify.values())
+        measured = {measurement.assembly for measurement in one.measurements.values()}
+        frfs = [m for m in one.to_identify.values() if isinstance(m.observation, MeasuredFRF)]
+        points = [m for m in frfs if any(isinstance(e, PointJoint) for e in m.observation.assembly.elements.values())]
+        speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
+        return {
+            "identify": fit or (lacks if tolerances else ""),
+            "predict": fit
+            or ("" if one.held_out or one.unmeasured else "no held-out measurement, no assembly unmeasured"),
+            "transfer": fit or ("" if len(measured) > 1 else "one measured assembly, expected two or more"),
+            "diagnose": fit or lacks,
+            "invert": fit or ("" if points else "no FRF of an assembly with a point joint"),
+            "next": fit or ("" if one.candidates else "no candidates, expected [candidates.NAME]"),
+            "stability": speeds if one.cuts else "no cuts, expected [cuts.NAME]",
+            "catalogue": "" if one.table.catalogue is not None else "no tools and holders, expected [catalogue]",
+        }
+
+    def tables(self) -> list[Table]:
+        """Return the assemblies, the measurements, the unknowns, and the commands with what they lack."""
+        one = self.campaign
+        rows = [
+            (name, " - ".join(assembly.elements), _length(assembly), _mass(assembly), self._measured(name))
+            for name, assembly in one.assemblies.items()
+        ]
+        columns = ("name", "chain", Column("length", "mm", ".5g"), Column("mass", "kg", ".3g"), "role")
+        unknowns = []
+        for unknown in one.unknowns:
+            unit = "" if isinstance(unknown, Move) or unknown.multiple != 1.0 else kind_of(unknown.address).unit
+            unknowns.append((unknown.name, unknown.lower, unknown.upper, unit))
+        commands = [(f"receptance {name}", text or "ready") for name, text in self.missing.items()]
+        tables = [
+            Table("Assemblies", columns, rows),
+            *one.tables(),
+            Table("Unknowns", ("name", Column("from"), Column("to"), "unit"), unknowns),
+            Table("Commands", ("command", "state"), commands),
+        ]
+        return [table for table in tables if table.rows]
+
+    def _measured(self, assembly: str) -> str:
+        own = [measured for measured in self.campaign.measurements.values() if measured.assembly == assembly]
+        if not own:
+            return "predicted"
+        held = sum(measured.held_out for measured in own)
+        if held == len(own):
+            return "held out"
+        return "identify" + (f", {held} of {len(own)} held out" if held else "")
+
+    def sentences(self) -> list[str]:
+        """Return the number of everything, and the number of errors with tolerances."""
+        one = self.campaign
+        errors = {error for effects in one.effects.values() for error in effects}
+        counts = (
+            (len(one.assemblies), "assembly", "assemblies"),
+            (len(one.measurements), "measurement", "measurements"),
+            (len(one.unknowns), "unknown", "unknowns"),
+            (len(errors), "dimension or material with a tolerance", "dimensions and materials with tolerances"),
+        )
+        return [f"{one.file} is valid: {', '.join(f'{n} {word if n == 1 else words}' for n, word, words in counts)}."]
+
+    def warnings(self) -> Sequence[str]:
+        """Return what the description lacks, with the keys to write."""
+        one = self.campaign
+        found = []
+        frfs = {n: m for n, m in one.measurements.items() if isinstance(m.observation, MeasuredFRF)}
+        bare = [name for name, measured in frfs.items() if measured.sensor is None]
+        if bare:
+            found.append(
+                f"no sensor is stated for {_listed(bare)}: right for a laser; the mass of an accelerometer belongs to "
+                'the model, `sensor = "accelerometer"` and [sensors.accelerometer] with `mass = "0.6 g"`'
+            )
+        if one.unknowns and not any(one.effects.values()):
+            found.append(
+                "dimensions and materials are taken as exact, because none has a tolerance; small errors are then "
+                'taken for other causes. Write `tolerance = { outer_diameter = "0.1 %" }` in their tables'
+            )
+        if one.unknowns and len(one.to_identify) and not one.held_out:
+            found.append(
+                'no measurement is held out, so predictions are not tested by `predict`; write `role = "hold out"` '
+                "in one, or use `transfer`, which holds out each assembly in turn"
+            )
+        measured = {measurement.assembly for measurement in one.measurements.values()}
+        if one.unknowns and len(measured) == 1:
+            found.append(
+                "one assembly was measured: several overhangs separate the joint from errors of dimensions and sensors"
+            )
+        undamped = [name for name, material in one.built.materials.items() if material.loss_factor == 0.0]
+        if frfs and undamped:
+            found.append(
+                f"{_listed(undamped)}: the loss factor is zero, so that all damping is that of joints; write "
+                "`loss_factor = 0.001`"
+            )
+        return found
+
+    def data(self) -> dict[str, Any]:
+        """Return assemblies, measurements, unknowns, missing parts of commands, and advice."""
+        one = self.campaign
+        return {
+            "assemblies": {
+                name: {
+                    "chain": list(assembly.elements),
+                    "length_m": _length(assembly) / _MM,
+                    "mass_kg": _mass(assembly),
+                }
+                for name, assembly in one.assemblies.items()
+            },
+            "measurements": {
+                name: {
+                    "assembly": measured.assembly,
+                    "data": measured.observation.describe(),
+                    "sensor": measured.sensor,
+                    "role": measured.role,
+                    "files": measured.files,
+                }
+                for name, measured in one.measurements.items()
+            },
+            "unknowns": {unknown.name: [unknown.lower, unknown.upper] for unknown in one.unknowns},
+            "missing": {name: text for name, text in self.missing.items() if text},
+            "advice": self.warnings(),
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the assemblies to scale with sensors and points of measurement; see `Result.plot`."""
+        groups: dict[Any, list[str]] = {}
+        drawings: dict[Any, Drawing] = {}
+        for name, assembly in self.campaign.assemblies.items():
+            measured = [m for m in self.campaign.measurements.values() if m.assembly == name]
+            marks = tuple(dict.fromkeys(mark for one in measured for mark in _marks(one)))
+            shown = measured[0].observation.assembly if measured else assembly
+            key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
+            groups.setdefault(key, []).append(name)
+            drawings.setdefault(key, Drawing(shown, "", marks))
+        titled = [
+            Drawing(one.assembly, _listed(groups[key]), one.marks) for key, one in list(drawings.items())[:_MOST_DRAWN]
+        ]
+        left = len(drawings) - len(titled)
+        more = f"  ·  {left} more shapes are not drawn" if left else ""
+        return draw_assemblies(titled, ax, title=f"{self.campaign.title}{more}")
+
+
+def _shape(item: tuple[str, Any]) -> Any:
+    name, element = item
+    if isinstance(element, Part):
+        return name, tuple((s.length, s.outer_diameter, s.inner_diameter, s.material.name) for s in element.segments)
+    return name, element.length if isinstance(element, SpreadJoint) else 0.0
+
+
+def _marks(measured: Measurement) -> list[Mark]:
+    observation = measured.observation
+    if not isinstance(observation, MeasuredFRF):
+        return []
+    response, excitation = observation.response, observation.excitation
+    return [
+        Mark(_mark("response", response), response, "response"),
+        Mark(_mark("hit", excitation), excitation, "excitation"),
+    ]
+
+
+def _mark(text: str, at: Coordinate) -> str:
+    return f"{text} (rotation)" if at.direction == "theta" else text
+
+
+def _length(assembly: Assembly) -> float:
+    """Return the length of all parts in mm."""
+    lengths = [segment.length for segment in _segments(assembly)]
+    lengths += [element.length for element in assembly.elements.values() if isinstance(element, SpreadJoint)]
+    return _MM * sum(lengths)
+
+
+def _mass(assembly: Assembly) -> float:
+    """Return the mass of all parts in kg."""
+    return sum(segment.mass for segment in _segments(assembly))
+
+
+def _segments(assembly: Assembly) -> list[Segment]:
+    return [s for element in assembly.elements.values() if isinstance(element, Part) for s in element.segments]
+
+
+def _listed(names: Sequence[str]) -> str:
+    rest = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return ", ".join(names[:_MOST_NAMED]) + rest

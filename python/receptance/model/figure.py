@@ -1,0 +1,350 @@
+"""Figures of assemblies to scale: sections of parts, joints, attachments and points of measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from receptance.model.addresses import place_on, points_of
+from receptance.model.beams import Part
+from receptance.model.coordinates import Coordinate
+from receptance.model.distributed import SpreadJoint
+from receptance.model.joints import GroundSpring, PointMass, Resonator
+from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from receptance.model.assembly import Assembly
+    from receptance.model.beams import Material, Section, Segment
+
+__all__ = ["Drawing", "Mark", "draw_assemblies"]
+
+_WIDTH = 9.0
+"""Width of a figure in inches."""
+_MARGIN = 0.45
+"""Room beside the longest assembly in inches, for labels at its ends."""
+_ROW = 0.19
+"""Height of a row of labels in inches."""
+_CHARACTER = 0.068
+"""Width of a character of a label in inches."""
+_SIZE = 8.5
+"""Size of labels in points."""
+_FILLS = ("#C9D3DC", "#8E9AA6", "#E3D3B4", "#B9CDB5", "#D8BFD0")
+"""Fills of materials in the order in which they occur."""
+_MM = 1e3
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A labelled point of an assembly.
+
+    Attributes
+    ----------
+    text : str
+        Label.
+    at : Coordinate
+        Part and position.
+    kind : {"response", "excitation"}
+        Motion, a triangle below, or load, an arrow from above.
+    """
+
+    text: str
+    at: Coordinate
+    kind: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """An assembly to draw, with its title and points of measurement."""
+
+    assembly: Assembly
+    title: str = ""
+    marks: tuple[Mark, ...] = ()
+
+
+def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, title: str = "") -> Figure:
+    """Draw assemblies below each other, all to the same scale, in mm from the tip.
+
+    Segments are drawn in section: bores are white, or have the fill of the material in them. Below are the lengths of
+    segments and the names of parts, above the diameters (outer/inner) and the names of joints, attachments and points
+    of measurement.
+
+    Parameters
+    ----------
+    drawings : sequence of Drawing
+        One assembly or several.
+    ax : Axes, optional
+        As in `Result.plot`.
+    title : str, optional
+        Title of the figure.
+    """
+    longest = max(_extent(one.assembly) for one in drawings)
+    fills: dict[str, str] = {}
+    inches = _WIDTH - 2.0 * _MARGIN - 0.3
+    scale = longest / inches
+    ends = (-_MARGIN * scale, longest + _MARGIN * scale)
+    sketches = [_Sketch(one, scale, ends, fills) for one in drawings]
+    heights = [sketch.height / scale + 0.75 for sketch in sketches]
+    figure = surface(ax, _WIDTH, sum(heights) + 0.6)
+    axes = panels(figure, len(sketches), 1, height_ratios=heights, sharex=True)
+    for sketch, place in zip(sketches, axes, strict=True):
+        sketch.draw(place)
+    axes[-1].set_xlabel("distance from the tip (mm)", color=INK)
+    if any(fills):
+        from matplotlib.patches import Patch
+
+        patches = [
+            Patch(facecolor=fill, edgecolor=INK, linewidth=0.6, label=name) for name, fill in fills.items() if name
+        ]
+        add_legend(figure, handles=patches, loc="outside lower right", ncols=len(patches))
+    if title:
+        title_left(figure, title, 11.0)
+    return finished(figure)
+
+
+def _extent(assembly: Assembly) -> float:
+    """Return the length of a drawing in mm, with a box for a spindle."""
+    return sum(_lengths(element) for element in assembly.elements.values()) + _spindle_length(assembly)
+
+
+def _lengths(element: Any) -> float:
+    if isinstance(element, Part):
+        return _MM * sum(segment.length for segment in element.segments)
+    return _MM * float(element.length) if isinstance(element, SpreadJoint) else 0.0
+
+
+def _spindle_length(assembly: Assembly) -> float:
+    last = list(assembly.elements.values())[-1]
+    return 0.5 * _largest(assembly) if last.role == "spindle" else 0.0
+
+
+def _largest(assembly: Assembly) -> float:
+    """Return the largest outer diameter in mm."""
+    parts = [element for element in assembly.elements.values() if isinstance(element, Part)]
+    return _MM * max(segment.outer_diameter for part in parts for segment in part.segments)
+
+
+class _Rows:
+    """Labels in rows above or below a drawing; a label goes to the first row in which it has room."""
+
+    def __init__(self, start: float, step: float, scale: float, ends: tuple[float, float]) -> None:
+        self._start, self._step, self._scale, self._ends = start, step, scale, ends
+        self._taken: list[list[tuple[float, float]]] = []
+
+    def place(self, x: float, text: str, least: int = 0) -> tuple[float, float]:
+        """Return the centre of a label as close to x as the ends of the axes allow."""
+        half = 0.5 * (_CHARACTER * len(text) + 0.1) * self._scale
+        x = min(max(x, self._ends[0] + half), max(self._ends[1] - half, self._ends[0] + half))
+        row = least
+        while True:
+            while row >= len(self._taken):
+                self._taken.append([])
+            if all(x + half <= low or x - half >= high for low, high in self._taken[row]):
+                self._taken[row].append((x - half, x + half))
+                return x, self._start + (row + 0.5) * self._step
+            row += 1
+
+    @property
+    def count(self) -> int:
+        """Number of rows in use."""
+        return len(self._taken)
+
+    @property
+    def end(self) -> float:
+        """Height of the end of the last row."""
+        return self._start + len(self._taken) * self._step
+
+
+@dataclass(frozen=True)
+class _Label:
+    """A text with its centre, and the point to which its leader goes."""
+
+    text: str
+    centre: tuple[float, float]
+    colour: str = INK
+    leader: tuple[float, float] | None = None
+
+
+class _Sketch:
+    """Shapes and labels of one assembly in mm; `scale` is the number of mm in an inch."""
+
+    def __init__(self, drawing: Drawing, scale: float, ends: tuple[float, float], fills: dict[str, str]) -> None:
+        self.drawing, self.scale, self.ends, self.fills = drawing, scale, ends, fills
+        self.radius = 0.5 * _largest(drawing.assembly)
+        gap = 0.12 * scale
+        self.above = _Rows(self.radius + gap, _ROW * scale, scale, ends)
+        self.below = _Rows(-self.radius - gap, -_ROW * scale, scale, ends)
+        self.rectangles: list[tuple[float, float, float, float, str, str]] = []
+        """x, y, width, height, fill, hatch."""
+        self.joints: list[tuple[float, float, float]] = []
+        """x, length, radius."""
+        self.labels: list[_Label] = []
+        self.spans: list[tuple[float, float, float]] = []
+        """Ends and height of a dimension line."""
+        self.symbols: list[tuple[float, float, str, str]] = []
+        """x, y, kind and colour."""
+        self.starts: dict[str, float] = {}
+        self._lay_out()
+
+    @property
+    def height(self) -> float:
+        """Height with all labels in mm."""
+        return self.above.end - self.below.end
+
+    def _lay_out(self) -> None:
+        assembly = self.drawing.assembly
+        x = 0.0
+        names: list[tuple[float, float, str]] = []
+        joints: list[tuple[float, str, float]] = []
+        for name, element in assembly.elements.items():
+            self.starts[name] = x
+            length = _lengths(element)
+            if isinstance(element, Part):
+                self._add_part(x, element)
+                names.append((x, x + length, name))
+            elif isinstance(element, SpreadJoint):
+                self._add_section(x, length, element.sleeve)
+                self._add_section(x, length, element.shank)
+                self._label_below(x, length, f"{length:.4g}")
+                half = 0.5 * _MM * element.shank.outer_diameter
+                self.joints.append((x, length, half))
+                joints.append((x + 0.5 * length, name, half))
+            elif element.role == "spindle":
+                width = _spindle_length(assembly)
+                self.rectangles.append((x, -self.radius, width, 2.0 * self.radius, "white", "////"))
+                names.append((x, x + width, name))
+            else:
+                half = self._radius_at(x)
+                self.joints.append((x, 0.0, half))
+                joints.append((x, name, half))
+            x += length
+        first = self.below.count
+        for low, high, name in names:
+            self.labels.append(_Label(name, self.below.place(0.5 * (low + high), name, first)))
+        for at, name, half in joints:
+            self._label(at, half, name, COLOURS[1])
+        self._add_attachments()
+        for mark in self.drawing.marks:
+            self._add_mark(mark)
+
+    def _add_part(self, x: float, part: Part) -> None:
+        for segment in part.segments:
+            length = _MM * segment.length
+            self._add_section(x, length, segment)
+            bore = f"/{_MM * segment.inner_diameter:.4g}" if segment.inner_diameter else ""
+            text = f"ø{_MM * segment.outer_diameter:.4g}{bore}"
+            self._label(x + 0.5 * length, 0.5 * _MM * segment.outer_diameter, text, INK)
+            self._label_below(x, length, f"{length:.4g}")
+            x += length
+
+    def _add_section(self, x: float, length: float, section: Segment | Section) -> None:
+        outer, inner = _MM * section.outer_diameter, _MM * section.inner_diameter
+        self.rectangles.append((x, -0.5 * outer, length, outer, self._fill(section.material), ""))
+        if inner:
+            fill = self._fill(section.core) if section.core is not None else "white"
+            self.rectangles.append((x, -0.5 * inner, length, inner, fill, ""))
+
+    def _fill(self, material: Material) -> str:
+        return self.fills.setdefault(material.name, _FILLS[len(self.fills) % len(_FILLS)])
+
+    def _radius_at(self, x: float) -> float:
+        """Return the radius of a point joint: that of the slimmer of its neighbours, but visible."""
+        near = [abs(y) for left, y, width, _, _, _ in self.rectangles if left - 1e-9 <= x <= left + width + 1e-9]
+        return max(near, default=self.radius)
+
+    def _label(self, x: float, y: float, text: str, colour: str) -> None:
+        """Add a label with a leader to a point, above it or below it."""
+        rows = self.above if y >= 0.0 else self.below
+        self.labels.append(_Label(text, rows.place(x, text), colour, (x, y)))
+
+    def _label_below(self, x: float, length: float, text: str) -> None:
+        self.labels.append(_Label(text, self.below.place(x + 0.5 * length, text)))
+        self.spans.append((x, x + length, -self.radius - 0.06 * self.scale))
+
+    def _place(self, part: str, position: float | str) -> tuple[float, float]:
+        """Return position and radius of a point in mm."""
+        elements = self.drawing.assembly.elements
+        name, along = place_on(elements, "drawing", part, position)
+        x, edge = 0.0, 0.0
+        for segment in elements[name].segments:  # type: ignore[union-attr]
+            edge += segment.length
+            x = 0.5 * _MM * segment.outer_diameter
+            if along < edge - 1e-9:
+                break
+        return self.starts[name] + _MM * along, x
+
+    def _add_attachments(self) -> None:
+        assembly = self.drawing.assembly
+        for name, attachment in assembly.attachments.items():
+            part, along = points_of(assembly.elements, name, attachment)
+            middle, half = self._place(part, sum(along) / len(along))
+            if isinstance(attachment, GroundSpring):
+                for one in along:
+                    at, radius = self._place(part, one)
+                    self.symbols.append((at, -radius, "ground", COLOURS[2]))
+                self._label(middle, -half, name, COLOURS[2])
+                continue
+            text = f"{name} {_grams(attachment.mass)}" if isinstance(attachment, (PointMass, Resonator)) else name
+            self.symbols.append((middle, half, "mass", COLOURS[3]))
+            self._label(middle, half, text, COLOURS[3])
+
+    def _add_mark(self, mark: Mark) -> None:
+        x, half = self._place(mark.at.part, mark.at.position)
+        # The sensor is opposite to the hit, so that both are visible at one coordinate.
+        y = half if mark.kind == "excitation" else -half
+        self.symbols.append((x, y, mark.kind, COLOURS[0]))
+        self._label(x, y, mark.text, COLOURS[0])
+
+    def draw(self, axes: Axes) -> None:
+        """Draw everything; the axes have the scale of the sketch."""
+        from matplotlib.patches import Rectangle
+
+        set_up(axes, self.drawing.title, "", "", grid="none")
+        over = 0.3 * self.ends[0]
+        axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])
+        axes.plot(*axis, color=PALE, linewidth=0.6, linestyle=(0, (8, 3, 1, 3)), zorder=3)
+        for x, y, width, height, fill, hatch in self.rectangles:
+            axes.add_patch(
+                Rectangle((x, y), width, height, facecolor=fill, edgecolor=INK, linewidth=0.8, hatch=hatch, zorder=2)
+            )
+        for x, length, half in self.joints:
+            for side in (-half, half) if length else (0.0,):
+                ends = ([x, x + length], [side, side]) if length else ([x, x], [-half, half])
+                axes.plot(*ends, color=COLOURS[1], linewidth=2.4, zorder=4, solid_capstyle="butt")
+        bar = {"arrowstyle": "|-|,widthA=0.18,widthB=0.18", "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}
+        for low, high, y in self.spans:
+            axes.annotate("", (low, y), (high, y), arrowprops=bar)
+        for x, y, kind, colour in self.symbols:
+            self._draw_symbol(axes, x, y, kind, colour)
+        white = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+        for label in self.labels:
+            axes.text(
+                *label.centre, label.text, ha="center", va="center", fontsize=_SIZE, color=label.colour, bbox=white,
+                zorder=6,
+            )  # fmt: skip
+            if label.leader is not None:
+                x, y = label.leader
+                axes.plot([x, x], [y, label.centre[1]], color=label.colour, linewidth=0.5, alpha=0.6, zorder=1)
+        axes.set_aspect("equal", adjustable="box")
+        axes.set_xlim(*self.ends)
+        axes.set_ylim(self.below.end - 0.03 * self.scale, self.above.end + 0.03 * self.scale)
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(labelbottom=True)
+
+    def _draw_symbol(self, axes: Axes, x: float, y: float, kind: str, colour: str) -> None:
+        if kind == "excitation":
+            length = 0.22 * self.scale
+            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", (x, y), (x, y + length), arrowprops=arrow, zorder=7)
+            return
+        marker = {"response": "^", "mass": "s", "ground": "^"}[kind]
+        offset = 0.045 * self.scale * (1.0 if y > 0.0 else -1.0)
+        axes.plot([x], [y + offset], marker=marker, color=colour, markersize=6, zorder=7, linestyle="none")
+
+
+def _grams(mass: float) -> str:
+    return f"{mass:.3g} kg" if mass >= 1.0 else f"{_MM * mass:.3g} g"
