@@ -6,6 +6,8 @@ score table, with exact binomial intervals. Every case is drawn anew from the se
 resumed run give the same cases as one long run. The file of `--resume` has one JSON line for each finished case;
 several shards are scored together with `--score FILE FILE ...`. Any beginning of the list of cases is a fair mixture,
 so `--budget` may end a run early: after so many minutes no case is begun any more, and the table says how many ran.
+`--holder LEVEL ...` runs the same list of cases with less knowledge of the holder, and each level has a table of its
+own; `tests/blind/generator/knowledge.py` says how the levels are drawn.
 """
 
 from __future__ import annotations
@@ -17,10 +19,7 @@ if __name__ == "__main__":
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
-import dataclasses
 import functools
-import json
-import secrets
 import sys
 import time
 from pathlib import Path
@@ -29,8 +28,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
-from blind.files import append, read, shard
-from blind.generator import every
+from blind.files import add_options, append, read, run_batch
+from blind.generator import LEVELS, every
 from blind.outcome import Outcome, run_case
 from blind.score import report, table
 
@@ -38,64 +37,46 @@ from blind.score import report, table
 def main(arguments: list[str] | None = None) -> int:
     """Run, print the table, write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=30)
-    parser.add_argument("--seed", type=int, help="by default a new one, which is printed")
-    parser.add_argument("--json", type=Path, help="outcomes and table as JSON")
-    parser.add_argument("--shard", type=shard, default=(1, 1), metavar="i/n")
-    parser.add_argument("--resume", type=Path, help="file of finished cases, which it goes on with")
+    add_options(parser, cases=30)
     parser.add_argument(
-        "--budget", type=float, default=float("inf"), metavar="MIN", help="begin no case after these minutes"
+        "--holder",
+        choices=LEVELS,
+        nargs="+",
+        default=[""],
+        help="what is known of the holder, by default its dimensions with ordinary tolerances; each case is run at "
+        "all levels that are given",
     )
-    parser.add_argument("--score", type=Path, nargs="+", help="score files of finished cases, run nothing")
     parser.add_argument("--quick", action="store_true", help="three overhangs and a narrower band")
     parser.add_argument("--threads", type=int, default=1, help="of one diagnosis; shards are the better use of cores")
     options = parser.parse_args(arguments)
-    own, count = options.shard
-    if options.score:
-        outcomes = read(options.score)
-        seeds = sorted({one.seed for one in outcomes})
-        seed = seeds[0] if len(seeds) == 1 else seeds
-        requested = len(outcomes)
-    else:
-        seed = secrets.randbelow(2**31) if options.seed is None else options.seed
-        sys.stdout.write(f"seed {seed}, {options.cases} cases, shard {own}/{count}\n")
-        outcomes = run(seed, options, own, count)
-        requested = len(range(own - 1, options.cases, count))
-    if not outcomes:
-        sys.stdout.write("no case\n")
-        return 0
-    hidden = sum(bool(one.effects) for one in outcomes)
-    sys.stdout.write(
-        f"seed {seed}: {len(outcomes)} of {requested} cases ran, {hidden} with something hidden, "
-        f"{len(outcomes) - hidden} with nothing\n{report(outcomes)}\n"
-    )
-    if options.json:
-        lines, rest = table(outcomes)
-        rows = [{**dataclasses.asdict(line), "interval": line.interval} for line in lines]
-        document = {"seed": seed, "lines": rows, "text": rest, "cases": [dataclasses.asdict(o) for o in outcomes]}
-        options.json.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    run_batch(options, functools.partial(run, options), report, table)
     return 0
 
 
-def run(seed: int, options: argparse.Namespace, own: int, count: int) -> list[Outcome]:
+def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     """Return the outcomes of a shard, those that were finished before included."""
     outcomes = [o for o in read([options.resume]) if o.seed == seed] if options.resume else []
-    done = {o.index for o in outcomes}
+    outcomes = [o for o in outcomes if o.knowledge in options.holder]
+    done = {(o.knowledge, o.index) for o in outcomes}
+    own, count = options.shard
     begun = time.perf_counter()
-    for index, (kind, effects) in enumerate(every(options.cases)):
-        if index % count != own - 1 or index in done:
+    cases = [(level, *case) for case in enumerate(every(options.cases)) for level in options.holder]
+    for level, index, (kind, effects) in cases:
+        if index % count != own - 1 or (level, index) in done:
             continue
         if time.perf_counter() - begun > 60.0 * options.budget:
             sys.stdout.write("the budget is used up\n")
             break
-        one = run_case(seed, index, kind, effects, functools.partial(ask, threads=options.threads), quick=options.quick)
+        asked = functools.partial(ask, threads=options.threads)
+        one = run_case(seed, index, kind, effects, asked, quick=options.quick, knowledge=level)
         outcomes.append(one)
         sizes = ", ".join(f"{id} {u:.2f}" for id, u in zip(one.effects, one.sizes, strict=True)) or "nothing"
+        sizes += f" (in the data: {', '.join(one.within)})" if one.within else ""
         large = "large" if one.large else "small"
         sys.stdout.write(
-            f"{index:4d} {kind:<17} {sizes:<40} {large}  ->  {one.verdict} {', '.join(one.reported)}  misfit "
-            f"{one.misfit:.2f} to {one.misfit_after:.2f}, {one.seconds:.0f} s of {time.perf_counter() - begun:.0f} s"
-            f"{'  ' + one.error if one.error else ''}\n"
+            f"{index:4d} {level}{' ' if level else ''}{kind:<17} {sizes:<40} {large}  ->  {one.verdict} "
+            f"{', '.join(one.reported)}  misfit {one.misfit:.2f} to {one.misfit_after:.2f}, {one.seconds:.0f} s of "
+            f"{time.perf_counter() - begun:.0f} s{'  ' + one.error if one.error else ''}\n"
         )
         sys.stdout.flush()
         if options.resume:

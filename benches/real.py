@@ -18,10 +18,7 @@ if __name__ == "__main__":
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import argparse
-import dataclasses
 import functools
-import json
-import secrets
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -30,7 +27,7 @@ from pathlib import Path
 # The laboratory is the package `real` under tests, and this file must not shadow it.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from blind.files import append, read, shard
+from blind.files import add_options, append, read, run_batch
 from blind.outcome import Outcome
 from real.bridge import ask, fit
 from real.cases import ANSWERS, DRIVE, PLAN, available, plan
@@ -45,9 +42,7 @@ ABSENT = f"its measured files are not in {MEASURED}"
 def main(arguments: list[str] | None = None) -> int:
     """Run, print the table, write JSON if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=20)
-    parser.add_argument("--seed", type=int, help="by default a new one, which is printed")
-    parser.add_argument("--json", type=Path, help="outcomes and table as JSON")
+    add_options(parser, cases=20)
     parser.add_argument("--jobs", type=int, default=1, help="processes, each with one thread")
     parser.add_argument(
         "--only",
@@ -57,65 +52,38 @@ def main(arguments: list[str] | None = None) -> int:
         choices=["nothing", *ANSWERS, *dict(PLAN)],
         help="structures and effects, or nothing",
     )
-    parser.add_argument("--shard", type=shard, default=(1, 1), metavar="i/n")
-    parser.add_argument("--resume", type=Path, help="file of finished cases, which it goes on with")
-    parser.add_argument(
-        "--budget", type=float, default=float("inf"), metavar="MIN", help="begin no case after these minutes"
-    )
     parser.add_argument("--plain", action="store_true", help="what the plain models leave of the records; no case")
-    parser.add_argument("--score", type=Path, nargs="+", help="score files of finished cases, run nothing")
     options = parser.parse_args(arguments)
     if options.plain:
         for structure, left_out in (("modelab", ()), ("modelab", (DRIVE,)), ("brake_reuss", ())):
             found = text(describe(structure, left_out)) if available(structure) else f"{structure}: {ABSENT}"
             sys.stdout.write(f"{found}\n")
         return 0
-    if options.score:
-        outcomes = read(options.score)
-        seeds = sorted({one.seed for one in outcomes})
-        seed = seeds[0] if len(seeds) == 1 else seeds
-    else:
-        seed = secrets.randbelow(2**31) if options.seed is None else options.seed
-        own, count = options.shard
-        sys.stdout.write(f"seed {seed}, {options.cases} cases, shard {own}/{count}\n")
-        for name, reason in REFUSED.items():
-            sys.stdout.write(f"not used: {name}: {reason}\n")
-        outcomes = run(seed, options)
-    if not outcomes:
-        sys.stdout.write("no case\n")
-        return 0
-    hidden = sum(bool(one.effects) for one in outcomes)
-    sys.stdout.write(
-        f"seed {seed}: {len(outcomes)} cases, {hidden} with something hidden, {len(outcomes) - hidden} with nothing\n"
-        f"{report(outcomes)}\n"
-    )
-    if options.json:
-        lines, rest = table(outcomes)
-        rows = [{**dataclasses.asdict(line), "interval": line.interval} for line in lines]
-        document = {"seed": seed, "lines": rows, "text": rest, "cases": [dataclasses.asdict(o) for o in outcomes]}
-        options.json.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    run_batch(options, functools.partial(run, options), report, table)
     return 0
 
 
-def run(seed: int, options: argparse.Namespace) -> list[Outcome]:
+def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     """Return the outcomes of a shard, those that were finished before included."""
+    for name, reason in REFUSED.items():
+        sys.stdout.write(f"not used: {name}: {reason}\n")
     outcomes = [o for o in read([options.resume]) if o.seed == seed] if options.resume else []
     done = {o.index for o in outcomes}
     own, count = options.shard
     begun = time.perf_counter()
-    todo = []
+    pending = []
     absent = set()
     for index, structure, effect in plan(options.cases, options.only):
         if index % count != own - 1 or index in done:
             continue
         if available(structure):
-            todo.append((index, structure, effect))
+            pending.append((index, structure, effect))
         elif structure not in absent:
             absent.add(structure)
             sys.stdout.write(f"skipped: {structure}: {ABSENT}\n")
     one_case = functools.partial(_run, seed, begun + 60.0 * options.budget)
     with ProcessPoolExecutor(options.jobs) if options.jobs > 1 else _Here() as pool:
-        for one in pool.map(one_case, todo):
+        for one in pool.map(one_case, pending):
             if one is None:
                 sys.stdout.write("the budget is used up\n")
                 break

@@ -16,6 +16,7 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -76,6 +77,48 @@ def kinds_asked(tree: ast.Module) -> int:
     return count
 
 
+def imports(package: Path) -> dict[str, set[str]]:
+    """Return the modules of a package that each of its modules imports, inside functions as well.
+
+    Imports for annotations alone are left out, and those of a package by its own modules, whose `__init__` runs first.
+    """
+    found: dict[str, ast.Module] = {}
+    for path, text in python_files(package):
+        parts = (package.name, *path.relative_to(package).with_suffix("").parts)
+        found[".".join(parts).removesuffix(".__init__")] = ast.parse(text)
+    edges: dict[str, set[str]] = {}
+    for module, tree in found.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+                node.body = []
+        named = {
+            name if (name := f"{node.module}.{alias.name}") in found else str(node.module)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        named |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        edges[module] = {name for name in named & found.keys() if not f"{module}.".startswith(f"{name}.")}
+    return edges
+
+
+def circles(edges: dict[str, set[str]]) -> list[list[str]]:
+    """Return the groups of modules of which each imports all others, directly or not."""
+
+    def reached(start: str) -> set[str]:
+        seen: set[str] = set()
+        waiting = [start]
+        while waiting:
+            new = edges[waiting.pop()] - seen
+            seen |= new
+            waiting += new
+        return seen
+
+    below = {module: reached(module) for module in edges}
+    groups = {frozenset(one for one in below[module] if module in below[one]) for module in edges}
+    return sorted(sorted(group) for group in groups if group)
+
+
 def extension(stub: Path) -> tuple[int, int, str]:
     """Return the functions and methods of the extension, and the largest number of arguments and whose it is."""
     tree = ast.parse(stub.read_text(encoding="utf-8"))
@@ -106,6 +149,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
         rows += [(f"{name}: files", f"{files:,}"), (f"{name}: lines", f"{lines:,}")]
     classes = dataclasses = functions = numbers = anys = asked = registries = 0
     rendering: list[str] = []
+    names: Counter[str] = Counter()
     for _, text in python_files(package):
         tree = ast.parse(text)
         for node in ast.walk(tree):
@@ -114,6 +158,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
             registries += isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "UnitRegistry"
             if isinstance(node, ast.ClassDef):
                 classes += 1
+                names[node.name] += 1
                 dataclasses += any("dataclass" in ast.unparse(one) for one in node.decorator_list)
                 methods = {one.name for one in node.body if isinstance(one, ast.FunctionDef)}
                 rendering += [node.name] if methods & RENDERERS and node.name != "Result" else []
@@ -123,6 +168,8 @@ def measure(root: Path) -> list[tuple[str, str]]:
     return [
         *rows,
         ("classes", f"{classes} ({dataclasses} dataclasses)"),
+        ("import circles", "; ".join(", ".join(group) for group in circles(imports(package))) or "0"),
+        ("names of several classes", ", ".join(sorted(name for name, times in names.items() if times > 1))),
         ("functions and methods", f"{functions:,}"),
         ("functions of the extension", str(count)),
         ("their largest number of arguments", f"{most} ({name})"),

@@ -9,13 +9,12 @@ from receptance.errors import MissingExtraError
 __all__ = ["EXTRAS", "require"]
 
 EXTRAS = {
-    "report": ("plotly", "jinja2"),
     "sweep": ("xarray", "zarr", "google_crc32c", "pandas"),
     "hdf5": ("h5py",),
     "sampling": ("emcee",),
     "dask": ("distributed",),
 }
-"""Modules of each extra of the package, as in `pip install 'receptance[report]'`."""
+"""Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""
 
 
 def require(extra: str, purpose: str, *modules: str) -> None:
@@ -38,7 +37,7 @@ def require(extra: str, purpose: str, *modules: str) -> None:
     Examples
     --------
     >>> from receptance._extras import require
-    >>> require("report", "the report of a diagnosis")
+    >>> require("hdf5", "an HDF5 file")
     """
     missing = [name for name in modules or EXTRAS[extra] if importlib.util.find_spec(name) is None]
     if missing:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-__all__ = ["LARGEST", "check_target", "inert", "open_file", "read_whole", "streamed", "write_whole"]
+__all__ = ["LARGEST", "check_target", "created_folder", "inert", "open_file", "read_whole", "streamed", "write_whole"]
 
 LARGEST = 1 << 30
 """Most bytes read of one file, compressed or expanded: 1 GiB."""
@@ -91,6 +91,29 @@ def check_target(path: Path) -> None:
     target = path if path.exists() and not path.is_file() else folder
     if not os.access(target, os.W_OK) or (path.is_file() and not os.access(path, os.W_OK)):
         raise PermissionError(f"cannot write {path}: no permission")
+
+
+@contextlib.contextmanager
+def created_folder(target: Path) -> Iterator[None]:
+    """Create a folder with its parents; after an error or an interruption the new ones are removed.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be created; the message names it.
+    """
+    new = [path for path in (target, *target.parents) if not path.exists()]
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OSError(f"cannot create the folder {target}: {error.strerror or error}") from error
+    try:
+        yield
+    except BaseException:
+        for path in new:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        raise
 
 
 def write_whole(contents: Mapping[Path, bytes]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["local_maxima"]
+__all__ = ["local_maxima", "nearest_peak"]
 
 
 def local_maxima(values: NDArray[np.float64], prominence: float = 0.0) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
@@ -35,6 +35,14 @@ def local_maxima(values: NDArray[np.float64], prominence: float = 0.0) -> tuple[
     found = np.array(heights) - np.maximum(left, right)
     kept = found >= prominence
     return places[kept], found[kept]
+
+
+def nearest_peak(frequency_hz: NDArray[np.float64], peaks_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return for each frequency the number of the nearest peak.
+
+    Peaks are in ascending order; a frequency in the middle between two belongs to the upper one.
+    """
+    return np.searchsorted(0.5 * (peaks_hz[1:] + peaks_hz[:-1]), frequency_hz, side="right")
 
 
 def _bases(heights: Iterable[float], between: Iterable[float]) -> list[float]:

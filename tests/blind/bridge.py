@@ -6,22 +6,28 @@ unknown, and the FRFs with their metadata. It does not use the truth.
 
 from __future__ import annotations
 
+import tempfile
 import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blind.generator import Case, Configuration, Nominal, Record
+from blind.generator import Blank, Case, Configuration, Modes, Nominal, Record, Table
+from blind.generator.records import Estimate
 from receptance import (
     FRF,
     Assembly,
     Coordinate,
     Material,
     MeasuredFRF,
+    MeasuredPart,
+    ModalPart,
+    Mode,
     Part,
     PointJoint,
     PointMass,
@@ -75,8 +81,88 @@ def _materials(nominal: Nominal) -> dict[str, Material]:
     }
 
 
-def assembly_of(nominal: Nominal, configuration: Configuration) -> Assembly:
-    """Return the nominal assembly."""
+@dataclass(frozen=True)
+class Holder:
+    """A holder as data: the end of the assemblies, and the tolerances of its numbers."""
+
+    end: MeasuredPart | ModalPart
+    tolerances: tuple[Tolerance, ...] = ()
+
+
+def holder_of(case: Case) -> Holder | None:
+    """Return the holder as the program reads it or finds it; None where beams describe it."""
+    if isinstance(case.known, Table):
+        return Holder(_read_table(case.known))
+    if isinstance(case.known, Modes):
+        return _stated_modes(case.known)
+    return Holder(_from_blank(case.known)) if isinstance(case.known, Blank) else None
+
+
+def _read_table(table: Table) -> MeasuredPart:
+    """Return a table by way of a file, as an engineer would."""
+    from receptance.io import write
+    from receptance.spindle import read_spindle
+
+    frf = FRF(
+        frequency_hz=table.frequency_hz,
+        values=table.matrix,
+        responses=["y", "theta"],
+        excitations=["y", "theta"],
+        decay_rate=table.decay_rate,
+        log_variance=table.log_variance,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / "holder.npz", frf)
+        return read_spindle(Path(folder) / "holder.npz", name="holder")
+
+
+def _stated_modes(known: Modes) -> Holder:
+    from receptance.spindle import mode_tolerances
+
+    modes = [Mode(frequency_hz=f, damping_ratio=z, y=y, theta=t) for f, z, y, t in known.rows.tolist()]
+    names = ("residual_y", "residual_theta", "residual_ytheta")
+    end = ModalPart(modes=modes, **dict(zip(names, known.residuals.tolist(), strict=True)), name="holder")
+    # The rows have four numbers of each mode; its shape is real.
+    stated = [
+        f"mode[{i}].{name}" for i in range(len(modes)) for name in ("frequency_hz", "damping_ratio", "y", "theta")
+    ]
+    places = [end.addresses.index(address) for address in (*stated, *names)]
+    covariance = np.zeros((len(end.addresses), len(end.addresses)))
+    covariance[np.ix_(places, places)] = known.covariance
+    return Holder(end, mode_tolerances(end, covariance))
+
+
+def _from_blank(known: Blank) -> MeasuredPart:
+    """Return what the program finds of the holder from the hits on the reference blank."""
+    from receptance.spindle import identify_spindle
+
+    p = known.numbers
+    material = Material(
+        youngs_modulus=p["tool.modulus"],
+        density=p["tool.density"],
+        poisson_ratio=p["tool.poisson"],
+        loss_factor=p["tool.loss"],
+    )
+    shear = "hutchinson" if p["shear.hutchinson"] else "cowper"
+    cylinder = Segment(length=known.length, outer_diameter=p["tool.diameter"], material=material, shear=shear)
+    blank = Assembly([Part([cylinder], name="blank")])
+    observed = [
+        MeasuredFRF.from_frf(
+            blank,
+            _frf(estimate, f"blank {i}"),
+            response=Coordinate("blank", response),
+            excitation=Coordinate("blank", excitation),
+            floor=Floor(),
+        )
+        for i, ((response, excitation), estimate) in enumerate(zip(known.places, known.estimates, strict=True))
+    ]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return identify_spindle(observed).part(name="holder")
+
+
+def assembly_of(nominal: Nominal, configuration: Configuration, holder: Holder | None = None) -> Assembly:
+    """Return the nominal assembly, with a holder of beams or of data."""
     p, material = nominal.numbers, _materials(nominal)
     shear = "hutchinson" if p["shear.hutchinson"] else "cowper"
     tool = []
@@ -124,13 +210,22 @@ def assembly_of(nominal: Nominal, configuration: Configuration) -> Assembly:
             name="joint",
         )
     points = [PointMass(mass=p["sensor.mass"], part="tool", name="sensor")] if "sensor.mass" in p else []
+    if holder is not None:
+        return Assembly([Part(tool, name="tool"), link, holder.end], points)
     return Assembly([Part(tool, name="tool"), link, Part(sections, name="holder")], points)
 
 
 def _addresses(nominal: Nominal, number: str) -> list[str]:
     """Return the addresses that a number of the laboratory has in the assemblies."""
     kind, *rest = number.split(".")
-    field_ = {"modulus": "youngs_modulus", "outer": "outer_diameter", "inner": "inner_diameter"}.get(rest[-1], rest[-1])
+    fields = {
+        "modulus": "youngs_modulus",
+        "poisson": "poisson_ratio",
+        "loss": "loss_factor",
+        "outer": "outer_diameter",
+        "inner": "inner_diameter",
+    }
+    field_ = fields.get(rest[-1], rest[-1])
     layer = nominal.layer
     if number == "tool.overhang":
         return [f"tool.segment[{int('flute.length' in nominal.numbers)}].length"]
@@ -148,17 +243,24 @@ def _addresses(nominal: Nominal, number: str) -> list[str]:
     return [f"holder.segment[{section}].{field_}"]
 
 
-def tolerances_of(nominal: Nominal) -> list[Tolerance]:
-    """Return the stated tolerances."""
-    return [
+def tolerances_of(nominal: Nominal, holder: Holder | None = None) -> list[Tolerance]:
+    """Return the stated tolerances, and then those of a holder of data."""
+
+    def moved(number: str) -> list[str]:
+        found = _addresses(nominal, number)
+        # The shank in the bore is part of the data.
+        return found if holder is None else [address for address in found if address.startswith("tool.")]
+
+    stated = [
         Tolerance(
             name=stated.name,
-            moves={a: deviation for name, deviation in stated.moves.items() for a in _addresses(nominal, name)},
+            moves={a: deviation for name, deviation in stated.moves.items() for a in moved(name)},
             relative=stated.relative,
             configurations=stated.configuration,
         )
         for stated in nominal.tolerances
     ]
+    return [*stated, *(holder.tolerances if holder else ())]
 
 
 def unknowns_of(nominal: Nominal) -> list[Law]:
@@ -176,11 +278,14 @@ def unknowns_of(nominal: Nominal) -> list[Law]:
 
 def frf_of(record: Record) -> FRF:
     """Return the FRF in the form of the analyser."""
-    e = record.estimate
+    return _frf(record.estimate, record.label, record.notes).to(record.form)  # type: ignore[arg-type]
+
+
+def _frf(e: Estimate, label: str, notes: Sequence[str] = ()) -> FRF:
     with warnings.catch_warnings():
         # The package may warn of a wrong quantity; only the verdict is scored.
         warnings.simplefilter("ignore")
-        frf = FRF(
+        return FRF(
             frequency_hz=e.frequency_hz,
             values=e.receptance,
             decay_rate=e.decay_rate,
@@ -189,10 +294,9 @@ def frf_of(record: Record) -> FRF:
             log_variance=e.log_variance,
             degrees_of_freedom=e.degrees_of_freedom,
             correlated_lines=e.correlated_lines,
-            label=record.label,
-            notes=record.notes,
+            label=label,
+            notes=notes,
         )
-        return frf.to(record.form)  # type: ignore[arg-type]
 
 
 def _conditions(configuration: Configuration, level: float) -> dict[str, float]:
@@ -209,10 +313,10 @@ def _at_nose(assembly: Assembly) -> Assembly:
     return Assembly(assembly.elements.values(), moved)
 
 
-def observations_of(case: Case) -> list[MeasuredFRF]:
-    """Return all records as observations of the nominal assemblies."""
+def observations_of(case: Case, holder: Holder | None = None) -> list[MeasuredFRF]:
+    """Return all records as observations of the nominal assemblies, on the lines that a holder of data has."""
     configurations = {c.name: c for c in case.nominal.configurations}
-    by_name = {name: assembly_of(case.nominal, c) for name, c in configurations.items()}
+    by_name = {name: assembly_of(case.nominal, c, holder) for name, c in configurations.items()}
     several = len({record.plane for record in case.records}) > 1
     found = []
     for record in case.records:
@@ -220,10 +324,13 @@ def observations_of(case: Case) -> list[MeasuredFRF]:
         conditions |= {"plane": float(record.plane)} if several else {}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            frf = frf_of(record)
+            if holder is not None and isinstance(holder.end, MeasuredPart):
+                frf = frf.with_(usable=holder.end.covers(frf.frequency_hz))
             found.append(
                 MeasuredFRF.from_frf(
                     by_name[record.configuration] if record.place == "tip" else _at_nose(by_name[record.configuration]),
-                    frf_of(record),
+                    frf,
                     response=_PLACES[record.place],
                     excitation=_PLACES[record.place],
                     floor=Floor(),
@@ -251,15 +358,12 @@ def ask(
 
     begun = time.perf_counter()
     measured = {c.name for c in case.nominal.configurations}
-    every = tolerances_of(case.nominal)
-    stated = [
-        one
-        for one, tolerance in zip(every, case.nominal.tolerances, strict=True)
-        if tolerance.configuration is None or tolerance.configuration in measured
-    ]
     try:
+        holder = holder_of(case)
+        every = tolerances_of(case.nominal, holder)
+        stated = [one for one in every if one.configurations is None or measured.issuperset(one.configurations)]
         verdict = diagnose(
-            observations_of(case),
+            observations_of(case, holder),
             unknowns_of(case.nominal),
             tolerances=stated,
             causes=causes,
@@ -271,7 +375,8 @@ def ask(
     seconds = time.perf_counter() - begun
     predictions, before = {}, {}
     problem = ""
-    for tool in case.new_tools:
+    # Natural frequencies of an assembly that ends with data are not counted.
+    for tool in case.new_tools if holder is None else ():
         assembly = assembly_of(case.nominal, tool)
         level = float(np.sqrt(np.prod(sorted({r.level for r in case.records}))))
         conditions = _conditions(tool, level) | {"plane": 1.0}

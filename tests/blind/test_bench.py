@@ -20,7 +20,7 @@ def bench(monkeypatch):
     spec.loader.exec_module(module)
     module.ran = []
 
-    def run_case(seed, index, kind, effects, ask, *, quick=False):
+    def run_case(seed, index, kind, effects, ask, *, quick=False, knowledge=""):
         module.ran.append(index)
         effects = effects or (() if kind.startswith("nothing") else ("time_delay",))
         return Outcome(
@@ -41,7 +41,7 @@ def test_shards_partition_one_run_and_are_scored_together(bench, tmp_path, capsy
     assert sorted(bench.ran) == list(range(21))
     out = tmp_path / "table.json"
     assert bench.main(["--score", *map(str, files), "--json", str(out)]) == 0
-    assert "seed 3: 21 of 21 cases ran, 14 with something hidden, 7 with nothing" in capsys.readouterr().out
+    assert "seed 3: 21 cases, 14 with something hidden, 7 with nothing" in capsys.readouterr().out
     document = json.loads(out.read_text(encoding="utf-8"))
     assert document["seed"] == 3
     assert len(document["cases"]) == 21

@@ -12,7 +12,6 @@ import pytest
 from campaign_text import TEXT, load
 from plain_residuals import truncated
 from receptance import FRF, campaign
-from receptance.campaign.run import campaign_model
 from receptance.diagnosis import CATALOGUE, Cause, Step, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
@@ -80,7 +79,7 @@ def write_campaign(folder: Path, more: str = "", **changes: float) -> campaign.C
 
 def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> tuple[campaign.Campaign, Any]:
     """A diagnosis that ended at causes where they are small, without the work of one."""
-    model, _ = campaign_model(read, read.to_identify)
+    model, _ = read.base_model()
     model = model.with_witnesses()
     base = _at_start(model)
     causes = tuple(Step(CATALOGUE[cause], variant) for cause, variant in steps)
@@ -126,7 +125,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> campaign.Campaign:
 @pytest.mark.filterwarnings("ignore:.*the phase of minus receptance")
 def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: slice) -> None:
     """`write_extended` reads its text before writing, and refuses a model that differs from the diagnosed one."""
-    model, _ = campaign_model(small, small.to_identify)
+    model, _ = small.base_model()
     for variant in CATALOGUE[cause].variants(model)[part]:
         read, verdict = as_if_found(small, (cause, variant.name))
         path = campaign.write_extended(read, verdict, small.file.with_name("extended.toml"))

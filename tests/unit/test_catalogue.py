@@ -363,14 +363,14 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     Path("m.csv").write_text("old")
     from receptance.catalogue import prediction
 
-    original = prediction._Predictor._predict
+    original = prediction._ToolPredictor._predict
 
     def fails(self: Any, tool: Any) -> Any:
         if tool.row.name == "T3":
             raise ValueError("no such luck")
         return original(self, tool)
 
-    monkeypatch.setattr(prediction._Predictor, "_predict", fails)
+    monkeypatch.setattr(prediction._ToolPredictor, "_predict", fails)
     assert call(monkeypatch, "catalogue", ".", "--out", "m.csv") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"

@@ -142,7 +142,7 @@ def test_no_number_is_cut(
     assert json.loads(Path("results.json").read_text(encoding="utf-8"))
     wide = _numbers(output.out)
     assert wide
-    for columns in ("40", "80", None):
+    for columns in ("40", "80", "100", "120", None):
         if columns is None:
             monkeypatch.delenv("COLUMNS")
         else:

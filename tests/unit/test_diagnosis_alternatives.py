@@ -90,12 +90,14 @@ def test_a_better_alternative_is_reported() -> None:
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "joint_cross_term"])
     assert verdict.verdict == "unexplained"
     assert not verdict.causes
-    (note,) = [one for one in verdict.notes if "more evidence" in one]
+    (note,) = [one for one in verdict.notes if "is more likely" in one]
     assert "a mass at 30 % of tool" in note
     assert verdict.alternative is verdict.alternatives[0]
     assert verdict.alternative.parameters["mass_somewhere.mass"][0] == pytest.approx(4e-4, rel=0.1)
-    assert "not a known cause: a mass at 30 % of tool\n    size: mass 0.4" in verdict.summary(1000)
-    assert "a mass at 30 % of tool (mass 0.4" in diagnosis_html(verdict)
+    facts = {fact.label: fact.texts[0] for fact in verdict.facts()}
+    assert facts["Place"].startswith("A mass at 30 % of tool explains the data; it is not a known cause")
+    assert facts["Size"].startswith("mass 0.4")
+    assert facts["Place"] in diagnosis_html(verdict)
     assert verdict.to_dict()["alternative"]["id"] == "mass_somewhere"
     assert "no cause is named" in note
 

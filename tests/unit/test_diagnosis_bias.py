@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from receptance import campaign, examples
-from receptance.campaign.run import campaign_model
 from receptance.diagnosis.by_mode import ModeResidual, bias_of, slenderness_of
 
 NAN = float("nan")
@@ -51,7 +50,7 @@ def test_few_and_no_residuals() -> None:
 
 def test_slenderness_of_the_published_case(tmp_path: object) -> None:
     read = campaign.load(examples.write("er32", f"{tmp_path}/er32")[0])
-    model, _ = campaign_model(read, read.measurements)
+    model, _ = read.base_model(read.measurements)
     found = slenderness_of(model)
     assert len(found) == 13
     assert max(found, key=lambda name: found[name]) == "d7_long"

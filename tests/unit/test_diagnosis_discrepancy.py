@@ -84,7 +84,8 @@ TOLERANCES = (
 @pytest.mark.parametrize(("frequency", "level"), [(0.003, 0.03), (0.01, 0.03), (0.003, 0.15)])
 def test_the_estimate_is_close_to_the_errors_that_were_made(frequency, level):
     model = resonant(Model(observed(frequency, level), JOINT, TOLERANCES, threads=1))
-    found, fit = fit_discrepancy(model, fit_base(model).values)
+    estimate = fit_discrepancy(model, fit_base(model).values)
+    found, fit = estimate.discrepancy, estimate.fit
     print(found, "made", frequency, level)
     assert found.relative is not None
     # Some ten modes show each of them, and the joint absorbs a part.
@@ -97,7 +98,7 @@ def test_intervals_of_the_joint_include_the_discrepancy():
     """Without it the joint misses the truth by many standard errors, with it by a few."""
     model = resonant(Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1))
     base = fit_base(model)
-    _, fit = fit_discrepancy(model, base.values)
+    fit = fit_discrepancy(model, base.values).fit
     true = {"joint.k_y": 4e8, "joint.k_theta": 9e4}
     away = [
         max(
@@ -154,7 +155,8 @@ def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
             )
         )
     model = Model(tuple(observations), JOINT, TOLERANCES, threads=1)
-    found, fit = fit_discrepancy(model, fit_base(model).values)
+    estimate = fit_discrepancy(model, fit_base(model).values)
+    found, fit = estimate.discrepancy, estimate.fit
     print(found, fit.misfit)
     assert found.frequency < 0.02
     assert 0.1 < found.damping < 1.0
@@ -194,7 +196,7 @@ def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     assert hidden.adequacy.misfit > 10.0
     assert hidden.discrepancy.frequency > 2.0 * hidden.discrepancy_after.frequency
     assert hidden.gains[0].held_out_after < hidden.gains[0].held_out_before
-    assert "verdict: partly explained" in hidden.sentences()
+    assert hidden.facts()[0].texts[0].startswith("partly explained: ")
     frequencies, errors = hidden.predict_natural_frequencies(assembled(0.07), 8e3)
     assert np.all(errors >= hidden.discrepancy_after.frequency * frequencies)
     # A prediction that is not better contradicts the cause.
@@ -215,7 +217,7 @@ def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     frequencies, errors = found.predict_natural_frequencies(assembled(0.07), 8e3)
     assert np.all(np.isfinite(errors) & (errors >= found.discrepancy.frequency * frequencies))
     assert found.base.standard_errors["joint.k_theta"] > 0.0
-    assert any(line.startswith("error of the model beside noise: ") for line in found.sentences())
+    assert "model error beside noise, natural frequencies" in {row[0] for row in found.tables()[0].rows}
 
 
 @pytest.mark.parametrize("name", ["fit_discrepancy", "extend"])

@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy import stats
 
 from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
-from receptance.diagnosis.causes import transfer
+from receptance.diagnosis.causes import Parameter, transfer
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import evaluate, refit
 from receptance.diagnosis.held_out import (
@@ -34,6 +35,7 @@ from receptance.diagnosis.held_out import (
 from receptance.diagnosis.judgement import conclude, doubt_prediction
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.verdict import Gain
+from receptance.diagnosis.wording import sizes
 from receptance.identification import Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -339,13 +341,18 @@ def test_bad_metrics() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "width", "shown"), [(1.5e-3, 1e-5, "1.500"), (0.404, 1.4e-2, "404.0"), (1e-3, math.inf, "1")]
+    ("value", "low", "high", "shown"),
+    [
+        (1.5e-3, 1.495e-3, 1.505e-3, "mass 1.5000 g (95 %: 1.4950 to 1.5050 g)"),
+        (0.404, 0.397, 0.411, "mass 404.0 g (95 %: 397.0 to 411.0 g)"),
+        (1e-3, -math.inf, math.inf, "mass 0.0010 kg (95 %: 0.00010 to 1.0 kg)"),
+    ],
 )
-def test_digits_follow_the_interval_width(value: float, width: float, shown: str) -> None:
-    from receptance.diagnosis.wording import _rounded
-
-    assert float(_rounded(1e3 * value, width, 1e3)) == pytest.approx(1e3 * value, abs=0.3 * 1e3 * width + 1e-9)
-    assert len(_rounded(1e3 * value, width, 1e3)) <= len(shown)
+def test_digits_follow_the_interval_width(value: float, low: float, high: float, shown: str) -> None:
+    """Two to three digits of the width; an open interval ends at the bounds."""
+    declared = Parameter(name="mass", unit="kg", lower=1e-4, upper=1.0, typical=0.1, null=1e-4, cause="made_up")
+    one = SimpleNamespace(parameters={"made_up.mass": (value, low, high)}, declared={"made_up.mass": declared})
+    assert sizes(one) == shown  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

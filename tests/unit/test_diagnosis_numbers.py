@@ -76,7 +76,7 @@ def test_small_common_offset_is_not_noise() -> None:
     assert waving.misfit < waving.limit
     assert waving.strain.passed
     assert not waving.passed
-    assert "neighbouring lines together" in waving.shortcoming
+    assert "in sums over neighbouring lines" in waving.shortcoming
     # An explanation is adequate by the same rules.
     assert [Explanation((), fit, 0.0, 0.0).passed for fit in fits] == [True, False]
 

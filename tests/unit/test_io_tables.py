@@ -85,6 +85,16 @@ def test_names_of_analysers_in_other_languages(tmp_path: Path) -> None:
     assert found.sample_rate_hz == pytest.approx(2000.0)
 
 
+def test_averages_before_the_header(tmp_path: Path) -> None:
+    header = "f [Hz];real [m/N];imag [m/N]\n1;2;3\n2;3;4\n"
+    for line in ("Averages;12", "# Averages: 12", "Mittelungen = 12", "Number of averages\t12", "No. averages 12"):
+        frf = read_frf(text_file(tmp_path, f"Analyser;7\n{line}\n{header}"))
+        assert frf.averages == 12, line
+        assert "12 averages, by line 2" in frf.notes
+    for line in ("Averages;12 of 20", "Averages;12\nAverages;10", "Averages;0", "Averages", "12 averages later"):
+        assert read_frf(text_file(tmp_path, f"Analyser;7\n{line}\n{header}")).averages is None, line
+
+
 def test_a_slash_in_a_name_is_not_always_a_unit() -> None:
     for name, expected in (("real 2/1", "2/1"), ("real tip/hammer", "tip/hammer"), ("imag a_b", "a_b")):
         column = parse_column(name)

@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 import receptance
 from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
 from receptance.identification import Identification
-from receptance.report import Column, Provenance, Renderable, Result, Results, Table
+from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
 from receptance.report.figure import finished, surface
 from receptance.report.plain import plain
-from receptance.report.table import interval, joined, number
+from receptance.report.table import amount, amount_interval, interval, joined, number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +32,13 @@ class Found(Result):
     provenance: Provenance = field(default_factory=Provenance)
 
     heading = "Found things"
+    next_step = "measure <b> again"
+
+    def warnings(self) -> list[str]:
+        return ["do not use this"]
+
+    def facts(self) -> list[Fact]:
+        return [Fact("Cause", ("a mass", "of 1.99 g"), ("[sensors.s]", 'mass = "1.99 g" # ' + 90 * "<"))]
 
     def tables(self) -> list[Table]:
         columns = ("parameter", Column("value", "N/m", ".5g"), Column("95 % interval", form=".4g"))
@@ -76,6 +83,44 @@ def test_numbers_and_intervals() -> None:
     column = Column("count", form="d")
     assert [column.text(one) for one in (7, None, "none", True, False)] == ["7", "", "none", "yes", "no"]
     assert Column("k", "N/m").heading == "k\n[N/m]"
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "digits", "text"),
+    [
+        (1.9912e-3, "kg", 3, "1.99 g"),
+        (0.9999, "kg", 2, "1.0 kg"),
+        (0.52e-3, "kg", 2, "0.52 g"),
+        (2.4e8, "N/m", 3, "2.40e8 N/m"),
+        (99999.0, "N m/rad", 3, "1.00e5 N m/rad"),
+        (12345.0, "N m/rad", 3, "12345 N m/rad"),
+        (-4.2e-5, "m", 2, "-42 µm"),
+        (0.0, "kg", 3, "0.00 kg"),
+        (1e-12, "", 2, "1.0e-12"),
+        (float("nan"), "N", 3, "not determined"),
+    ],
+)
+def test_amounts_carry_units(value: float, unit: str, digits: int, text: str) -> None:
+    assert amount(value, unit, digits) == text
+
+
+def test_intervals_keep_every_digit_over_decades() -> None:
+    assert amount_interval((3.1e3, 4.2e8), "N/m") == "3.100e3 to 4.200e8 N/m"
+    assert amount_interval((2e-6, 0.5), "kg", 3) == "0.00200 to 500 g"
+    assert amount_interval((-np.inf, 3.0)) == "below 3.000"
+    assert amount_interval((None, None)) == "open"
+
+
+def test_warnings_and_facts_are_above_the_numbers() -> None:
+    text = Found().summary(60)
+    order = ["do not use this", "Cause  a mass", "       of 1.99 g", "all is well", "4.1623e+08", "Next step  measure"]
+    assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
+    # Lines to copy are not wrapped.
+    assert f'\n    mass = "1.99 g" # {90 * "<"}\n' in text
+    page = Found()._repr_html_()
+    assert page.index("do not use this") < page.index("<dt>Cause</dt><dd><p>a mass</p>") < page.index("<table>")
+    assert f"&quot;1.99 g&quot; # {90 * '&lt;'}</pre>" in page
+    assert "measure &lt;b&gt; again" in page
 
 
 def test_tables_state_omitted_content() -> None:
@@ -166,7 +211,8 @@ def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
 
 def test_numbers_of_a_fit_are_in_all_forms(fit: Identification) -> None:
     low, high = fit.interval("joint.k_theta")
-    shown = f"{low:.4g} to {high:.4g}"
+    shown = amount_interval((low, high), "N m/rad")
+    assert shown.endswith(" N m/rad")
     assert shown in fit.summary(60)
     assert shown in fit._repr_html_()
     assert fit.to_dict()["parameters"]["joint.k_theta"]["interval_95"] == [low, high]

@@ -249,7 +249,7 @@ def test_inferred_values_are_labelled(form: dict[str, Any]) -> None:
 def test_inconsistencies_of_the_paper(form: dict[str, Any], published: er32.Published) -> None:
     """Text beside figure 6 against tables 4 and 5, tables 1 and 2 against table 5."""
     keys = ("what", "diameter_mm", "first", "second")
-    found = {tuple(item[key] for key in keys) for item in form["disagreements"]}
+    found = {tuple(item[key] for key in keys) for item in form["inconsistencies"]}
     assert {
         ("k_y", 7.94, 3.44e8, 3.36e8),
         ("k_theta", 7.94, 2.54e4, 2.34e4),
@@ -270,7 +270,7 @@ def test_same_seed_same_result(form: dict[str, Any]) -> None:
 
 
 def test_json_has_the_documented_keys(form: dict[str, Any]) -> None:
-    assert {"settings", "seed", "versions", "inferred", "trends", "disagreements", "findings"} <= form.keys()
+    assert {"settings", "seed", "versions", "inferred", "trends", "inconsistencies", "findings"} <= form.keys()
     assert len(form["identified"]) == 20
     for row in form["identified"]:
         assert {"diameter_mm", "torque_nm", "k_y", "k_theta", "k_y_interval", "k_theta_interval"} <= row.keys()

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from receptance.campaign.comparison import Comparison
     from receptance.campaign.measurements import Measurement
     from receptance.campaign.prediction import Prediction, forecast_of
-    from receptance.campaign.problems import CampaignError, Problem
+    from receptance.campaign.problems import CampaignError, Issue
     from receptance.campaign.run import Campaign, load
     from receptance.campaign.schema_document import field_tables, json_schema
     from receptance.campaign.stability import CampaignCut, Tip
@@ -26,9 +26,9 @@ __all__ = [
     "Condition",
     "Deviation",
     "Effects",
+    "Issue",
     "Measurement",
     "Prediction",
-    "Problem",
     "Tip",
     "extended_text",
     "field_tables",
@@ -44,7 +44,7 @@ _NAMES = {
     "schema_document": ["field_tables", "json_schema"],
     "measurements": ["Measurement"],
     "prediction": ["Prediction", "forecast_of"],
-    "problems": ["CampaignError", "Problem"],
+    "problems": ["CampaignError", "Issue"],
     "run": ["Campaign", "load"],
     "stability": ["CampaignCut", "Tip"],
     "tolerances": ["Effects"],

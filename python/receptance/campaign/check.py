@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from receptance.campaign.run import campaign_model
 from receptance.campaign.values import kind_of
 from receptance.identification import MeasuredFRF
 from receptance.identification.laws import Move
@@ -81,7 +80,7 @@ class CampaignCheck(Result):
             fit = 'no unknowns, expected such as "joint.k_theta" under [unknowns]'
         else:
             try:
-                campaign_model(one, one.to_identify)
+                one.base_model()
             except ValueError:
                 fit = "no measurement depends on an unknown"
         weights = [name for name, measured in one.to_identify.items() if not measured.observation.weighted]

@@ -106,11 +106,15 @@ class Prediction(Result):
         if self.rms_percent is None:
             return fit
         inside = [yes for mode in self.modes if (yes := mode.within(self.level)) is not None]
-        rest = len(self.errors_percent) - len(inside)
+        rest = sum(mode.error_percent is not None and mode.uninformative(self.level) for mode in self.modes)
         wide = f"; {rest} intervals are too wide to be useful" if rest else ""
+        # Peaks of assemblies that end with a modal part have no intervals.
+        within = (
+            f"; {sum(inside)} of {len(inside)} within the {100.0 * self.level:g} % intervals" if inside or rest else ""
+        )
         return [
             f"held out: {len(self.errors_percent)} natural frequencies and peaks, predicted {self.rms_percent:.2f} % "
-            f"rms off; {sum(inside)} of {len(inside)} within the {100.0 * self.level:g} % intervals{wide}.",
+            f"rms off{within}{wide}.",
             *fit,
         ]
 

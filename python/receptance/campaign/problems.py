@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CampaignError",
+    "Issue",
     "KeyPath",
-    "Problem",
     "Problems",
     "errors_about",
     "line_of",
@@ -201,7 +201,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 @dataclass(frozen=True)
-class Problem:
+class Issue:
     """A mistake in a file.
 
     Attributes
@@ -232,16 +232,16 @@ class CampaignError(ValueError):
     ----------
     file : path-like
         The file.
-    problems : iterable of Problem
+    problems : iterable of Issue
         The mistakes.
 
     Attributes
     ----------
-    problems : tuple of Problem
+    problems : tuple of Issue
         The mistakes in the order of the file.
     """
 
-    def __init__(self, file: Path | str, problems: Iterable[Problem]) -> None:
+    def __init__(self, file: Path | str, problems: Iterable[Issue]) -> None:
         self.file = str(file)
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
         count = len(self.problems)
@@ -254,9 +254,9 @@ class CampaignError(ValueError):
     @classmethod
     def about(cls, file: Path | str, text: str) -> CampaignError:
         """Return an error about a file as a whole."""
-        return cls(file, [Problem((), text)])
+        return cls(file, [Issue((), text)])
 
-    def __reduce__(self) -> tuple[type[CampaignError], tuple[str, tuple[Problem, ...]]]:
+    def __reduce__(self) -> tuple[type[CampaignError], tuple[str, tuple[Issue, ...]]]:
         return type(self), (self.file, self.problems)
 
 
@@ -280,7 +280,7 @@ class Problems:
 
     def __init__(self, lines: Mapping[KeyPath, int]) -> None:
         self._lines = dict(lines)
-        self.found: list[Problem] = []
+        self.found: list[Issue] = []
         self.templates: dict[KeyPath, KeyPath] = {}
         """Section and name of expanded tables, and of the tables of the file they come from; see `expand_series`."""
         self.incomplete: set[str] = set()
@@ -288,13 +288,13 @@ class Problems:
 
     def add(self, path: KeyPath, text: str) -> None:
         """Add a mistake, unless it was added before."""
-        problem = Problem(path, text, line_of(self._in_file(path), self._lines))
+        problem = Issue(path, text, line_of(self._in_file(path), self._lines))
         if problem not in self.found:
             self.found.append(problem)
 
-    def in_file(self) -> list[Problem]:
+    def in_file(self) -> list[Issue]:
         """Return the mistakes at their places in the file; one that occurs at all levels of a series is listed once."""
-        found = (Problem(self._in_file(one.path), one.text, one.line) for one in self.found)
+        found = (Issue(self._in_file(one.path), one.text, one.line) for one in self.found)
         return list(dict.fromkeys(found))
 
     def _in_file(self, path: KeyPath) -> KeyPath:

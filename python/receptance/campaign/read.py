@@ -17,7 +17,7 @@ from receptance._files import read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.measurements import Measurement, MeasurementReader
-from receptance.campaign.problems import CampaignError, KeyPath, Problem, Problems, lines_of, translate
+from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, lines_of, translate
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.stability import build_cut
 from receptance.campaign.tolerances import Effects, assembly_effects
@@ -193,7 +193,7 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         match = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         what = str(error).partition(" (at line")[0]
         where = f" (column {match[2]})" if match else ""
-        problem = Problem((), f"is not TOML: {what}{where}", int(match[1]) if match else None)
+        problem = Issue((), f"is not TOML: {what}{where}", int(match[1]) if match else None)
         raise CampaignError(file, [problem]) from None
     except RecursionError:
         raise CampaignError.about(file, _TOO_DEEP) from None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,12 +14,12 @@ import numpy as np
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.build import Built
 from receptance.campaign.measurements import Measurement
-from receptance.campaign.problems import CampaignError, Problem, errors_about
-from receptance.campaign.read import read_campaign, silent
+from receptance.campaign.problems import CampaignError, Issue, errors_about
+from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
 from receptance.campaign.values import Condition, Deviation
-from receptance.errors import ReceptanceError
+from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification import (
     Candidate,
     Identification,
@@ -41,6 +43,7 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
 from receptance.report import Column, Provenance, Renderable, Table
+from receptance.spindle.unknown_modes import start_modes
 
 if TYPE_CHECKING:
     import os
@@ -50,6 +53,7 @@ if TYPE_CHECKING:
 
     from receptance.campaign.comparison import Comparison
     from receptance.campaign.prediction import Prediction
+    from receptance.campaign.problems import KeyPath
     from receptance.campaign.schema import CampaignTable
     from receptance.campaign.stability import CampaignCut
     from receptance.diagnosis import Cause, Metric, Verdict
@@ -65,10 +69,11 @@ if TYPE_CHECKING:
     from receptance.stability import Stability
     from receptance.sweep import Candidates
 
-__all__ = ["Campaign", "campaign_model", "fit_options", "load", "observed_unknowns", "weighted_tolerances"]
+__all__ = ["Campaign", "fit_options", "load", "observed_unknowns", "weighted_tolerances"]
 
 _MOST_DRAWN = 3
 """Most assemblies that a notebook shows."""
+_MODE_OF = re.compile(r"mode\[(\d+)\]")
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
 
@@ -187,6 +192,37 @@ class Campaign(Renderable):
         ['d11_long', 'd11_medium']
         """
         return cls(**read_campaign(path, threads=threads, progress=progress))
+
+    @classmethod
+    def from_contents(cls, file: Path, data: dict[str, Any], lines: dict[KeyPath, int] | None = None) -> Campaign:
+        """Return the campaign of the contents of a file, which need not exist.
+
+        Parameters
+        ----------
+        file : Path
+            The file; its folder is that of the data files.
+        data : dict
+            Contents of the TOML file.
+        lines : dict, optional
+            Lines of its values, for messages.
+        """
+        return cls(**campaign_fields(file, data, lines))
+
+    def base_model(self, seen: Mapping[str, Measurement] | None = None) -> tuple[Model, list[str]]:
+        """Return the model for a diagnosis, and notes on unknowns that are left out.
+
+        Parameters
+        ----------
+        seen : mapping of str to Measurement, optional
+            Measurements that are used; by default those that are not held out.
+        """
+        from receptance.diagnosis.model import Model
+
+        seen = self.to_identify if seen is None else seen
+        unknowns, left_out = observed_unknowns(self, seen)
+        observations = tuple(one.observation for one in seen.values())
+        tolerances = tuple(tolerances_of_measurements(seen))
+        return Model(observations, tuple(unknowns), tolerances, seed=self.table.settings.seed), left_out
 
     @property
     def title(self) -> str:
@@ -609,7 +645,10 @@ class Campaign(Renderable):
         if not seen:
             text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
             raise CampaignError.about(self.file, text)
-        model, left_out = campaign_model(self, seen)
+        model, left_out = self.base_model(seen)
+        started = started_by_mode(self, model.observations, model.unknowns)
+        if started is not None:
+            model = replace(model, unknowns=tuple(started))
         settings = self.table.settings
         with errors_about(self.file):
             verdict = diagnose(
@@ -624,16 +663,30 @@ class Campaign(Renderable):
                 progress=self.progress,
             )
         if held_out and verdict.final:
-            found = improvement(
-                verdict.selection,
-                verdict.explanation,
-                [one.observation for one in held_out.values()],
-                tolerances_of_measurements(held_out),
-                metrics,
-            )
-            verdict = verdict.with_improvement(found)
+            measured = tuple(one.observation for one in held_out.values())
+            tolerances = tolerances_of_measurements(held_out)
+            found = improvement(verdict.selection, verdict.explanation, measured, tolerances, metrics)
+            unseen = replace(verdict.selection.base.model, observations=measured, tolerances=tuple(tolerances))
+            verdict = replace(verdict.with_improvement(found), held_out=unseen)
         notes += [*left_out, *verdict.notes]
-        return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
+        if started is not None:
+            notes += _notes_on_modes(self, verdict)
+        verdict = replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
+        return replace(verdict, campaign_lines=self._lines_of(verdict))
+
+    def _lines_of(self, verdict: Verdict) -> tuple[str, ...]:
+        """Return the lines that add the explanation of a verdict to the file; none if it cannot describe it."""
+        from receptance.campaign.changed_lines import changed_lines
+
+        if verdict.explanation is None or not verdict.final:
+            return ()
+        with warnings.catch_warnings():
+            # Warnings on the data were given when they were read.
+            warnings.simplefilter("ignore", ReceptanceWarning)
+            try:
+                return changed_lines(self, verdict)
+            except ValueError:
+                return ()
 
     def _check_unknowns(self) -> None:
         if not self.unknowns:
@@ -664,21 +717,67 @@ def fit_options(
     by_level = campaign.table.series is not None and any(
         isinstance(unknown, Law) and unknown.free for unknown in unknowns
     )
-    started = list(unknowns)
-    if by_level:
-        started = started_by_level(campaign, observations, unknowns)
+    started = started_by_mode(campaign, observations, unknowns)
+    by_mode = started is not None
+    if started is None:
+        started = started_by_level(campaign, observations, unknowns) if by_level else list(unknowns)
     return (
         by_level,
         started,
         {
             "objective": settings.objective,
             "band_width_percent": 100.0 * settings.band_width,
-            "starts": 1 if by_level else settings.starts,
+            "starts": 1 if by_level or by_mode else settings.starts,
             "max_evaluations": settings.max_evaluations,
             "threads": campaign.threads,
-            "strategy": "direct" if by_level else settings.strategy,
+            "strategy": "direct" if by_level or by_mode else settings.strategy,
         },
     )
+
+
+def started_by_mode(
+    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
+) -> list[Unknown] | None:
+    """Return unknowns with the starts of a fit to which the modes of modal parts were added; None without such modes.
+
+    Modes with a row of their own among the unknowns have the start of that row.
+    """
+    table = campaign.table
+    started: list[Unknown] | None = None
+    for name, part in table.modal_parts.items():
+        given = {match[1] for address in table.unknowns if (match := _MODE_OF.match(address.removeprefix(f"{name}.")))}
+        if not part.identify or len(given) == len(part.modes):
+            continue
+        campaign.progress(f"adding the {len(part.modes)} modes of {name} one at a time")
+        with errors_about(campaign.file):
+            started = start_modes(
+                observations,
+                unknowns if started is None else started,
+                name,
+                starts=table.settings.starts,
+                seed=table.settings.seed,
+                threads=campaign.threads,
+            )
+    return started
+
+
+def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
+    """Return notes on what a diagnosis with unknown modes of a spindle can decide."""
+    from receptance.diagnosis.decidable import absorbed_causes
+
+    count = sum(len(part.modes) for part in campaign.table.modal_parts.values() if part.identify)
+    notes = []
+    if verdict.final and (hidden := absorbed_causes(verdict.selection)):
+        notes.append(
+            f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
+            f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
+        )
+    if not verdict.adequacy.passed:
+        notes.append(
+            f"{count} unknown modes may be too few: before a cause is searched for, try `modes = {count + 2}`, which "
+            "changes the description of the spindle alone"
+        )
+    return notes
 
 
 def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
@@ -696,7 +795,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
         raise CampaignError(
             campaign.file,
             [
-                Problem(
+                Issue(
                     ("settings", "objective"),
                     'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
                     'fitted; expected "log", or no tolerances',
@@ -709,7 +808,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
             "has no standard deviation, which a fit of errors of dimensions and materials needs; expected "
             '`standard_deviation`, such as "2 %", or no tolerances'
         )
-        raise CampaignError(campaign.file, [Problem(("measurements", name), expected) for name in unweighted])
+        raise CampaignError(campaign.file, [Issue(("measurements", name), expected) for name in unweighted])
     return tolerances
 
 
@@ -760,23 +859,13 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
     return groups
 
 
-def campaign_model(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[Model, list[str]]:
-    """Return the model of a campaign for a diagnosis, and notes on unknowns that are left out."""
-    from receptance.diagnosis.model import Model
-
-    unknowns, left_out = observed_unknowns(campaign, seen)
-    observations = tuple(one.observation for one in seen.values())
-    tolerances = tuple(tolerances_of_measurements(seen))
-    return Model(observations, tuple(unknowns), tolerances, seed=campaign.table.settings.seed), left_out
-
-
 def _held_out_error(campaign: Campaign) -> list[str]:
     """Return a note on the error of the base model for the held-out measurements."""
     from receptance.diagnosis.by_mode import bias_of, slenderness_of
     from receptance.diagnosis.fitting import fit_base
     from receptance.diagnosis.held_out import FREQUENCIES, metrics_of
 
-    model, _ = campaign_model(campaign, campaign.to_identify)
+    model, _ = campaign.base_model()
     out = replace(
         model,
         observations=tuple(one.observation for one in campaign.held_out.values()),

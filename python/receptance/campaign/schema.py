@@ -314,15 +314,30 @@ class PartTable(Table):
     """whether the part is rigid: only its mass counts"""
 
 
+_MOST_MODES = 40
+"""Largest number of modes of a part; each has four unknowns."""
 _MODE = Of(Mode, defaults=(("frequency_hz", None), ("damping_ratio", 0.03), ("y", 0.0), ("theta", 0.0)))
 """A mode; its numbers may be unknowns."""
+
+
+def _modes_of(given: Any) -> Any:
+    """Return a number of modes as so many tables without keys."""
+    if isinstance(given, bool) or not isinstance(given, int):
+        return given
+    if not 1 <= given <= _MOST_MODES:
+        raise ValueError(f"is {given}, expected a number of modes from 1 to {_MOST_MODES}")
+    return [{}] * given
 
 
 class _ModalPartKeys(ElementTable):
     """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
 
-    modes: Annotated[list[Annotated[ElementTable, _MODE]], Field(min_length=1)]
-    """one or more, `[[modal_parts.NAME.modes]]`"""
+    modes: Annotated[
+        list[Annotated[ElementTable, _MODE]],
+        Field(min_length=1),
+        BeforeValidator(_modes_of, json_schema_input_type=int | list[Annotated[ElementTable, _MODE]]),
+    ]
+    """one or more, `[[modal_parts.NAME.modes]]`, or their number if they are identified"""
     identify: bool = False
     """whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has none;
     frequencies are then optional"""

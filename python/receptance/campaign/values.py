@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainVali
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
 from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import Prior
+from receptance.identification.unknowns import CHAIN_QUANTITIES, Prior
 from receptance.model.addresses import QUANTITIES
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
@@ -334,16 +334,7 @@ def _prior_deviation(kind: Quantity, written: str | float, mean: float, logarith
     return parse(written, kind) / (abs(mean) if logarithmic else 1.0)
 
 
-_OBSERVATION = {
-    "log_gain": units.LOGARITHM,
-    "delay": units.DELAY,
-    "decay_rate": units.DECAY_RATE,
-    "decay_rate_of_velocity": units.DECAY_RATE,
-    "decay_rate_of_displacement": units.DECAY_RATE,
-    "end": units.TIME,
-}
-"""Parameters of the measuring chain, see `receptance.identification.mapping`."""
-FIELDS = QUANTITIES | _OBSERVATION
+FIELDS = QUANTITIES | CHAIN_QUANTITIES
 """Quantities of all parameters by the last word of their addresses."""
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.wording import title_of
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import Prior, Unknown, covered
@@ -30,6 +31,7 @@ from receptance.units import Quantity
 
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
+    from receptance.campaign.tolerances import Effects
     from receptance.diagnosis import Verdict
     from receptance.identification.laws import Tolerance
     from receptance.model.assembly import Assembly
@@ -38,6 +40,7 @@ __all__ = [
     "Materials",
     "attachment_table",
     "element_table",
+    "extended_data",
     "extended_text",
     "quantity",
     "quantity_at",
@@ -54,6 +57,10 @@ def quantity(value: float, kind: Quantity) -> str | float:
 def quantity_at(address: str, value: float) -> str | float:
     """Return the text of the value of a parameter."""
     return quantity(value, kind_of(address))
+
+
+Written = Callable[[float, Quantity], str | float]
+"""A function that writes a value in SI units."""
 
 
 class Materials:
@@ -91,8 +98,17 @@ class Materials:
         return name
 
 
-def element_table(element: Any, materials: Materials) -> dict[str, Any]:
+def element_table(element: Any, materials: Materials, written: Written = quantity) -> dict[str, Any]:
     """Return the table of a part, a joint or a modal part, without tolerances.
+
+    Parameters
+    ----------
+    element : Part, joint or ModalPart
+        The element.
+    materials : Materials
+        Names of materials, to which new ones are added.
+    written : callable, optional
+        Function that writes a value in SI units; by default with all digits.
 
     Raises
     ------
@@ -100,15 +116,16 @@ def element_table(element: Any, materials: Materials) -> dict[str, Any]:
         A kind of element that cannot be written.
     """
     if isinstance(element, Part):
-        return {"segments": [_field_table(segment, materials) for segment in element.segments]}
+        return {"segments": [_field_table(segment, materials, written) for segment in element.segments]}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
-        return {"modes": [_field_table(mode, materials) for mode in element.modes], **_field_table(element, materials)}
+        modes = [_field_table(mode, materials, written) for mode in element.modes]
+        return {"modes": modes, **_field_table(element, materials, written)}
     kind = JOINTS.kind_of(element)
     if kind is None or isinstance(element, MicroslipJoint):  # its reference force is not a field of the element
         raise ValueError(f"{element!r} cannot be written as a table of a campaign")
-    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials)}
+    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials, written)}
 
 
 def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
@@ -130,7 +147,7 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     }
 
 
-def _field_table(element: Element, materials: Materials) -> dict[str, Any]:
+def _field_table(element: Element, materials: Materials, written: Written = quantity) -> dict[str, Any]:
     """Return the fields of an element that differ from their defaults."""
     table: dict[str, Any] = {}
     for name, field in element.declared.items():
@@ -138,9 +155,10 @@ def _field_table(element: Element, materials: Materials) -> dict[str, Any]:
         if value == getattr(type(element), name, MISSING):
             continue
         if isinstance(field, Number):
-            table[name] = quantity(value, field.quantity)
+            table[name] = written(value, field.quantity)
         elif isinstance(field, Member):
-            table[name] = materials.name_of(value) if field.kind is Material else _field_table(value, materials)
+            inner = field.kind is Material
+            table[name] = materials.name_of(value) if inner else _field_table(value, materials, written)
         elif isinstance(field, (Choice, Count)):
             table[name] = value
     return table
@@ -239,9 +257,14 @@ def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     """
     import tomli_w
 
+    return tomli_w.dumps(extended_data(campaign, verdict, folder))
+
+
+def extended_data(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
+    """Return the contents of the file of `extended_text`, with the same parameters and errors."""
     data = _extended(campaign, verdict, folder)
-    _check(verdict, data, folder)
-    return tomli_w.dumps(data)
+    _check(campaign, verdict, data, folder)
+    return data
 
 
 def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Path:
@@ -276,9 +299,13 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     data["settings"] = {**data.get("settings", {}), "starts": 1}
     data["settings"].pop("strategy", None)
     data["settings"].pop("objective", None)
-    names = " and ".join(cause.id for cause, _ in verdict.explanation.steps)
+    names = " and ".join(cause.title for cause, _ in verdict.explanation.steps)
     data["title"] = f"{campaign.title}, extended by {names}"
-    alike = f"; indistinguishable causes: {', '.join(verdict.ambiguous_between)}" if verdict.ambiguous_between else ""
+    alike = (
+        f"; indistinguishable causes: {', '.join(title_of(id) for id in verdict.ambiguous_between)}"
+        if verdict.ambiguous_between
+        else ""
+    )
     own = data.get("description", "")
     data["description"] = f"{own} Written by `receptance diagnose` ({verdict.verdict}: {names}{alike}).".strip()
     order = ["format", "title", "description", "settings", "prediction"]
@@ -296,15 +323,13 @@ def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
     given = {
         name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
     }
-    found = [
-        observation
-        for observation in verdict.explanation.fit.model.observations
-        if isinstance(observation, MeasuredFRF)
-    ]
+    found = verdict.explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
-def _applied(verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Any) -> _Extended:
+def _applied(
+    verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Effects
+) -> _Extended:
     """Apply the causes of the best explanation to an observation, one after the other."""
     explanation = verdict.explanation
     assert explanation is not None
@@ -500,7 +525,7 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
     data["unknowns"] = {**written, **tables}
 
 
-def _restarted(raw: dict[str, Any], unknown: Any, values: Mapping[str, float]) -> dict[str, Any]:
+def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float]) -> dict[str, Any]:
     if unknown.name not in values:  # a law with a value for each assembly
         return raw
     start = min(max(values[unknown.name], unknown.lower), unknown.upper)
@@ -547,16 +572,13 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
     return replace(model, observations=tuple(kept), tolerances=tolerances)
 
 
-def _check(verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
+def _check(campaign: Campaign, verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
     """Raise a ValueError if the written campaign is not the model that was diagnosed."""
-    from receptance.campaign.read import campaign_fields
-    from receptance.campaign.run import Campaign, campaign_model
-
     explanation = verdict.explanation
     assert explanation is not None
-    again = Campaign(**campaign_fields(folder / "extended.toml", copy.deepcopy(data)))
+    again = campaign.from_contents(folder / "extended.toml", copy.deepcopy(data))
     fit = explanation.fit
-    written = campaign_model(again, again.to_identify)[0]
+    written = again.base_model()[0]
     task = _on_diagnosed_lines(written, fit.model, with_discrepancy=verdict.discrepancy is not None).task
     problem = task.problem()
     names = set(task.variables.names)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from receptance import _checks
 from receptance._text import instead_of
-from receptance.campaign import CampaignError, Problem
+from receptance.campaign import CampaignError, Issue
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.identification.covariance import square_root
 from receptance.identification.mapping import Site
@@ -153,18 +153,18 @@ class Catalogue:
         file = _source(holders, self.table.holders, self.campaign, "holders")
         rows = holders if isinstance(holders, Mapping) else read_holders(file)
         built = self.campaign.built
-        problems: list[Problem] = []
+        problems: list[Issue] = []
         for name, holder_rows in rows.items():
             if name == _TOOL or name in built.parts or name in built.joints:
                 text = f'is "{name}", which is also a part or a joint of the campaign, expected another name'
-                problems.append(Problem((name, 0), text, holder_rows[0].line))
+                problems.append(Issue((name, 0), text, holder_rows[0].line))
             segments = []
             for index, row in enumerate(holder_rows):
                 for key, material in (("material", row.material), ("core", row.core)):
                     if material and material not in built.materials:
                         text = f'is "{material}", which is not a material of the campaign'
                         text += instead_of(material, built.materials)
-                        problems.append(Problem((name, index, key), text, row.line))
+                        problems.append(Issue((name, index, key), text, row.line))
                 try:
                     segments.append(
                         Segment(
@@ -177,7 +177,7 @@ class Catalogue:
                         )
                     )
                 except ValueError as error:
-                    problems.append(Problem((name, index), str(error).removeprefix("Segment: "), row.line))
+                    problems.append(Issue((name, index), str(error).removeprefix("Segment: "), row.line))
             if segments:
                 self._holders[name] = Part(segments, name=name)
         if problems:
@@ -185,7 +185,7 @@ class Catalogue:
 
     def _check_tools(self) -> None:
         """Check names and dimensions of all rows, and that the machine fits together."""
-        problems: list[Problem] = []
+        problems: list[Issue] = []
         built = self.campaign.built
         for row in self.tools:
             for key, name, known in (
@@ -195,12 +195,12 @@ class Catalogue:
             ):
                 if name and name not in known:
                     text = f'is "{name}", which is not known{instead_of(name, known)}'
-                    problems.append(Problem((row.name, key), text, row.line))
+                    problems.append(Issue((row.name, key), text, row.line))
             if row.material in built.materials:
                 try:
                     self._segments(row)
                 except ValueError as error:
-                    problems.append(Problem((row.name,), str(error).removeprefix("Segment: "), row.line))
+                    problems.append(Issue((row.name,), str(error).removeprefix("Segment: "), row.line))
         if problems:
             raise CampaignError(self.file, problems)
         try:

@@ -151,7 +151,7 @@ def predict_catalogue(
     campaign = catalogue.campaign
     if identified is None and campaign.unknowns:
         identified = campaign.identify()
-    predictor = _Predictor(catalogue, identified, draws, seed)
+    predictor = _ToolPredictor(catalogue, identified, draws, seed)
     workers = _checks.worker_count(campaign.threads)
     running: deque[Future[ToolPrediction]] = deque()
     with ThreadPoolExecutor(workers) as pool:
@@ -168,7 +168,7 @@ def predict_catalogue(
                 future.cancel()
 
 
-class _Predictor:
+class _ToolPredictor:
     """Prediction of a tool, and the data that all tools share."""
 
     def __init__(self, catalogue: Catalogue, identified: Identification | None, draws: int, seed: int) -> None:

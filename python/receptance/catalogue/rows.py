@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from receptance import units
 from receptance._files import read_whole
 from receptance._text import did_you_mean, one_of, shown
-from receptance.campaign import CampaignError, Problem
+from receptance.campaign import CampaignError, Issue
 from receptance.units import Quantity, parse, parse_any
 
 __all__ = ["HolderRow", "ToolRow", "read_holders", "read_tools"]
@@ -139,7 +139,7 @@ def read_tools(path: str | Path) -> list[ToolRow]:
         name = values["name"]
         if name in lines:
             text = f'is "{name}", as in line {lines[name]}, expected another name'
-            problems.append(Problem(("name",), text, line))
+            problems.append(Issue(("name",), text, line))
         lines.setdefault(name, line)
         problem = _check_flutes(line, values)
         if problem is None:
@@ -170,7 +170,7 @@ def read_holders(path: str | Path) -> dict[str, list[HolderRow]]:
 
 def _open(
     path: str | Path, columns: Mapping[str, _Cell], required: tuple[str, ...]
-) -> tuple[Path, list[Problem], Iterator[tuple[int, _Row]]]:
+) -> tuple[Path, list[Issue], Iterator[tuple[int, _Row]]]:
     """Return the file, a list of problems to which reading the rows adds, and an iterator over the rows."""
     file = Path(path)
     try:
@@ -183,7 +183,7 @@ def _open(
     first = text.partition("\n")[0]
     semicolons = first.count(";") > first.count(",")
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=";" if semicolons else ",")
-    problems: list[Problem] = []
+    problems: list[Issue] = []
     lines = _split(reader, problems)
     _, header = next(lines, (1, []))
     names = _columns(header, columns, required, problems)
@@ -195,7 +195,7 @@ def _open(
             if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
                 continue
             if len(cells) != len(header):
-                problems.append(Problem((), f"has {len(cells)} cells, expected {len(header)}", line))
+                problems.append(Issue((), f"has {len(cells)} cells, expected {len(header)}", line))
                 continue
             texts = [cell.strip().replace(",", ".") if semicolons else cell.strip() for cell in cells]
             yield line, {name: (cell, unit) for (name, unit), cell in zip(names, texts, strict=True) if cell}
@@ -203,35 +203,35 @@ def _open(
     return file, problems, rows()
 
 
-def _split(reader: Any, problems: list[Problem]) -> Iterator[tuple[int, list[str]]]:
+def _split(reader: Any, problems: list[Issue]) -> Iterator[tuple[int, list[str]]]:
     """Yield number and cells of each line, up to the first one that is no CSV."""
     try:
         for cells in reader:
             yield reader.line_num, cells
     except csv.Error as error:
-        problems.append(Problem((), f"cannot be split into cells: {error}", reader.line_num))
+        problems.append(Issue((), f"cannot be split into cells: {error}", reader.line_num))
 
 
 def _columns(
-    header: list[str], known: Mapping[str, _Cell], required: tuple[str, ...], problems: list[Problem]
+    header: list[str], known: Mapping[str, _Cell], required: tuple[str, ...], problems: list[Issue]
 ) -> list[tuple[str, str]]:
     """Return names and units of the columns, and add mistakes of the header."""
     if not any(cell.strip().startswith(required) for cell in header):
         # The header is not quoted, because the file may be any file, also a confidential one.
         text = f"none of the {len(header)} columns is one of these: {one_of(required)}"
-        problems.append(Problem((), text))
+        problems.append(Issue((), text))
         return []
     names: list[tuple[str, str]] = []
     for cell in header:
         match = _HEADER.fullmatch(cell.strip())
         name, unit = (match["name"].strip(), (match["unit"] or "").strip()) if match else (cell.strip(), "")
         if text := _column_problem(name, unit, known, [other for other, _ in names]):
-            problems.append(Problem((), f"column {shown(cell.strip())} {text}"))
+            problems.append(Issue((), f"column {shown(cell.strip())} {text}"))
         names.append((name, unit))
     missing = [f'"{name}"' for name in required if name not in dict(names)]
     if missing:
         text = f"expected a first line such as {_example(known, required)}, but it is {shown(','.join(header))}"
-        problems.append(Problem((), f"there is no column {', '.join(missing)}, {text}"))
+        problems.append(Issue((), f"there is no column {', '.join(missing)}, {text}"))
     return names
 
 
@@ -258,12 +258,12 @@ def _example(columns: Mapping[str, _Cell], required: tuple[str, ...]) -> str:
 
 
 def _values(
-    line: int, row: _Row, columns: Mapping[str, _Cell], required: tuple[str, ...], problems: list[Problem]
+    line: int, row: _Row, columns: Mapping[str, _Cell], required: tuple[str, ...], problems: list[Issue]
 ) -> tuple[dict[str, Any] | None, dict[str, float]]:
     """Return values of a row (text, whole numbers, SI values; None after a mistake is added) and its conditions."""
     values: dict[str, Any] = {}
     conditions: dict[str, float] = {}
-    mistakes = [Problem((name,), "is empty", line) for name in required if name not in row]
+    mistakes = [Issue((name,), "is empty", line) for name in required if name not in row]
     for name, (cell, unit) in row.items():
         try:
             if name in columns:
@@ -271,7 +271,7 @@ def _values(
             elif unit:
                 conditions[name], _ = parse_any(f"{cell} {unit}")
         except ValueError as error:
-            mistakes.append(Problem((name,), str(error), line))
+            mistakes.append(Issue((name,), str(error), line))
     problems += mistakes
     return (None if mistakes else values), conditions
 
@@ -298,19 +298,19 @@ def _share(cell: str) -> float:
     return share
 
 
-def _check_flutes(line: int, values: dict[str, Any]) -> Problem | None:
+def _check_flutes(line: int, values: dict[str, Any]) -> Issue | None:
     """Return the mistake in the flutes of a tool, if there is one."""
     flutes, effective = values.get("flute length", 0.0), values.get("effective diameter")
     if flutes and effective is None:
         text = "is empty, but the tool has flutes; expected the diameter of the round bar with their bending stiffness"
-        return Problem(("effective diameter",), text, line)
+        return Issue(("effective diameter",), text, line)
     if flutes > values["overhang"]:
         text = f"is {1e3 * flutes:g} mm, expected at most the overhang, {1e3 * values['overhang']:g} mm"
-        return Problem(("flute length",), text, line)
+        return Issue(("flute length",), text, line)
     return None
 
 
-def _raise_problems(file: Path, problems: list[Problem], rows: Any) -> None:
+def _raise_problems(file: Path, problems: list[Issue], rows: Sized) -> None:
     if problems:
         raise CampaignError(file, problems)
     if not rows:

@@ -28,6 +28,7 @@ from receptance.cli.campaigns import (
 )
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
+from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer
 from receptance.cli.show import show
 from receptance.cli.studies import demo, studies
@@ -39,8 +40,10 @@ __all__ = ["app", "main"]
 _INTERRUPTED = 130
 
 _COMMANDS: dict[str, Callable[..., None]] = {
+    "new": new,
     "example": example,
     "check": check,
+    "show": show,
     "identify": identify,
     "predict": predict,
     "transfer": transfer,
@@ -50,7 +53,6 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "sweep": sweep,
     "stability": stability,
     "catalogue": catalogue,
-    "show": show,
     "convert": convert,
     "schema": schema,
     "demo": demo,

@@ -68,14 +68,14 @@ FileFormat = Annotated[
 
 def read_options(
     *,
-    quantity: str | None,
-    unit: Sequence[str] | None,
-    variable: Sequence[str] | None,
-    columns: str | None,
-    coherence: Path | None,
-    ignore_coherence: bool,
-    sample_rate: float | None,
-    source_format: str | None,
+    quantity: str | None = None,
+    unit: Sequence[str] | None = None,
+    variable: Sequence[str] | None = None,
+    columns: str | None = None,
+    coherence: Path | None = None,
+    ignore_coherence: bool = False,
+    sample_rate: float | None = None,
+    source_format: str | None = None,
 ) -> dict[str, Any]:
     """Return the options of a command as keyword arguments of `receptance.io.read_all`."""
     return {

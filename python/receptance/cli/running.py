@@ -17,7 +17,6 @@ from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableT
 from rich.control import Control
 from rich.segment import Segment
 
-from receptance._extras import require
 from receptance._files import check_target, write_whole
 from receptance._text import printable
 from receptance.report.terminal import LEAST_WIDTH
@@ -106,8 +105,6 @@ class Targets:
             given[path.resolve()] = option
         if report is not None and report.suffix.lower() not in (".html", ".htm"):
             raise InputError(f"cannot write {report}: a report is one HTML file, expected an ending .html")
-        if report is not None:
-            require("report", "--report")  # before a computation of minutes
         if extended is not None and extended.suffix.lower() != ".toml":
             raise InputError(f"cannot write {extended}: a campaign is a TOML file, expected an ending .toml")
         for _, path in self._asked:

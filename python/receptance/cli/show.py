@@ -59,6 +59,7 @@ def show(
     The figure is opened in the default viewer, or saved with --plot.
     """
     from receptance.io import read_all
+    from receptance.io.files import FORMATS, file_format
     from receptance.report.terminal import print_sentences, print_table, print_title
 
     targets = Targets(None, plot)
@@ -76,6 +77,7 @@ def show(
     with warnings.catch_warnings(record=True) as caught, input_errors():
         warnings.simplefilter("always", ReceptanceWarning)
         found = chosen(read_all(source, **options), number)
+        read_as = source_format or file_format(source)
     console = output()
     for index, measurement in enumerate(found, 1):
         named = f"{index}: {measurement.title}" if len(found) > 1 else f"{source.name}: {measurement.title}"
@@ -86,7 +88,7 @@ def show(
         [*(str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning))]
         + [note for measurement in found for note in measurement.notes]
     )
-    print_sentences(console, (f"Note: {note}" for note in notes))
+    print_sentences(console, [f"Format: {FORMATS[read_as]}", *(f"Note: {note}" for note in notes)])
     drawn = found[:_MOST_DRAWN]
     if len(drawn) < len(found):
         console.print(

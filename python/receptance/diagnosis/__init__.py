@@ -8,7 +8,7 @@ Data flow of `engine.diagnose`::
     Fit + Variants -> screening: Direction (effect to first order, detection threshold, look-alikes)
     Directions -> selection: starts on few lines, Fits on all lines, several causes, alternatives
                   -> explanation: Selection (every Explanation = causes + Fit + evidence)
-    Selection -> judgement: Judgement (one of six answers) -> advice: NextMeasurement
+    Selection -> judgement: Judgement (one of six answers) -> advice: ProposedMeasurement
     Selection + Judgement -> verdict: Verdict -> averaging: predictions; wording, figure, report: texts and figures
     Model without a configuration -> selection again -> held_out: Improvement; by_mode: residuals and bias by mode
     `thresholds` has all constants.
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from receptance.diagnosis.engine import diagnose
     from receptance.diagnosis.held_out import HeldOut, Metric
     from receptance.diagnosis.model import Model
-    from receptance.diagnosis.verdict import Candidate, Gain, NextMeasurement, Verdict
+    from receptance.diagnosis.verdict import Candidate, Gain, ProposedMeasurement, Verdict
 
 __all__ = [
     "CATALOGUE",
@@ -34,8 +34,8 @@ __all__ = [
     "HeldOut",
     "Metric",
     "Model",
-    "NextMeasurement",
     "Parameter",
+    "ProposedMeasurement",
     "Step",
     "UndecidableError",
     "Variant",
@@ -49,7 +49,7 @@ _NAMES = {
     "engine": ["diagnose"],
     "held_out": ["HeldOut", "Metric"],
     "model": ["Model"],
-    "verdict": ["Candidate", "Gain", "NextMeasurement", "Verdict"],
+    "verdict": ["Candidate", "Gain", "ProposedMeasurement", "Verdict"],
 }
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names

@@ -18,6 +18,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
+from receptance.report.table import amount
 
 __all__ = ["Adequacy", "MisfitBand", "Strain", "judge", "misfit_limit"]
 
@@ -122,16 +123,23 @@ class Adequacy:
     def shortcoming(self) -> str:
         """The reason why it does not pass, as text; empty where it does."""
         if self.misfit > self.limit:
-            return f"leaves a misfit of {self.misfit:.2f} (limit {self.limit:.2f}), largest in {self.worst[0]}"
+            return (
+                f"leaves residuals of {_rms(self.misfit)} times the noise (limit {_rms(self.limit)}), largest in "
+                f"{self.worst[0]}"
+            )
         if self.smooth > self.smooth_limit:
             return (
-                f"leaves a misfit of {self.smooth:.2f} of neighbouring lines together (limit {self.smooth_limit:.2f}), "
-                f"largest in {self.worst[0]}"
+                f"leaves residuals of {_rms(self.smooth)} times the noise in sums over neighbouring lines (limit "
+                f"{_rms(self.smooth_limit)}), largest in {self.worst[0]}"
             )
         if not self.strain.passed:
             strained = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
             return f"requires implausible errors of the tolerances, in standard deviations: {strained}"
         return ""
+
+
+def _rms(misfit: float) -> str:
+    return amount(float(np.sqrt(misfit)))
 
 
 def misfit_limit(fit: Fit) -> float:

@@ -25,7 +25,7 @@ from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import MARGIN, SIMULATION_LINES
-from receptance.diagnosis.verdict import NextMeasurement
+from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import Floor
 from receptance.identification.laws import Tolerance
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MENU",
-    "Choice",
     "DirectMeasurement",
+    "DiscriminatingMeasurement",
     "Hypothesis",
     "Hypothetical",
-    "Measurement",
+    "MenuItem",
     "SimulatedMeasurement",
     "advise",
     "assembly_again",
@@ -149,7 +149,7 @@ class Hypothesis:
         return max(refit(joint, self.fit.values).chi_square - self.fit.chi_square, 0.0)
 
 
-class Measurement(Protocol):
+class DiscriminatingMeasurement(Protocol):
     """A measurement that can be simulated."""
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
@@ -172,7 +172,7 @@ class DirectMeasurement:
     presence: frozenset[str] = frozenset()
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """See `Measurement`."""
+        """See `DiscriminatingMeasurement`."""
         increase = _QUANTITY * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
         parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
@@ -206,7 +206,7 @@ class SimulatedMeasurement:
     elsewhere: frozenset[str] = frozenset()
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """See `Measurement`."""
+        """See `DiscriminatingMeasurement`."""
         if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
             return 0.0
         absent = self.without | self.elsewhere
@@ -352,7 +352,7 @@ _WINDOW = frozenset({"exponential_window"})
 
 
 @dataclass(frozen=True)
-class Choice:
+class MenuItem:
     """A measurement that can be advised.
 
     Attributes
@@ -361,59 +361,59 @@ class Choice:
         Instruction to the user.
     cost : float
         Effort, about that of so many hits on the machine.
-    measurement : Measurement
+    measurement : DiscriminatingMeasurement
         Its simulation.
     """
 
     action: str
     cost: float
-    measurement: Measurement
+    measurement: DiscriminatingMeasurement
 
 
 MENU = (
-    Choice(
+    MenuItem(
         "weigh the blank",
         1.0,
         DirectMeasurement({"tool_density.log_density": 5e-4, "tool_material.log_density": 5e-4}),
     ),
-    Choice("weigh the sensor and state its mass", 1.0, DirectMeasurement({"sensor_mass.mass": 2e-5})),
-    Choice("weigh collet and nut", 1.0, DirectMeasurement({"collet_mass.mass": 2e-3})),
-    Choice(
+    MenuItem("weigh the sensor and state its mass", 1.0, DirectMeasurement({"sensor_mass.mass": 2e-5})),
+    MenuItem("weigh collet and nut", 1.0, DirectMeasurement({"collet_mass.mass": 2e-3})),
+    MenuItem(
         "weigh the holder",
         1.0,
         DirectMeasurement({"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3}),
     ),
-    Choice(
+    MenuItem(
         "measure the overhangs again with a caliper",
         1.0,
         DirectMeasurement({"overhang_error.length": 3e-5}),
     ),
-    Choice(
+    MenuItem(
         "look up which exponential window the analyser had",
         1.0,
         DirectMeasurement({"exponential_window.decay_rate": 0.1}),
     ),
-    Choice(
+    MenuItem(
         "measure a generator of known frequency with the analyser",
         1.0,
         DirectMeasurement({"frequency_scale.log_scale": 1e-4}),
     ),
-    Choice(
+    MenuItem(
         "measure frequency and decay of the swing on the suspension",
         1.0,
         DirectMeasurement({"suspension.stiffness": 2e3, "suspension.damping": 2.0}),
     ),
-    Choice(
+    MenuItem(
         "repeat one measurement without the exponential window",
         2.0,
         SimulatedMeasurement(assembly_again, without=_WINDOW),
     ),
-    Choice(
+    MenuItem(
         "hit once exactly at a marked place",
         2.0,
         SimulatedMeasurement(assembly_again, without=_HIT_PLACE),
     ),
-    Choice(
+    MenuItem(
         "measure a free mass that is known",
         3.0,
         DirectMeasurement(
@@ -421,21 +421,21 @@ MENU = (
             presence=frozenset({"wrong_quantity", "reversed_polarity"}),
         ),
     ),
-    Choice(
+    MenuItem(
         "hang it softer and repeat one measurement",
         3.0,
         SimulatedMeasurement(assembly_again, without=_SUSPENSION),
     ),
-    Choice(
+    MenuItem(
         "measure an FRF at the holder's nose",
         3.0,
         SimulatedMeasurement(at_the_nose, elsewhere=_HIT_PLACE),
     ),
-    Choice("measure at a longer overhang", 3.0, SimulatedMeasurement(other_overhang)),
-    Choice("hit at three times the force", 3.0, SimulatedMeasurement(other_force)),
-    Choice("measure the blank alone, free-free", 4.0, SimulatedMeasurement(tool_alone)),
-    Choice("measure the holder alone, free-free", 4.0, SimulatedMeasurement(holder_alone)),
-    Choice(
+    MenuItem("measure at a longer overhang", 3.0, SimulatedMeasurement(other_overhang)),
+    MenuItem("hit at three times the force", 3.0, SimulatedMeasurement(other_force)),
+    MenuItem("measure the blank alone, free-free", 4.0, SimulatedMeasurement(tool_alone)),
+    MenuItem("measure the holder alone, free-free", 4.0, SimulatedMeasurement(holder_alone)),
+    MenuItem(
         "measure a plain blank of the tool's size",
         4.0,
         SimulatedMeasurement(assembly_again, without=_BLANK),
@@ -474,7 +474,7 @@ class _Valued:
         return (self.resolves + 1e-3 * math.tanh(min(self.increases.values()) / MARGIN)) / math.sqrt(self.cost)
 
 
-def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None:
+def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | None:
     """Return the choice, or two of them, that resolve most for their cost; None if no choice is left.
 
     Each choice is simulated with each explanation as the truth. It separates another one from the truth where the
@@ -484,20 +484,20 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
     if judgement.answer in ("adequate", "named", "partly explained"):
         return None
     if judgement.answer == "undecided":
-        return NextMeasurement(
+        return ProposedMeasurement(
             action="measure further modes, or another overhang",
             reason="the data have too few degrees of freedom to test the model",
         )
     if len(selection.base.model.configurations) == 1:
-        return NextMeasurement(
+        return ProposedMeasurement(
             action="measure another overhang", reason="one configuration cannot separate the joint from the parts"
         )
     if selection.base.one_mode:
-        return NextMeasurement(
+        return ProposedMeasurement(
             action="measure up to a second mode", reason="one mode cannot separate the joint from the parts"
         )
     if judgement.answer == "unexplained":
-        return NextMeasurement(
+        return ProposedMeasurement(
             action="measure blank and holder alone, free-free",
             reason="no known cause explains the data: this shows which part differs from its model",
         )
@@ -508,7 +508,7 @@ def advise(selection: Selection, judgement: Judgement) -> NextMeasurement | None
     best = _best(remaining, selection.base.model, ids)
     if best is None or best.worth <= 0.0:
         return None
-    return NextMeasurement(
+    return ProposedMeasurement(
         action=best.action,
         reason=_reason(best, len(remaining)),
         separates=best.separates,

@@ -1,4 +1,4 @@
-"""Prediction of another assembly by all fitted models: a mean and the spread between the models.
+"""Prediction of another assembly by all fitted models: a mean and the scatter between the models.
 
 An adequate model is not proven. A cause with a small effect on these data has no evidence and may still change
 another overhang, or a mode above the band; an interval from the fit of one model alone leaves that out. Each fitted
@@ -89,9 +89,10 @@ class Ensemble:
 
     @cached_property
     def members(self) -> list[tuple[Explanation | None, float]]:
-        """Models and their probabilities, the base as None; those of negligible probability are excluded."""
+        """Models and their probabilities, the base as None; those rejected or of low probability are excluded."""
         every = self._selection.explanations
-        explanations = [one for one in every if not one.implausible or one is self._reported]
+        # A model that the data reject counts as little as one of an implausible size, even where none is adequate.
+        explanations = [one for one in every if one is self._reported or (one.passed and not one.implausible)]
         count = max(len({cause for one in explanations for cause in one.ids}), 1)
         logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
         weights = np.exp(np.array(logs) - max(logs))
@@ -111,13 +112,13 @@ class Ensemble:
             if one is self._reported or not middle.size:
                 continue
             try:
-                other, spread = self._predicted(one, self._identified(one), target, BEYOND_LIMIT * upper_hz)
+                other, deviation = self._predicted(one, self._identified(one), target, BEYOND_LIMIT * upper_hz)
             except (ReceptanceError, ValueError):
                 continue  # this assembly cannot be predicted with it
             if not other.size:
                 continue
             nearest = np.abs(other[None, :] - middle[:, None]).argmin(axis=1)
-            variance += weight * (spread[nearest] ** 2 + (other[nearest] - middle) ** 2)
+            variance += weight * (deviation[nearest] ** 2 + (other[nearest] - middle) ** 2)
             own_weight -= weight
         return middle, np.sqrt(variance + max(own_weight, 0.0) * own**2)
 

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, named_elements
+from receptance.diagnosis.model import Model, named_elements, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.identification.laws import Move
 from receptance.identification.unknowns import Unknown
@@ -27,11 +27,13 @@ _MODE_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
 
 
 def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    require_beams(model)
+    require_no_table(model, "which contains every mode of that part; measure it again")
+    if not all(one.assembly.countable for one in model.observations):
+        raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
     ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
     if len(ends) != 1:
         raise UndecidableError("the model has no holder, or several")
-    if not all(one.assembly.countable for one in model.observations):
-        raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
     yield from resonances(p, model, next(iter(ends)), "end", "at the holder's far end")
 
 
@@ -92,6 +94,8 @@ def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
     if len(ends) > 1:
         raise UndecidableError("the assemblies end with different spindles")
     name, spindle = ends.pop()
+    if all(model.has(f"{name}.mode[{index}].frequency_hz") for index in range(len(spindle.modes))):
+        raise UndecidableError(f"all modes of {name} are unknowns of the model already")
     low, high = _band(model)
     for index, mode in enumerate(spindle.modes):
         own = f"{name}.mode[{index}]"
@@ -127,13 +131,13 @@ class _Pieces:
 
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     identified = _identified_springs(model)
-    spread = [_divide(one) for one in identified if one.length > 0.0]
+    distributed = [_divide(one) for one in identified if one.length > 0.0]
     points = [one for one in identified if one.length == 0.0]
-    if len(points) not in (0, 2) or (not spread and len(points) != 2):
+    if len(points) not in (0, 2) or (not distributed and len(points) != 2):
         raise UndecidableError("the stretch along which the springs to ground could act is unknown")
     uneven: dict[str, tuple[Unknown, ...]] = {}
-    if spread:
-        own = _normalise(spread)
+    if distributed:
+        own = _normalise(distributed)
         ends = _redistribute(p["log_ends"], own, {one.name: [2.0 * x * x - 1.0 for x in one.places] for one in own})
         tilt = _redistribute(p["log_tilt"], own, {one.name: list(one.places) for one in own})
         uneven = {
@@ -143,7 +147,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         }
         for name, unknowns in uneven.items():
             yield Variant(name, _replace_springs(model, own).plus(*unknowns))
-        spread = own
+        distributed = own
     if not points:
         return
     laid = [_lay_out(one, points, model) for one in points]
@@ -154,7 +158,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     )
     yield Variant("not at points", _replace_springs(model, laid).plus(*along))
     for name, unknowns in uneven.items():
-        yield Variant(f"not at points, {name}", _replace_springs(model, [*laid, *spread]).plus(*along, *unknowns))
+        yield Variant(f"not at points, {name}", _replace_springs(model, [*laid, *distributed]).plus(*along, *unknowns))
 
 
 def _identified_springs(model: Model) -> list[GroundSpring]:
@@ -304,6 +308,7 @@ RESONATOR_PARAMETERS = (
 BOUNDARY_CAUSES = (
     Cause(
         id="missing_mode",
+        title="missing mode",
         group="structure",
         parameters=RESONATOR_PARAMETERS,
         change=_missing_mode,
@@ -313,6 +318,7 @@ BOUNDARY_CAUSES = (
     ),
     Cause(
         id="contact_distribution",
+        title="distribution of the contact",
         group="structure",
         parameters=(
             Parameter(name="log_ends", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
@@ -326,6 +332,7 @@ BOUNDARY_CAUSES = (
     ),
     Cause(
         id="spindle_mode",
+        title="mode of the spindle",
         group="structure",
         parameters=(
             Parameter(name="log_frequency", unit="", lower=-0.2, upper=0.2, typical=0.02, plausible=(-0.15, 0.15)),

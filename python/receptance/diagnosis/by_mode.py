@@ -112,8 +112,8 @@ def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
             ratios[one.damped] = given + rest * (np.maximum(given, 1e-4) if known is None else known[one.damped])
         return Curve(label, configuration, one.frequency_hz, one.frequency_hz, modelled, own[None], ratios)
     pair = residual.reshape(2, -1)
-    spread = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
-    modelled = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * spread)
+    deviation = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
+    modelled = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * deviation)
     return Curve(label, configuration, one.frequency_hz.real, one.receptance, modelled, pair)
 
 
@@ -322,9 +322,9 @@ def _test(number: int, errors: Mapping[str, float], slenderness: Mapping[str, fl
     from scipy.special import stdtr  # the light part of scipy.stats
 
     values = np.array(list(errors.values()))
-    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    mean, deviation = float(np.mean(values)), float(np.std(values, ddof=1))
     same_sign = bool(np.all(np.sign(values) == np.sign(mean)))
-    t = abs(mean) / max(spread / np.sqrt(values.size), 1e-9)
+    t = abs(mean) / max(deviation / np.sqrt(values.size), 1e-9)
     ratios = [slenderness[name] for name in errors]
-    bias = Bias(number, (min(ratios), max(ratios)), tuple(errors), mean, spread)
+    bias = Bias(number, (min(ratios), max(ratios)), tuple(errors), mean, deviation)
     return (2.0 * float(stdtr(values.size - 1, -t)) if same_sign else 1.0), bias

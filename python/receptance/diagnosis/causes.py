@@ -168,12 +168,22 @@ class CauseUnknown(Unknown):
 
     parameter: Parameter
 
+    @property
+    def unit(self) -> str:
+        """SI unit of its value, as declared."""
+        return self.parameter.unit
+
 
 @dataclass(frozen=True, kw_only=True)
 class CauseMove(Move):
     """An unknown that a cause adds for several model parameters; `parameter` is the one that it represents."""
 
     parameter: Parameter
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its value, as declared."""
+        return self.parameter.unit
 
 
 def parameters_of(unknowns: Iterable[Unknown]) -> dict[str, Parameter]:
@@ -233,6 +243,8 @@ class Cause:
         The cause in the words of the workshop.
     remedy : str
         Remedy for the user.
+    title : str, optional
+        Name in texts and figures; by default the id with spaces.
     unspecific : bool, optional
         Whether other errors of a structure have a similar effect. Beside a discrepancy it is not reported.
 
@@ -254,6 +266,7 @@ class Cause:
     change: Callable[[Mapping[str, Parameter], Model], Iterable[Variant]]
     meaning: str
     remedy: str
+    title: str = ""
     unspecific: bool = False
 
     def __post_init__(self) -> None:
@@ -263,6 +276,7 @@ class Cause:
             raise ValueError(
                 f"Cause {self.id!r}: group is {self.group!r}, expected one of {', '.join(get_args(Group))}"
             )
+        object.__setattr__(self, "title", self.title or self.id.replace("_", " "))
         object.__setattr__(self, "parameters", tuple(replace(one, cause=self.id) for one in self.parameters))
 
     def variants(self, model: Model) -> list[Variant]:

@@ -11,20 +11,28 @@ in place of derivatives because s may exceed the width of a resonance. H is the 
 are the same for all models. Errors are common to lines: those of a mode where u > r^2 have its error of frequency, one
 real number in all records of a configuration; the others have its error of level, one complex number in each record. A
 mode has the lines from one midpoint between peaks to the next. Antiresonances are left out: they are small differences
-of modes, and a small error of one mode moves them far. A measured natural frequency has the relative error s. These
-parameters have the largest likelihood of the residuals. Intervals of a fit that allows for the discrepancy include it.
+of modes, and a small error of one mode moves them far. A measured natural frequency has the relative error s.
+
+The standard deviations are those of largest likelihood in a linear mixed model of the errors e of a fit,
+
+    e(f) = a_mk + d_m (ln H(f (1 + s)) - ln H(f (1 - s))) / (2 s) + b(f) + noise,
+
+with the error of level a_mk of mode m in record k, the relative error d_m of its frequency in all records of a
+configuration, and a remainder b of each line; all are normal with mean zero, and r^2 is the variance of a_mk and b
+together. The likelihood is maximised by expectation and maximisation (Laird and Ware, Biometrics 38, 1982, 963-974).
+Intervals of a fit that allows for the discrepancy include it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from receptance._peaks import local_maxima
+from receptance._peaks import local_maxima, nearest_peak
 from receptance.diagnosis.fitting import Fit, evaluate, refit
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model
@@ -34,12 +42,19 @@ from receptance.diagnosis.thresholds import (
     DISCREPANCIES,
     DISCREPANCY_LINES,
     DISCREPANCY_ROUNDS,
+    LEAST_FACTOR,
+    MIXED_MODEL_CHANGE,
+    MIXED_MODEL_STEPS,
     MODE_NOISE,
     MODE_PROMINENCE,
+    SAME_MODE,
 )
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 
-__all__ = ["Discrepancy", "fit_discrepancy", "resonant"]
+__all__ = ["Discrepancy", "DiscrepancyFit", "fit_discrepancy", "resonant"]
+
+FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
+"""Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +87,28 @@ class Discrepancy:
         damping = None if self.damping is None else factor * self.damping
         return Discrepancy(min(factor * self.frequency, largest), level, damping)
 
+    def deviance(self, chi_square: ArrayLike, values: float) -> NDArray[np.float64]:
+        """Return minus twice the logarithm of the likelihood of fits that allow for it, for its most likely size.
+
+        The size is a common factor of the standard deviations. The factor is at most that which leads to the largest
+        discrepancy that is tried, and at least `LEAST_FACTOR`: few values may agree with a model by chance.
+
+        Parameters
+        ----------
+        chi_square : array_like
+            Chi-square of the fits.
+        values : float
+            Number of independent values.
+        """
+        most = DISCREPANCIES[1] / (self.frequency if self.relative is None else self.relative)
+        chi_square = np.asarray(chi_square, dtype=np.float64)
+        square = np.clip(chi_square / values, LEAST_FACTOR**2, max(most, 1.0) ** 2)
+        return np.asarray(values * np.log(square) + chi_square / square)
+
     def is_close(self, other: Discrepancy) -> bool:
         """Return whether another discrepancy is the same to a tenth."""
-        ratios = (self.frequency / other.frequency, (self.relative or 1.0) / (other.relative or 1.0))
-        return all(abs(math.log(ratio)) < 0.1 for ratio in ratios)
+        pairs = ((getattr(self, name), getattr(other, name)) for name in ("frequency", "relative", "damping"))
+        return all(own == one or (own and one and abs(math.log(own / one)) < 0.1) for own, one in pairs)
 
     def allow(self, model: Model) -> Model:
         """Return the model with observations whose variance includes the discrepancy."""
@@ -94,7 +127,7 @@ class Discrepancy:
         level, shift = np.square(self.relative or 0.0), _variance_of_shift(one, self.frequency)
         noise, lines = (
             np.square(one.standard_deviations[: shift.size]),
-            _common_lines(_modes(one), shift > level, records),
+            _common_lines(nearest_peak(one.frequency_hz.real, _peaks(one)), shift > level, records),
         )
         # `standard_deviation` is that of independent lines with the information of the correlated ones.
         share = (level + shift) / (level + shift + noise / one.correlated_lines)
@@ -122,8 +155,28 @@ def _in_dip(one: MeasuredFRF) -> NDArray[np.bool_]:
     return np.array(deep, dtype=np.bool_)
 
 
-def fit_discrepancy(model: Model, start: Mapping[str, float]) -> tuple[Discrepancy, Fit]:
-    """Return the discrepancy of a model, and the fit that allows for it; each is estimated with the other in turn.
+@dataclass(frozen=True, eq=False)
+class DiscrepancyFit:
+    """A fit that allows for the discrepancy of its model.
+
+    Attributes
+    ----------
+    discrepancy : Discrepancy
+        The discrepancy, estimated with the fit.
+    fit : Fit
+        The fit.
+    deviance : float
+        Minus twice the logarithm of the likelihood, up to a constant that all models of the same data share. It counts
+        the errors of modes, not of lines: neighbouring lines have the same error.
+    """
+
+    discrepancy: Discrepancy
+    fit: Fit
+    deviance: float
+
+
+def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
+    """Return the fit of a model that allows for its discrepancy; each is estimated with the other in turn.
 
     Parameters
     ----------
@@ -133,85 +186,166 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> tuple[Discrepan
         Values from which the fit starts.
     """
     fit = evaluate(model, start)
-    found = _most_likely(model, fit)
+    found, deviance = _most_likely(model, fit, DISCREPANCIES[0])
     for _ in range(DISCREPANCY_ROUNDS):
         fit = refit(found.allow(model), fit.values)
-        before, found = found, _most_likely(model, fit)
-        if found == before:
+        before = found
+        found, deviance = _most_likely(model, fit, before.frequency)
+        if found.is_close(before):
             break
-    # Lines and priors may agree less with these two parameters than their likelihood expects.
+    priors = sum(unknown.prior is not None for unknown in fit.task.parameters.unknowns)
+    deviance += float(np.sum(np.square(fit.residual[fit.residual.size - priors :])))
+    # Lines and priors may agree less with these parameters than their likelihood expects.
     larger = before.times(math.sqrt(max(fit.misfit, 1.0)))
-    return larger, refit(larger.allow(model), fit.values)
+    return DiscrepancyFit(larger, refit(larger.allow(model), fit.values), deviance)
 
 
-def _errors(fit: Fit) -> list[NDArray[np.complex128]]:
-    """Return the errors of each observation: of logarithms, or relative ones of natural frequencies."""
-    found = []
-    for one, residual in zip(fit.model.observations, fit.parts, strict=True):
-        if isinstance(one, MeasuredFrequencies):
-            spread = np.asarray(one.standard_deviation_hz)
-            own = residual[: one.frequency_hz.size] * spread / one.frequency_hz
-            found.append(own.astype(np.complex128))
-        else:
-            real, imaginary = (residual * one.standard_deviations).reshape(2, -1)
-            found.append(real + 1j * imaginary)
-    return found
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Errors of the records of a configuration, with effects that are common to several of them.
 
-
-def _most_likely(model: Model, fit: Fit) -> Discrepancy:
-    """Return the discrepancy with the largest likelihood of the errors of a fit.
-
-    Common errors of lines are one independent value. The variance of the noise is that of `model`.
+    Attributes
+    ----------
+    values : ndarray
+        `(n,)` errors, of real and imaginary parts of logarithms, or relative ones.
+    noise : ndarray
+        `(n,)` variances of the noise, and of the part that is not linear in the effects.
+    effects : ndarray
+        `(n, q)` errors by a unit of each effect.
+    kinds : ndarray
+        `(q,)` kind of each effect.
+    has_remainder : bool
+        Whether each error has a part of its own beside the effects and the noise.
     """
-    grid = np.geomspace(DISCREPANCIES[0], DISCREPANCIES[1], int(DISCREPANCIES[2]))
-    # Minus twice the logarithm of the likelihood, over the level (rows) and the frequency (columns).
-    deviance = np.zeros((grid.size, grid.size))
-    has_level = False
-    for one, error, records in zip(model.observations, _errors(fit), _records(model), strict=True):
-        power = np.square(np.abs(error))
-        if isinstance(one, MeasuredFrequencies):
-            noise = np.square(np.asarray(one.standard_deviation_hz) / one.frequency_hz)
-            variance = np.square(grid)[:, None] + noise
-            deviance += np.sum(power / variance + np.log(variance), axis=1)
-            continue
-        has_level = True
-        modes, noise = _modes(one), np.square(one.standard_deviations[: power.size])
-        for column, frequency in enumerate(grid):
-            shift = _variance_of_shift(one, frequency)
-            for row, level in enumerate(np.square(grid)):
-                lines = _common_lines(modes, shift > level, records)
-                variance = level + shift + noise / lines
-                deviance[row, column] += np.sum((power / variance + 2.0 * np.log(variance)) / lines)
-    row, best = divmod(int(np.argmin(deviance)), grid.size)
-    return Discrepancy(float(grid[best]), float(grid[row]) if has_level else None, _of_damping(model, fit))
+
+    values: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    effects: NDArray[np.float64]
+    kinds: NDArray[np.intp]
+    has_remainder: bool
 
 
-def _of_damping(model: Model, fit: Fit) -> float | None:
-    """Return the standard deviation of damping ratios, relative, with the largest likelihood."""
-    grid = np.geomspace(1e-3, 3.0, int(DISCREPANCIES[2]))
-    deviance = np.zeros(grid.size)
-    known = False
-    for one, fitted, residual in zip(model.observations, fit.model.observations, fit.parts, strict=True):
-        if (
-            not isinstance(one, MeasuredFrequencies)
-            or not isinstance(fitted, MeasuredFrequencies)
-            or not one.damped.size
-        ):
-            continue
-        known = True
-        ratios, own = np.asarray(one.damping_ratio)[one.damped], residual[one.frequency_hz.size :]
-        errors = own * np.asarray(fitted.standard_deviation_damping)[one.damped] / ratios
-        variance = np.square(grid)[:, None] + np.square(np.asarray(one.standard_deviation_damping)[one.damped] / ratios)
-        deviance += np.sum(np.square(errors) / variance + np.log(variance), axis=1)
-    return float(grid[np.argmin(deviance)]) if known else None
+def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, float]:
+    """Return the discrepancy with the largest likelihood of the errors of a fit, and the deviance of its modes.
+
+    The effect of an error of frequency is the secant over plus and minus `shift`, a relative error.
+    """
+    errors = _errors(model, fit, shift)
+    numbers = np.bincount(np.concatenate([one.kinds for one in errors]), minlength=REMAINDER)
+    smallest, largest = np.square(DISCREPANCIES)
+    # Of the three kinds, and of the remainder.
+    variances = np.array([1e-6, 1e-2, 1e-2, 1e-2])
+    for _ in range(MIXED_MODEL_STEPS):
+        sums, counts = np.zeros(4), np.zeros(4)
+        for one in errors:
+            of_effects, of_remainder = _expected_squares(one, variances)
+            np.add.at(sums, one.kinds, of_effects)
+            np.add.at(counts, one.kinds, 1.0)
+            sums[REMAINDER] += np.sum(of_remainder)
+            counts[REMAINDER] += of_remainder.size
+        squares = sums / np.maximum(counts, 1.0)
+        before, variances = variances, np.clip(squares, smallest, largest)
+        if np.all(np.abs(np.log(variances / before)) < MIXED_MODEL_CHANGE):
+            break
+    # An error of level includes the remainder.
+    squares[LEVEL] += squares[REMAINDER]
+    squares = squares[:REMAINDER]
+    own = np.clip(squares, smallest, largest)
+    frequency, level, damping = np.sqrt(own).tolist()
+    found = Discrepancy(frequency, level if numbers[LEVEL] else None, damping if numbers[DAMPING] else None)
+    return found, float(numbers @ (np.log(own) + squares / own))
+
+
+def _expected_squares(one: _Errors, variances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the expected squares of the effects and of the remainders, given the errors and the variances."""
+    own = variances[REMAINDER] if one.has_remainder else 0.0
+    variance = one.noise + own
+    weighted = one.effects / variance[:, None]
+    covariance = np.linalg.inv(weighted.T @ one.effects + np.diag(1.0 / variances[one.kinds]))
+    mean = covariance @ (weighted.T @ one.values)
+    squares = np.square(mean) + np.diag(covariance)
+    if not one.has_remainder:
+        return squares, np.empty(0)
+    left = one.values - one.effects @ mean
+    spread = np.sum((one.effects @ covariance) * one.effects, axis=1)
+    share = own / variance
+    return squares, np.square(share) * (np.square(left) + spread) + own * (1.0 - share)
+
+
+def _errors(model: Model, fit: Fit, shift: float) -> list[_Errors]:
+    """Return the errors of a fit: those of natural frequencies and damping ratios, and of each configuration."""
+    found: list[_Errors] = []
+    records: dict[str, list[tuple[MeasuredFRF, NDArray[np.float64]]]] = {}
+    triples = zip(model.observations, fit.model.observations, fit.parts, strict=True)
+    for name, (one, fitted, residual) in zip(model.configuration_of, triples, strict=True):
+        if isinstance(one, MeasuredFRF):
+            records.setdefault(name, []).append(
+                (one, residual.reshape(2, -1) * fitted.standard_deviations[: residual.size // 2])
+            )
+        elif isinstance(one, MeasuredFrequencies) and isinstance(fitted, MeasuredFrequencies):
+            found += _errors_of_frequencies(one, fitted, residual)
+    return [*found, *(_errors_of_records(own, shift) for own in records.values())]
+
+
+def _errors_of_frequencies(
+    one: MeasuredFrequencies, fitted: MeasuredFrequencies, residual: NDArray[np.float64]
+) -> Iterator[_Errors]:
+    """Yield relative errors of natural frequencies, and of damping ratios; each is an effect of its own."""
+    of_frequency, of_damping = np.split(residual, [one.frequency_hz.size])
+    own, now = (np.asarray(each.standard_deviation_hz) for each in (one, fitted))
+    yield _separate(of_frequency * now / one.frequency_hz, own / one.frequency_hz, FREQUENCY)
+    if of_damping.size:
+        own, now = (np.asarray(each.standard_deviation_damping)[one.damped] for each in (one, fitted))
+        ratios = np.asarray(one.damping_ratio)[one.damped]
+        yield _separate(of_damping * now / ratios, own / ratios, DAMPING)
+
+
+def _separate(values: NDArray[np.float64], spread: NDArray[np.float64], kind: int) -> _Errors:
+    return _Errors(values, np.square(spread), np.eye(values.size), np.full(values.size, kind), False)
+
+
+def _errors_of_records(records: Sequence[tuple[MeasuredFRF, NDArray[np.float64]]], shift: float) -> _Errors:
+    """Return the errors of the receptances of a configuration: the real parts of all, then the imaginary parts."""
+    peaks = [_peaks(one) for one, _ in records]
+    every = np.sort(np.concatenate(peaks))
+    # Peaks of several records close to each other are one mode of the configuration.
+    first = every[np.concatenate([[True], np.diff(np.log(every)) > SAME_MODE])] if every.size else every
+    starts = np.cumsum([0, *(one.frequency_hz.size for one, _ in records)])
+    levels, slopes, noise = [], np.zeros((starts[-1], first.size), dtype=np.complex128), []
+    for start, own, (one, _) in zip(starts, peaks, records, strict=False):
+        down, at_rest, up = (_moved(one, way * shift) for way in (-1.0, 0.0, 1.0))
+        # The square of a normal error has a mean square of 3; each part has half of what the secant does not describe.
+        curved = 3.0 / 8.0 * np.square(np.abs(up - 2.0 * at_rest + down))
+        noise.append(np.square(one.standard_deviations.reshape(2, -1)[0]) / one.correlated_lines + curved)
+        number, slope = nearest_peak(one.frequency_hz.real, own), (up - down) / (2.0 * shift)
+        for k in range(max(own.size, 1)):
+            at = start + np.flatnonzero(number == k)
+            level = np.zeros(starts[-1])
+            level[at] = 1.0
+            levels.append(level)
+            if own.size:
+                slopes[at, np.searchsorted(first, own[k], side="right") - 1] += slope[at - start]
+    level, none = np.array(levels).T, np.zeros((starts[-1], len(levels)))
+    return _Errors(
+        values=np.concatenate([part for row in (0, 1) for part in (error[row] for _, error in records)]),
+        noise=np.concatenate([*noise, *noise]),
+        effects=np.block([[level, none, slopes.real], [none, level, slopes.imag]]),
+        kinds=np.repeat([LEVEL, FREQUENCY], [2 * len(levels), first.size]),
+        has_remainder=True,
+    )
 
 
 def _variance_of_shift(one: MeasuredFRF, frequency: float) -> NDArray[np.float64]:
     """Return the variance of the logarithm by an error of frequency, for the real and the imaginary part each."""
+    at = _moved(one, 0.0)
+    return np.asarray(sum(np.square(np.abs(_moved(one, way * frequency) - at)) for way in (1.0, -1.0)) / 4.0)
+
+
+def _moved(one: MeasuredFRF, shift: float) -> NDArray[np.complex128]:
+    """Return the logarithm of the receptance at frequencies that are larger by a share."""
     lines = one.frequency_hz.real
     logarithm = np.log(np.abs(one.receptance)) + 1j * np.unwrap(np.angle(one.receptance))
-    moved = [np.interp(lines * (1.0 + shift), lines, logarithm) for shift in (frequency, -frequency)]
-    return np.asarray(sum(np.square(np.abs(each - logarithm)) for each in moved) / 4.0)
+    return np.asarray(np.interp(lines * (1.0 + shift), lines, logarithm))
 
 
 def _records(model: Model) -> list[int]:
@@ -221,11 +355,11 @@ def _records(model: Model) -> list[int]:
     return [max(names.count(name), 1) for name in model.configuration_of]
 
 
-def _modes(one: MeasuredFRF) -> NDArray[np.intp]:
-    """Return for each line the number of its mode."""
+def _peaks(one: MeasuredFRF) -> NDArray[np.float64]:
+    """Return the frequencies of the peaks of modes in Hz."""
     least = max(MODE_PROMINENCE, MODE_NOISE * float(np.median(one.standard_deviations)))
-    peaks, _ = local_maxima(np.log(np.abs(one.receptance) * one.frequency_hz.real), least)
-    return np.searchsorted((peaks[1:] + peaks[:-1] + 1) // 2, np.arange(one.frequency_hz.size), side="right")
+    lines = one.frequency_hz.real
+    return np.asarray(lines[local_maxima(np.log(np.abs(one.receptance) * lines), least)[0]])
 
 
 def _common_lines(modes: NDArray[np.intp], shifted: NDArray[np.bool_], records: int) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,17 +14,20 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
-from receptance.diagnosis.discrepancy import fit_discrepancy, resonant
+from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit, fit_discrepancy, resonant
 from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.fitting import in_parallel
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
+from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     CANDIDATES_ON_INTERRUPT,
+    DISCREPANCY_CAUSES,
     DISCREPANCY_SELECTIONS,
     EXPLORING_LINES,
     LISTED,
@@ -135,7 +139,9 @@ def diagnose(
     metrics = _check_metrics(metrics)
     catalogue = resolve_causes(causes)
     _checks.thread_count(threads)
-    model, line_notes = select_lines(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
+    model, table_notes = with_table_noise(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
+    model, line_notes = select_lines(model)
+    line_notes = (*table_notes, *line_notes)
     model = model.with_witnesses()
     report = Progress(progress)
     report.plan("held out", count_folds(model) if held_out else 0)
@@ -182,20 +188,19 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
 def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Progress, threads: int | None) -> Verdict:
     """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
 
-    Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which is left with
-    the best cause, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
+    Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which the most
+    likely cause leaves, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
     """
     before = verdict.selection.base
     few = replace(resonant(before.model), threads=threads)
     try:
-        discrepancy, base = fit_discrepancy(few, before.values)
-        left = discrepancy
+        base = fit_discrepancy(few, before.values)
+        left = base.discrepancy
         for _ in range(DISCREPANCY_SELECTIONS):
             selection = select(few, catalogue, most=1, progress=report, discrepancy=left)
-            if selection.best is None or selection.interrupted:
+            if selection.interrupted:
                 break
-            last = left
-            left, _ = fit_discrepancy(extend(few, selection.best.steps), selection.best.fit.values)
+            last, left = left, _least(few, base, selection)
             if left.is_close(last):
                 break
         judgement = conclude(selection)
@@ -205,19 +210,42 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
         return verdict.interrupt(report.position, tried=True)
     if selection.interrupted:
         verdict = verdict.interrupt(report.position, tried=True)
-        return replace(verdict, discrepancy=discrepancy, base_fit=base)
+        return replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
     if judgement.answer != "partly explained":
-        return replace(verdict, notes=notes, discrepancy=discrepancy, base_fit=base)
+        return replace(verdict, notes=notes, discrepancy=base.discrepancy, base_fit=base.fit)
     found = _verdict(selection, replace(judgement, notes=notes), 1, (), report)
     return replace(
         found,
         adequacy=verdict.adequacy,
-        base_fit=base,
-        discrepancy=discrepancy,
+        base_fit=base.fit,
+        discrepancy=base.discrepancy,
         discrepancy_after=selection.discrepancy,
         without_discrepancy=verdict,
     )
+
+
+def _least(few: Model, base: DiscrepancyFit, selection: Selection) -> Discrepancy:
+    """Return the discrepancy of the most likely model: of the base, or with one of the best causes.
+
+    Each has a discrepancy of its own.
+    """
+    singles = selection.singles[:DISCREPANCY_CAUSES]
+    fits = [partial(_with_discrepancy, few, one) for one in singles]
+    likely = [(base.deviance, base.discrepancy)]
+    for own in in_parallel(fits, selection.workers):
+        if own is not None:
+            added = len(own.fit.model.unknowns) - len(base.fit.model.unknowns)
+            likely.append((own.deviance + selection.penalty * added, own.discrepancy))
+    return min(likely, key=lambda pair: pair[0])[1]
+
+
+def _with_discrepancy(few: Model, one: Explanation) -> DiscrepancyFit | None:
+    """Return the fit of an explanation with a discrepancy of its own; None where it has no value."""
+    try:
+        return fit_discrepancy(extend(few, one.steps), one.fit.values)
+    except ReceptanceError:
+        return None
 
 
 def _verdict(
@@ -320,6 +348,13 @@ def _data_notes(selection: Selection) -> list[str]:
         notes.append("there is one configuration: measure another overhang to distinguish the joint from the parts")
     if selection.base.one_mode:
         notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
+    for words, remedy in (
+        (DATA_HOLDER, "if the holder may have changed since it was measured, measure it again"),
+        (TABLE, "describe that part by modes to decide them"),
+    ):
+        not_decided = [id for id, reason in selection.undecidable.items() if reason.startswith(words)]
+        if not_decided:
+            notes.append(f"{words}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
     frequencies = [one for one in model.observations if isinstance(one, MeasuredFrequencies)]
     if len(frequencies) == len(model.observations):
         hidden = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -33,6 +32,8 @@ class Explanation:
         The gain less the penalty of its unknowns; about twice the logarithm of the odds.
     expected : float
         The part of the gain that is predicted to first order and not fitted.
+    has_discrepancy : bool
+        Whether the fit allows for a discrepancy. Tolerances absorb a part of it, so their strain is no objection.
     """
 
     steps: tuple[Step, ...]
@@ -40,6 +41,7 @@ class Explanation:
     gain: float
     evidence: float
     expected: float = 0.0
+    has_discrepancy: bool = False
 
     @property
     def ids(self) -> frozenset[str]:
@@ -48,8 +50,8 @@ class Explanation:
 
     @property
     def title(self) -> str:
-        """Ids of the causes as text, in the order of the steps."""
-        return " + ".join(cause.id for cause, _ in self.steps)
+        """Names of the causes, in the order of the steps."""
+        return " + ".join(cause.title for cause, _ in self.steps)
 
     @cached_property
     def adequacy(self) -> Adequacy:
@@ -60,7 +62,9 @@ class Explanation:
     def passed(self) -> bool:
         """Whether the fit is adequate."""
         # The misfit comes first, because the rest of the adequacy takes longer.
-        return self.fit.misfit <= misfit_limit(self.fit) and self.adequacy.passed
+        if self.fit.misfit > misfit_limit(self.fit):
+            return False
+        return self.adequacy.of_lines if self.has_discrepancy else self.adequacy.passed
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
@@ -182,19 +186,17 @@ class Selection:
         own = sum(unknown.prior is None for unknown in fit.model.unknowns)
         count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
         gain = self.gain(fit.chi_square - expected)
-        return Explanation(steps, fit, gain, gain - self.penalty * count, expected)
+        return Explanation(steps, fit, gain, gain - self.penalty * count, expected, self.discrepancy is not None)
 
     def gain(self, chi_square: float) -> float:
         """Return the gain of a fit: twice the difference of the logarithms of the likelihoods.
 
-        A discrepancy has a size of its own in each model. Its likelihood, with the size of largest likelihood, depends
-        on the ratio of chi-square.
+        A discrepancy has a size of its own in each model.
         """
         if self.discrepancy is None:
             return self.base.chi_square - chi_square
-        # A model with as many unknowns as values leaves nothing, which is no evidence without limit.
-        least = 1e-3 * self.base.chi_square
-        return self.base.independent_values * math.log(self.base.chi_square / max(chi_square, least))
+        before, after = self.discrepancy.deviance([self.base.chi_square, chi_square], self.base.independent_values)
+        return float(before - after)
 
     def share(self, one: Explanation) -> float:
         """Return the share of the misfit of the base that an explanation takes."""

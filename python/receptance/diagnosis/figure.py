@@ -1,12 +1,24 @@
-"""A diagnosis as a figure."""
+"""Figures of a diagnosis, and of its report."""
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, PALE, finished, panels, set_up, surface, title_left
+from receptance.diagnosis.thresholds import MARGIN
+from receptance.report.figure import (
+    COLOURS,
+    PALE,
+    add_legend,
+    finished,
+    new_figure,
+    panels,
+    set_up,
+    surface,
+    title_left,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,9 +30,15 @@ if TYPE_CHECKING:
     from receptance.diagnosis import Verdict
     from receptance.diagnosis.by_mode import Curve
 
-__all__ = ["draw_diagnosis"]
+__all__ = ["curve_figure", "draw_diagnosis", "evidence_figure", "frequencies_figure"]
 
-_CANDIDATES = 12
+_CANDIDATES = 14
+_NAME = 26
+"""Characters in a line of the name of a cause."""
+_DECADES = 8.0
+"""Largest power of ten of odds that is drawn; an arrow marks smaller odds."""
+_SIZE = (4.5, 4.0)
+"""Size of a figure of the report in inches: its text is legible on a page of 400 pixels and in a column of a print."""
 _RECEPTANCES = 5
 """Receptances that are drawn; the report has all of them."""
 _COLUMNS = 3
@@ -75,54 +93,87 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     if frequencies:
         _draw_frequencies(next(axes), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
     if candidates:
-        _draw_evidence(next(axes), verdict)
+        _draw_evidence(next(axes), verdict, "Odds of each cause to the best")
     return finished(figure)
+
+
+def curve_figure(before: Curve, after: Curve | None) -> Figure:
+    """Return one receptance, measured and modelled, and below it the ratio of model and measurement in decibels."""
+    figure = new_figure(*_SIZE)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    _draw_receptance(upper, before, after)
+    upper.set_xlabel("")
+    set_up(lower, "", "frequency [Hz]", "model / measured [dB]")
+    for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
+        if curve is not None:
+            ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
+            lower.plot(*_with_gaps(curve.frequency_hz, ratio, signed=True), color=colour, lw=1.0, ls=style)
+    lower.axhline(0.0, color=PALE, lw=0.8)
+    return figure
+
+
+def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figure:
+    """Return the errors of natural frequencies, before and after."""
+    figure = new_figure(_SIZE[0], 3.0)
+    _draw_frequencies(figure.subplots(), before, after)
+    return figure
+
+
+def evidence_figure(verdict: Verdict) -> Figure:
+    """Return how far each cause is behind the best."""
+    figure = new_figure(_SIZE[0], 1.0 + 0.28 * min(len(verdict.candidates) + 1, _CANDIDATES))
+    _draw_evidence(figure.subplots(), verdict)
+    return figure
 
 
 def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
     set_up(axes, before.label or before.configuration, "frequency [Hz]", "receptance [m/N]")
     axes.plot(*_with_gaps(before.frequency_hz, before.measured), color=PALE, lw=3.0, label="measured")
     given = _with_gaps(before.frequency_hz, before.modelled)
-    axes.plot(*given, color=COLOURS[1], lw=1.0, ls="--", label="model as given")
+    axes.plot(*given, color=COLOURS[1], lw=1.0, ls="--", label="model before" if after is not None else "model")
     if after is not None:
-        axes.plot(*_with_gaps(after.frequency_hz, after.modelled), color=COLOURS[2], lw=1.0, label="model extended")
+        axes.plot(*_with_gaps(after.frequency_hz, after.modelled), color=COLOURS[2], lw=1.0, label="model after")
     axes.set_yscale("log")
-    axes.legend(fontsize=8, frameon=False)
+    add_legend(axes, fontsize=9)
 
 
 def _with_gaps(
-    lines: NDArray[np.float64], values: NDArray[np.complex128] | NDArray[np.float64]
+    lines: NDArray[np.float64], values: NDArray[np.complex128] | NDArray[np.float64], *, signed: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lines and magnitudes with NaN where lines are left out, so that no curve is drawn there."""
+    """Return lines and magnitudes, or signed values; NaN where lines are left out, so that no curve is drawn there."""
     spacing = np.diff(lines)
     around = np.maximum(np.append(spacing[:1], spacing[:-1]), np.append(spacing[1:], spacing[-1:]))
     gaps = np.flatnonzero(spacing > _GAP * around) + 1
-    return np.insert(lines, gaps, np.nan), np.insert(np.abs(values), gaps, np.nan)
+    return np.insert(lines, gaps, np.nan), np.insert(values.real if signed else np.abs(values), gaps, np.nan)
 
 
 def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve]) -> None:
     set_up(axes, "Natural frequencies", "measured [Hz]", "modelled less measured [%]")
     for curves, colour, marker, label in (
-        (before, COLOURS[1], "o", "model as given"),
-        (after, COLOURS[2], "s", "model extended"),
+        (before, COLOURS[1], "o", "before" if after else "model"),
+        (after, COLOURS[2], "s", "after"),
     ):
         if curves:
             measured = np.concatenate([one.measured.real for one in curves])
             modelled = np.concatenate([one.modelled.real for one in curves])
             axes.plot(measured, 100.0 * (modelled / measured - 1.0), marker, color=colour, ms=4.0, label=label)
     axes.axhline(0.0, color=PALE, lw=0.9)
-    axes.legend(fontsize=8, frameon=False)
+    add_legend(axes, fontsize=9)
 
 
-def _draw_evidence(axes: Axes, verdict: Verdict) -> None:
-    shown = verdict.candidates[:_CANDIDATES]
-    reported = {one.id for one in verdict.causes}
-    set_up(axes, "Evidence of the candidates", "twice the logarithm of the odds", "")
-    axes.grid(visible=False)
-    places = range(len(shown))
-    colours = [COLOURS[2] if one.id in reported else PALE for one in shown]
-    axes.barh(places, [max(one.evidence, 0.0) for one in shown], color=colours, height=0.7)
-    axes.axvline(verdict.threshold, color=COLOURS[1], lw=1.0, ls="--", label="detection threshold")
-    axes.set_yticks(places, [one.id for one in shown], fontsize=8)
-    axes.set_ylim(len(shown) - 0.4, -0.6)
-    axes.legend(fontsize=8, frameon=False)
+def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
+    """Draw the odds of each cause to the best in powers of ten; a dashed line marks the margin of evidence."""
+    reported, best = {one.id for one in verdict.causes}, verdict.best_evidence
+    bars = [(one.title, best - one.evidence, one.id in reported) for one in verdict.candidates]
+    bars = sorted([*bars, ("the model as it is", best, False)], key=lambda bar: bar[1])[:_CANDIDATES]
+    set_up(axes, title, "n, where the odds are 1 : 10^n", "", grid="x")
+    decades = [min(0.5 * behind / np.log(10.0), _DECADES) for _, behind, _ in bars]
+    places = range(len(bars))
+    axes.hlines(places, 0.0, decades, color=[COLOURS[2] if own else PALE for *_, own in bars], lw=2.0)
+    for place, decade, (*_, own) in zip(places, decades, bars, strict=True):
+        marker = ">" if decade == _DECADES else "o"
+        axes.plot([decade], [place], marker, color=COLOURS[2] if own else PALE, ms=6.0, clip_on=False)
+    axes.axvline(0.5 * MARGIN / np.log(10.0), color=COLOURS[1], lw=1.0, ls="--")
+    axes.set_yticks(places, [textwrap.fill(name, _NAME) for name, *_ in bars], fontsize=9)
+    axes.set_ylim(len(bars) - 0.4, -0.6)
+    axes.set_xlim(0.0, _DECADES)

@@ -6,6 +6,7 @@ lines does not affect the result.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -41,6 +42,10 @@ if TYPE_CHECKING:
     from receptance.identification.task import Task
 
 __all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "in_parallel", "refit", "with_null"]
+
+
+_MODE = re.compile(r".+\.mode\[\d+\]\.frequency_hz")
+"""Address of the natural frequency of a mode of a terminal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +187,11 @@ def fit_base(model: Model) -> Fit:
     task = thin(model).task
     problem = task.problem()
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
-    if all(isinstance(one, MeasuredFRF) for one in model.observations):
+    if any(_MODE.fullmatch(unknown.address) for unknown in model.unknowns):
+        # Unknown modes of a spindle have starts of their own, see `start_modes`: a continuation with all of them at
+        # once ends in a local optimum.
+        runs = fit_direct(problem, task.variables.draw(1, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
+    elif len(model.receptances) == len(model.observations):
         starts = task.variables.draw(1, model.seed)
         runs = fit_staged(task, problem, starts, model.seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance._peaks import nearest_peak
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import IndescribableError, parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
@@ -386,9 +387,10 @@ def _by_mode(
     lines: NDArray[np.float64], values: NDArray[np.float64], peaks_hz: Sequence[float]
 ) -> list[tuple[float, int]]:
     """Return sums and numbers of the values on the lines next to each peak."""
-    peaks = np.sort(np.array(peaks_hz))
-    parts = np.split(values, np.searchsorted(lines, 0.5 * (peaks[:-1] + peaks[1:])) if peaks.size else [])
-    return [(float(np.sum(part)), part.size) for part in parts]
+    peaks = np.sort(np.array(peaks_hz, dtype=np.float64))
+    number, least = nearest_peak(lines, peaks), max(peaks.size, 1)
+    sums, counts = np.bincount(number, values, least), np.bincount(number, minlength=least)
+    return list(zip(sums.tolist(), counts.tolist(), strict=True))
 
 
 def _value(metric: str, *folds: NDArray[np.float64]) -> float:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of
+from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of, require_beams
 from receptance.diagnosis.thresholds import COLLET_GYRATION, LAYER_POINTS, SAME_PLACE, SHORTEST_SPREAD, VARIED
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, Observation, altered
@@ -85,7 +85,7 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _require_damping(model: Model) -> None:
-    if not any(isinstance(one, MeasuredFRF) or one.damped.size for one in model.observations):
+    if not model.receptances and not any(one.damped.size for one in model.frequencies):
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
 
 
@@ -192,9 +192,13 @@ def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     own = [anatomy for anatomy in model.anatomies if anatomy.joint]
     sides = {
         "on the tool": [PointMass(mass=0.0, part=one.tool[-1], position="end", name="cause_collet") for one in own],
-        "on the holder": [PointMass(mass=0.0, part=one.holder[0], position=0.0, name="cause_collet") for one in own],
+        "on the holder": [
+            PointMass(mass=0.0, part=one.holder[0], position=0.0, name="cause_collet") for one in own if one.holder
+        ],
     }
     for name, listed in sides.items():
+        if len(listed) < len(own):
+            continue  # data instead of a holder have no place for a mass
         points = dict.fromkeys(listed)
         yield Variant(name, model.attach(*points).plus(p["mass"].unknown("cause_collet.mass")))
 
@@ -256,6 +260,7 @@ def _halves(address: str, joint: str) -> tuple[str, ...]:
 
 def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     (joint, *others) = _point_joints(model)
+    require_beams(model)
     if others or len({anatomy for anatomy in model.anatomies if anatomy.joint}) > 1:
         raise UndecidableError("there are several joints between tool and holder")
     if any(model.has(f"{joint}.{field}") for field in ("k_ytheta", "c_ytheta")):
@@ -397,6 +402,7 @@ _EXPONENTS = tuple(
 JOINT_CAUSES = (
     Cause(
         id="joint_cross_term",
+        title="coupling term of the joint",
         group="structure",
         parameters=(
             Parameter(name="k_ytheta", unit="N/rad", lower=-1e9, upper=1e9, typical=1e5),
@@ -408,6 +414,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_spread",
+        title="joint along the insertion",
         group="structure",
         parameters=(
             Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02, plausible=(0.0, 0.08)),
@@ -419,6 +426,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_hysteretic_loss",
+        title="hysteretic loss in the joint",
         group="structure",
         parameters=(Parameter(name="loss_factor", unit="", lower=0.0, upper=1.0, typical=0.02, plausible=(0.0, 0.3)),),
         change=_loss,
@@ -427,6 +435,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_amplitude",
+        title="joint that depends on the amplitude",
         group="structure",
         parameters=_EXPONENTS,
         change=_amplitude,
@@ -435,6 +444,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="joint_overhang_law",
+        title="joint that depends on overhang or torque",
         group="structure",
         parameters=_EXPONENTS,
         change=_condition_law,
@@ -443,6 +453,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="xy_asymmetry",
+        title="different joints in x and y",
         group="structure",
         parameters=_EXPONENTS,
         change=_planes,
@@ -451,6 +462,7 @@ JOINT_CAUSES = (
     ),
     Cause(
         id="collet_mass",
+        title="mass of the collet",
         group="structure",
         parameters=(
             Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),

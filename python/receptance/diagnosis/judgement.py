@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.thresholds import LEAST_FREEDOM, LEAST_SHARE, MARGIN, ONE_CONFIGURATION, STRAIN_CHANCE, TIE
-from receptance.diagnosis.verdict import Answer, Gain
-from receptance.diagnosis.wording import implausible
+from receptance.diagnosis.model import TABLE
+from receptance.diagnosis.thresholds import (
+    LEAST_FREEDOM,
+    LEAST_SHARE,
+    LIKE_A_WINDOW,
+    MARGIN,
+    ONE_CONFIGURATION,
+    STRAIN_CHANCE,
+    TIE,
+)
+from receptance.diagnosis.wording import implausible, names, odds
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.verdict import Answer, Gain
 
 __all__ = ["Judgement", "conclude", "doubt_prediction"]
 
@@ -59,7 +71,7 @@ def conclude(selection: Selection) -> Judgement:
        not converged. `doubt_prediction` judges a named one by held-out data.
 
     Where the selection allows for a discrepancy, every model is adequate. What would be named is then partly explained
-    if it takes at least half of the discrepancy; all other answers are unexplained.
+    if it takes at least half of the misfit; all other answers are unexplained.
     """
     found = _conclude(selection)
     return found if selection.discrepancy is None else _with_share(selection, found)
@@ -79,7 +91,7 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     elif found.answer == "named":
         return replace(found, answer="partly explained", notes=(*found.notes, f"{taken}; the rest has no known cause"))
     elif found.ambiguous_between:
-        reason = f"{taken}, but these cannot be distinguished: {', '.join(found.ambiguous_between)}"
+        reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
     else:
         reason = f"{taken}, but this is not certain"
     return Judgement("unexplained", (), (), (reason,))
@@ -150,7 +162,9 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
 
 def _withhold(alternative: Explanation, best: Explanation) -> str:
     more = alternative.evidence - best.evidence
-    better = f"has {more:.0f} more evidence" if more > MARGIN else "has similar evidence as a single change"
+    better = "is as likely as a single change"
+    if more > MARGIN:
+        better = f"is more likely (odds {odds(more)})"
     return (
         f"{best.title} explains the data, but {_describe(alternative)} {better}; it is not a known cause, so no cause "
         "is named: inspect that place"
@@ -163,10 +177,10 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     if one.implausible:
         yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
     if one.evidence <= limit + MARGIN:
-        yield f"{name} is suspected only: its evidence is near the detection threshold"
+        yield f"{name} is suspected only: its effect is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
-        yield f"{name} is suspected only: {_describe(alternative)} has more evidence"
+        yield f"{name} is suspected only: {_describe(alternative)} is more likely"
     if one.fit.degrees_of_freedom < LEAST_FREEDOM:
         yield f"{name} is suspected only: {_freedom(one.fit)}"
     strain = one.adequacy.strain
@@ -176,6 +190,11 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         yield (
             f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "
             f"{errors}; another cause may act"
+        )
+    if one.ids & LIKE_A_WINDOW and selection.undecidable.get("exponential_window", "").startswith(TABLE):
+        yield (
+            f"{name} is suspected only: an exponential window that the FRFs do not state has a similar effect, and "
+            f"{TABLE}, which does not allow for it"
         )
     structure = any(cause.group == "structure" for cause, _ in one.steps)
     one_configuration = len(base.model.configurations) == 1 and structure

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, with_points
+from receptance.diagnosis.model import Model, require_beams, require_no_table, with_points
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
@@ -35,6 +35,7 @@ from receptance.units import FORMS
 
 __all__ = ["MEASUREMENT_CAUSES", "truncation_time"]
 
+_NOT_COMPLEX = "which has no values at the complex frequencies of a window: describe that part by modes"
 _TIMES = {1: "once", 2: "twice"}
 _RECORDED = ("displacements", "velocities", "accelerations")
 """Quantities of a record in the order of time derivatives."""
@@ -51,7 +52,7 @@ _POWERS = {
 
 
 def _require_receptances(model: Model) -> None:
-    if not any(isinstance(one, MeasuredFRF) for one in model.observations):
+    if not model.receptances:
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs")
 
 
@@ -156,15 +157,14 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     the stated frequencies is too large by (1 + s)^2; where velocities or displacements were recorded, by 1 + s, or not
     at all. This difference is another unit of mass.
     """
-    if any(one.assembly.tabulated for one in model.observations):
-        raise UndecidableError("the model contains a table of receptances, whose frequencies may have the same error")
+    require_no_table(model, "whose frequencies may have the same error")
     addresses = dict.fromkeys(
         re.sub(r"segment\[\d+\]", "segment[*]", address)
         for one in model.observations
         for address in one.assembly.parameters
     )
     powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
-    frfs = any(isinstance(one, MeasuredFRF) for one in model.observations)
+    frfs = bool(model.receptances)
     for number, recorded in enumerate(_RECORDED if frfs else _RECORDED[:1]):
         moves = {address: time + (2.0 - number) * mass for address, (mass, time) in powers.items()}
         scale = p["log_scale"].move({address: n for address, n in moves.items() if n}, relative=True)
@@ -173,6 +173,7 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
+    require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
     recorded = _RECORDED[::-1]
     for name, address in zip(recorded, DECAY_RATES, strict=True):
         yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
@@ -183,6 +184,7 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    require_beams(model)
     # A structure without a joint hangs as a whole.
     hanging = {anatomy.holder or anatomy.tool for anatomy in model.anatomies}
     if len(hanging) != 1:
@@ -211,12 +213,10 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    stated = dict.fromkeys(one.form for one in model.observations if isinstance(one, MeasuredFRF))
+    stated = dict.fromkeys(one.form for one in model.receptances)
     for order in (1, 2, -1, -2):
 
-        def change(one: Observation, order: int = order) -> Observation:
-            if not isinstance(one, MeasuredFRF):
-                return one
+        def change(one: MeasuredFRF, order: int = order) -> Observation:
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
@@ -228,7 +228,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
         yield Variant(
             f"{how} {_TIMES[abs(order)]} more than stated",
-            model.map(change),
+            model.map_receptances(change),
             changes_data=True,
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
@@ -238,7 +238,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    changed = model.map(lambda one: altered(one, receptance=-one.receptance) if isinstance(one, MeasuredFRF) else one)
+    changed = model.map_receptances(lambda one: altered(one, receptance=-one.receptance))
     yield Variant("all", changed, changes_data=True)
 
 
@@ -253,10 +253,11 @@ def _quantity_of(order: int) -> str:
 
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    end = truncation_time([one for one in model.observations if isinstance(one, MeasuredFRF)])
+    require_no_table(model, f"{_NOT_COMPLEX}, or record until the structure is at rest")
+    end = truncation_time(model.receptances)
     if end is None:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
-    ended = model.map(lambda one: altered(one, ends=end) if isinstance(one, MeasuredFRF) else one)
+    ended = model.map_receptances(lambda one: altered(one, ends=end))
     unknown = replace(p["end"], typical=end).unknown(END, lower=0.8 * end, upper=1.1 * end)
     yield Variant("records end too early", ended.plus(unknown))
 
@@ -311,6 +312,7 @@ def _power(one: MeasuredFRF) -> tuple[float, NDArray[np.float64]] | None:
 MEASUREMENT_CAUSES = (
     Cause(
         id="sensor_mass",
+        title="mass of the sensor",
         group="measurement",
         parameters=(Parameter(name="mass", unit="kg", lower=0.0, upper=0.2, typical=1e-3, plausible=(0.0, 0.03)),),
         change=_sensor,
@@ -319,6 +321,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="hammer_offset",
+        title="offset of the hits",
         group="measurement",
         parameters=(
             Parameter(name="distance", unit="m", lower=-0.02, upper=0.02, typical=2e-3, plausible=(-0.012, 0.012)),
@@ -329,6 +332,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="time_delay",
+        title="delay of a channel",
         group="measurement",
         parameters=(
             Parameter(
@@ -341,14 +345,16 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="calibration_gain",
+        title="calibration gain",
         group="measurement",
-        parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-0.5, 0.5)),),
+        parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-2.4, 2.4)),),
         change=_gain,
         meaning="the calibration of hammer or sensor is off",
         remedy="calibrate the chain with a known free mass",
     ),
     Cause(
         id="frequency_scale",
+        title="scale of the frequencies",
         group="measurement",
         parameters=(
             Parameter(
@@ -366,6 +372,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="exponential_window",
+        title="exponential window",
         group="measurement",
         parameters=(
             Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),
@@ -376,6 +383,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="suspension",
+        title="stiff suspension",
         group="measurement",
         parameters=(
             Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),
@@ -387,6 +395,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="wrong_quantity",
+        title="wrong quantity",
         group="measurement",
         parameters=(),
         change=_quantity,
@@ -395,6 +404,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="reversed_polarity",
+        title="reversed polarity",
         group="measurement",
         parameters=(),
         change=_polarity,
@@ -403,6 +413,7 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="coarse_resolution",
+        title="truncated records",
         group="measurement",
         parameters=(Parameter(name="end", unit="s", lower=1e-4, upper=1e3, typical=0.1, secondary=True),),
         change=_truncation,

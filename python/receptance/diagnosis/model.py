@@ -10,7 +10,7 @@ from typing import Any
 
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters, Site
-from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.problem import Problem, Unit
 from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown, covered
@@ -19,8 +19,11 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.terminals import Terminal
 
 __all__ = [
+    "DATA_HOLDER",
+    "TABLE",
     "Anatomy",
     "IndescribableError",
     "Model",
@@ -28,11 +31,19 @@ __all__ = [
     "named_elements",
     "part_of",
     "places_on",
+    "require_beams",
+    "require_no_table",
     "with_points",
 ]
 
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
+
+
+DATA_HOLDER = "the holder is described by data"
+"""First words of the reason why a cause in the holder is not decided where no beams describe it."""
+TABLE = "the model ends with a table of receptances"
+"""First words of the reason why a cause is not decided beside a table."""
 
 
 class UndecidableError(Exception):
@@ -53,11 +64,15 @@ class Anatomy:
         Names of the parts before and behind the joint.
     joint : str
         Name of the joint; empty where there is none.
+    end : str
+        Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
+        holder, it describes all that is behind the joint.
     """
 
     tool: tuple[str, ...]
     joint: str
     holder: tuple[str, ...]
+    end: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +148,16 @@ class Model:
         return tuple(dict.fromkeys(self.configuration_of))
 
     @cached_property
+    def receptances(self) -> tuple[MeasuredFRF, ...]:
+        """The observations that are receptances."""
+        return tuple(one for one in self.observations if isinstance(one, MeasuredFRF))
+
+    @cached_property
+    def frequencies(self) -> tuple[MeasuredFrequencies, ...]:
+        """The observations that are natural frequencies."""
+        return tuple(one for one in self.observations if isinstance(one, MeasuredFrequencies))
+
+    @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
         """Tool, joint and holder of each observation."""
         return tuple(self._anatomy(one.assembly) for one in self.observations)
@@ -159,11 +184,12 @@ class Model:
         identified = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
         joint = (identified or joints or [""])[0]
         parts = [name for name in names if isinstance(assembly.elements[name], Part)]
+        end = names[-1] if isinstance(assembly.elements[names[-1]], Terminal) else ""
         if not joint:
-            return Anatomy(tuple(parts), "", ())
+            return Anatomy(tuple(parts), "", (), end)
         before = names[: names.index(joint)]
         tool = tuple(name for name in parts if name in before)
-        return Anatomy(tool, joint, tuple(name for name in parts if name not in before))
+        return Anatomy(tool, joint, tuple(name for name in parts if name not in before), end)
 
     def has(self, address: str) -> bool:
         """Return whether the parameter at an address is an unknown."""
@@ -196,6 +222,10 @@ class Model:
         result = replace(self, unknowns=(*self.unknowns, *unknowns))
         object.__setattr__(result, "shorter", self)
         return result
+
+    def map_receptances(self, change: Callable[[MeasuredFRF], Observation]) -> Model:
+        """Return the model with changed receptances, witnesses included."""
+        return self.map(lambda one: change(one) if isinstance(one, MeasuredFRF) else one)
 
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""
@@ -307,6 +337,22 @@ class Model:
         unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
+
+
+def require_beams(model: Model) -> None:
+    """Raise `UndecidableError` if data describe all that is behind the joint: they have no dimensions or materials."""
+    data = dict.fromkeys(one.end for one in model.anatomies if one.joint and one.end and not one.holder)
+    if data:
+        raise UndecidableError(
+            f"{DATA_HOLDER} ({', '.join(data)}), not by beams: they contain its errors, and a change since they were "
+            "measured has no place in the model; measure the holder again"
+        )
+
+
+def require_no_table(model: Model, reason: str) -> None:
+    """Raise `UndecidableError` if an assembly ends with a table of receptances, which does not allow for a cause."""
+    if any(one.assembly.tabulated for one in model.observations):
+        raise UndecidableError(f"{TABLE}, {reason}")
 
 
 def places_on(one: Observation, part: str) -> Iterator[float]:

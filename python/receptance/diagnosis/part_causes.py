@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.joint_causes import overhang_of
-from receptance.diagnosis.model import Model, places_on
+from receptance.diagnosis.model import Model, places_on, require_beams
 from receptance.diagnosis.thresholds import (
     DRAWING,
     FLUTE_ROOM,
@@ -34,6 +34,8 @@ __all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]
 
 
 def _parts(model: Model, side: str) -> tuple[str, ...]:
+    if side == "holder":
+        require_beams(model)
     found = tuple(dict.fromkeys(name for anatomy in model.anatomies for name in getattr(anatomy, side)))
     if not found:
         raise UndecidableError(f"the model has no {side}")
@@ -291,6 +293,7 @@ def _between(name: str, typical: float, low: float, high: float) -> Parameter:
 PART_CAUSES = (
     Cause(
         id="fluted_part",
+        title="thinner fluted part",
         group="structure",
         parameters=(
             Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.2, typical=-0.05, plausible=(-0.4, 0.02)),
@@ -302,6 +305,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="tool_modulus",
+        title="modulus of the tool",
         group="structure",
         parameters=(_factor("log_modulus", 0.02, 0.15),),
         change=_tool_modulus,
@@ -310,6 +314,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="tool_density",
+        title="density of the tool",
         group="structure",
         parameters=(_factor("log_density", 0.01, 0.1),),
         change=_tool_density,
@@ -318,6 +323,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="overhang_error",
+        title="wrong overhang",
         group="structure",
         parameters=(
             Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),
@@ -328,6 +334,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="holder_inertia",
+        title="mass of the holder",
         group="structure",
         parameters=(
             _of_drawing("log_density", 0.02),
@@ -339,6 +346,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="holder_modulus",
+        title="stiffness of the holder",
         group="structure",
         parameters=(_of_drawing("log_modulus", 0.02),),
         change=_holder_modulus,
@@ -347,6 +355,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="flexible_body",
+        title="elastic body",
         group="structure",
         # Fits start three typical sizes from null, which is the stiffness of metals.
         parameters=(Parameter(name="decades", unit="", lower=-1.0, upper=9.0, typical=6.0, null=9.0),),
@@ -356,6 +365,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="shear_neglected",
+        title="shear of the beams",
         group="structure",
         parameters=(Parameter(name="poisson_ratio", unit="", lower=-1.3, upper=1.5, typical=0.05),),
         change=_shear,
@@ -364,6 +374,7 @@ PART_CAUSES = (
     ),
     Cause(
         id="tool_material",
+        title="material of the tool",
         group="structure",
         parameters=tuple(
             Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")

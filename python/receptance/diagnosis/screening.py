@@ -6,7 +6,7 @@ fits, the detection threshold and the look-alikes. The evidence of a cause comes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -194,7 +194,13 @@ def _estimate(
 
 
 def detection_threshold(
-    found: Sequence[Direction], penalty: float, *, level: float = CHANCE_LEVEL, seed: int = 0
+    found: Sequence[Direction],
+    penalty: float,
+    *,
+    deviance: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+    freedom: float = 0.0,
+    level: float = CHANCE_LEVEL,
+    seed: int = 0,
 ) -> float:
     """Return a quantile of the best evidence by chance: a parametric bootstrap of the base, to first order.
 
@@ -206,6 +212,10 @@ def detection_threshold(
         The linear effects of the causes.
     penalty : float
         Penalty of each unknown in evidence.
+    deviance : callable, optional
+        Deviance of chi-square where the size of the errors is estimated; by default chi-square itself.
+    freedom : float, optional
+        With `deviance`: degrees of freedom of the base.
     level : float
         The quantile.
     seed : int
@@ -216,7 +226,9 @@ def detection_threshold(
         return 0.0
     matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in visible])
     gram = matrix.T @ matrix
-    noise = np.random.default_rng([seed, 20]).standard_normal((CHANCE_DRAWS, len(gram))) @ square_root(gram).T
+    rng = np.random.default_rng([seed, 20])
+    noise = rng.standard_normal((CHANCE_DRAWS, len(gram))) @ square_root(gram).T
+    left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
     begin = 0
     for one in visible:
@@ -226,6 +238,8 @@ def detection_threshold(
         gain = np.einsum("di,ij,dj->d", projected, np.linalg.pinv(gram[own, own], rcond=1e-10), projected)
         if one.one_sided:
             gain = np.where(projected[:, 0] > 0.0, gain, 0.0)
+        if deviance is not None:
+            gain = deviance(left + gain) - deviance(left)
         best = np.maximum(best, gain - penalty * one.count)
     return float(np.quantile(best, level))
 

@@ -147,7 +147,14 @@ class Search:
         own, base = self.selection, self.selection.base
         variants, own.undecidable = list_variants(base, self._causes)
         own.directions = directions(base, variants)
-        own.threshold = detection_threshold(own.directions, own.penalty, seed=base.model.seed)
+        beside = own.discrepancy
+        own.threshold = detection_threshold(
+            own.directions,
+            own.penalty,
+            deviance=None if beside is None else partial(beside.deviance, values=base.independent_values),
+            freedom=base.degrees_of_freedom,
+            seed=base.model.seed,
+        )
         own.evaluations = base.evaluations + len(own.directions)
         for one in self._fit((), base, rank(own.directions, own.penalty)):
             own.add(one)

@@ -18,7 +18,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEVEL
 from receptance.identification.laws import Law
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import Observation
 
 __all__ = ["fit_again", "fit_levels", "has_levels", "starts_from_singles", "starts_of"]
 
@@ -169,7 +169,7 @@ def _continue(levels: Sequence[_Level], before: Fit, report: Report) -> Iterator
 def _group_levels(model: Model) -> list[list[_Level]]:
     """Return the levels in ascending order, grouped by their free laws; none where no group has two levels."""
     laws = [one for one in model.unknowns if isinstance(one, Law) and one.free]
-    if not laws or not all(isinstance(one, MeasuredFRF) for one in model.observations):
+    if not laws or len(model.receptances) < len(model.observations):
         return []
     observations: dict[str, list[Observation]] = {}
     for name, one in zip(model.configuration_of, model.observations, strict=True):

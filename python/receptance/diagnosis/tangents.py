@@ -67,7 +67,7 @@ def slopes_of(fit: Fit, models: Sequence[Model]) -> list[NDArray[np.float64] | N
     for number, model in enumerate(models):
         groups.setdefault(_without(model, names), []).append(number)
     for base, numbers in groups.items():
-        group = _Group(base, fit, names)
+        group = _VariantGroup(base, fit, names)
         for batch in group.batches([(number, models[number]) for number in numbers]):
             for number, slopes in group.evaluate(batch):
                 found[number] = slopes
@@ -82,7 +82,7 @@ def _without(model: Model, names: set[str]) -> Model:
     return model
 
 
-class _Group:
+class _VariantGroup:
     """Variants that add unknowns to one model.
 
     Parameters

@@ -15,6 +15,8 @@ __all__: list[str] = []
 NOISIEST_LINE = 0.12
 """Largest standard deviation of the logarithm of a line that is used. Above it the logarithm is not normal: it has long
 tails, which heavily damped modes and other wrong changes can fit."""
+LARGEST_SENSITIVITY = 30.0
+"""Largest factor between the force at the plane of a table that the data imply and that of the base model."""
 SHARED_LOSS = 0.1
 """Largest share of its lines that a record may lose so that all records of its configuration use the same lines."""
 FEWEST_LINES = 16
@@ -127,10 +129,17 @@ LEAST_SHARE = 0.5
 """Least share of the misfit that a cause takes where it explains the data partly."""
 DISCREPANCY_LINES = 300
 """Lines of each receptance of fits that allow for a discrepancy."""
-DISCREPANCIES = (1e-4, 0.3, 36)
-"""Smallest and largest standard deviation that is tried, and the number of values."""
+DISCREPANCIES = (1e-4, 0.3)
+"""Smallest and largest standard deviation of an error."""
+LEAST_FACTOR = 0.5
+"""Least ratio of the discrepancy of an explanation to the one that its fit allows for."""
+MIXED_MODEL_STEPS = 60
+MIXED_MODEL_CHANGE = 0.02
+"""Most steps of the estimate of the standard deviations, and the change of the logarithm of a variance that ends it."""
 DISCREPANCY_SELECTIONS = 3
 """Most selections beside a discrepancy, each with the one that is left with the best cause of the selection before."""
+DISCREPANCY_CAUSES = 8
+"""Causes whose own discrepancy is estimated after each selection."""
 DISCREPANCY_ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 DIP_WIDTH = 0.08
@@ -240,3 +249,5 @@ SPRING_DECAY = 2.3
 """Natural logarithm of the decay of these springs from one end to the other."""
 SPRING_TRACE = math.log(1e-3)
 """Natural logarithm of the sum of these springs relative to the point spring, at the null of the cause."""
+LIKE_A_WINDOW = frozenset({"joint_hysteretic_loss"})
+"""Causes that imitate an undeclared exponential window, which a table of receptances does not allow for."""

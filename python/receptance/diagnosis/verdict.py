@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from receptance.diagnosis import wording
+from receptance.diagnosis import card, wording
 from receptance.diagnosis.averaging import Ensemble, Target, extension
 from receptance.identification.observations import MeasuredFrequencies
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import Column, Fact, Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from receptance.diagnosis.discrepancy import Discrepancy
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.diagnosis.fitting import Fit
+    from receptance.diagnosis.model import Model
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
-    from receptance.report.table import Cell
 
-__all__ = ["Answer", "Candidate", "Gain", "Improvement", "NextMeasurement", "Verdict"]
+__all__ = ["Answer", "Candidate", "Gain", "Improvement", "ProposedMeasurement", "Verdict"]
 
 _SHOWN = 6
-"""Candidates and natural frequencies in the tables; `to_dict` has all of them."""
+"""Natural frequencies in the table; `to_dict` has all of them."""
 
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
 
@@ -86,6 +86,11 @@ class Candidate:
     vetoed: str = ""
     held_out: float | None = None
     declared: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
+
+    @property
+    def title(self) -> str:
+        """Name of the cause in texts and figures."""
+        return wording.title_of(self.id)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +156,7 @@ class Improvement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NextMeasurement:
+class ProposedMeasurement:
     """The measurement that is proposed next.
 
     Attributes
@@ -180,7 +185,7 @@ class Verdict(Result):
     Attributes
     ----------
     verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"}
-        The answer. "partly explained" is a cause that takes at least half of the discrepancy of the model.
+        The answer. "partly explained" is a cause that takes at least half of the misfit.
     causes : tuple of Candidate
         The reported causes, the highest evidence first; none where the model is adequate or unexplained.
     candidates : tuple of Candidate
@@ -215,8 +220,13 @@ class Verdict(Result):
         Held-out natural frequencies in which the errors of the base have a common sign.
     held_out_modes, held_out_modes_after : tuple of ModeResidual
         Held-out modes, measured less predicted.
-    next_measurement : NextMeasurement or None
+    next_measurement : ProposedMeasurement or None
         The measurement that is proposed next.
+    held_out : Model or None
+        Held-out measurements with their tolerances, if separate ones are used; then the fits do not include them.
+    campaign_lines : tuple of str
+        Lines that add the best of the reported explanations to the campaign file; empty without a campaign, or where a
+        campaign file cannot describe it.
     final : bool
         False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
         none is "named".
@@ -232,7 +242,7 @@ class Verdict(Result):
     causes: tuple[Candidate, ...]
     candidates: tuple[Candidate, ...]
     ambiguous_between: tuple[str, ...]
-    next_measurement: NextMeasurement | None
+    next_measurement: ProposedMeasurement | None
     notes: tuple[str, ...]
     settings: dict[str, Any]
     selection: Selection = field(repr=False)
@@ -251,6 +261,8 @@ class Verdict(Result):
     explanation: Explanation | None = field(default=None, repr=False)
     provenance: Provenance = field(default_factory=Provenance, repr=False)
     without_discrepancy: Verdict | None = field(default=None, repr=False)
+    held_out: Model | None = field(default=None, repr=False)
+    campaign_lines: tuple[str, ...] = field(default=(), repr=False)
 
     heading = "Diagnosis"
 
@@ -418,38 +430,46 @@ class Verdict(Result):
         """Labels of the observations that the verdict rests on."""
         return tuple(one.label for one in self.selection.base.model.observations)
 
-    def tables(self) -> list[Table]:
-        """Return candidates, the natural frequencies with the largest errors, and the improvement on held-out data."""
-        return [table for table in (self._candidate_table(), self._frequency_table(), self._gain_table()) if table.rows]
+    @property
+    def causes_together(self) -> tuple[str, ...]:
+        """Ids of the causes of the best of the reported explanations."""
+        return () if self.explanation is None else tuple(cause.id for cause, _ in self.explanation.steps)
 
-    def sentences(self) -> list[str]:
-        """Return the answer, the misfit, each reported cause, and the measurement that would help most."""
-        lines = [f"{'verdict' if self.final else 'verdict so far, not final'}: {self.verdict}", wording.sentence(self)]
-        after = self.adequacy_after
-        extended = f"; with the causes {after.misfit:.2f}" if after is not None else ""
-        if self.final or self.selection.base.converged:
-            lines.append(f"misfit: {self.adequacy.misfit:.2f} times its expectation from noise and floor{extended}")
-        else:
-            lines.append("the base model is not fitted yet, so no cause was tried")
-        times = wording.deviation_factor(self) if self.final else None
-        if self.verdict == "unexplained" and times is not None:
-            lines.append(f"the model would be adequate if all standard deviations were {times:.2g} times as large")
-        if self.discrepancy is not None:
-            lines.append(wording.discrepancy(self))
-        lines += wording.cause_lines(self)
-        if self.ambiguous_between:
-            lines.append(f"indistinguishable: {', '.join(self.ambiguous_between)}")
-        if self.bias is not None:
-            lines.append(f"held out: {self.bias}")
-        if self.next_measurement is not None:
-            lines.append(f"next measurement: {self.next_measurement.action}; {self.next_measurement.reason}")
-        return lines
+    @property
+    def best_evidence(self) -> float:
+        """Highest evidence of all explanations, that of the base (0) included."""
+        return max([0.0, *(one.evidence for one in (*self.candidates, *self.causes))])
+
+    @cached_property
+    def modes(self) -> tuple[ModeResidual, ...]:
+        """Residuals of the base by mode."""
+        from receptance.diagnosis.by_mode import residuals_by_mode
+
+        return residuals_by_mode(self.base_fit)
+
+    @cached_property
+    def modes_after(self) -> tuple[ModeResidual, ...]:
+        """Residuals of the best of the reported explanations by mode; empty where no cause is reported."""
+        from receptance.diagnosis.by_mode import residuals_by_mode
+
+        return () if self.explanation is None else residuals_by_mode(self.explanation.fit)
+
+    def facts(self) -> list[Fact]:
+        """Return the answer: verdict, causes with sizes and remedies."""
+        return card.facts(self)
+
+    def tables(self) -> list[Table]:
+        """Return the effect of the causes, the alternatives, and the natural frequencies with the largest errors."""
+        tables = (*card.effect(self), card.alternatives(self), self._frequency_table())
+        return [table for table in tables if table.rows]
+
+    @property
+    def next_step(self) -> str:
+        """The measurement or the command that follows."""
+        return card.next_step(self)
 
     def data(self) -> dict[str, Any]:
         """Return answer, causes, candidates, improvement and residuals by mode."""
-        from receptance.diagnosis.by_mode import residuals_by_mode
-
-        best = self.explanation
         return {
             "measurements": self.measurements,
             "verdict": self.verdict,
@@ -470,8 +490,8 @@ class Verdict(Result):
             "base": self.base.values,
             "extended": None if self.extended is None else self.extended.values,
             "residuals_by_mode": {
-                "before": residuals_by_mode(self.base_fit),
-                "after": None if best is None else residuals_by_mode(best.fit),
+                "before": self.modes,
+                "after": None if self.explanation is None else self.modes_after,
             },
             "held_out_by_mode": {"before": self.held_out_modes, "after": self.held_out_modes_after},
             "bias": None if self.bias is None else {**asdict(self.bias), "text": str(self.bias)},
@@ -486,23 +506,6 @@ class Verdict(Result):
 
         return draw_diagnosis(self, ax)
 
-    def _candidate_table(self) -> Table:
-        gain = self.gain if any(one.held_out is not None for one in self.candidates) else None
-        rows: list[list[Cell]] = []
-        for one in self.candidates[:_SHOWN]:
-            held_out = None
-            if gain is not None:
-                held_out = (gain.held_out_before, gain.held_out_before if one.held_out is None else one.held_out)
-            rows.append([one.id, one.evidence, one.misfit, held_out, wording.remarks(one)])
-        columns = (
-            "candidate, alone",
-            Column("evidence", form="+.1f"),
-            Column("misfit\nwith it", form=".2f"),
-            Column("held out\nwith it", form=".3g"),
-            "remarks",
-        )
-        return Table("Candidates, each alone", columns, rows).without_empty()
-
     def _frequency_table(self) -> Table:
         errors = sorted(self.frequency_errors(), key=lambda row: -abs(row["before"]))[:_SHOWN]
         after = None if self.extended is None else "after"
@@ -515,14 +518,6 @@ class Verdict(Result):
         )
         title = "Natural frequencies with the largest errors, calculated less measured"
         return Table(title, columns, rows).without_empty()
-
-    def _gain_table(self) -> Table:
-        columns = ("metric", Column("before"), Column("after"), "improvement")
-        rows = [
-            (one.metric, one.held_out_before, one.held_out_after, wording.improvement_interval(one))
-            for one in self.gains
-        ]
-        return Table("Held out", columns, rows)
 
     def __repr__(self) -> str:
         names = ", ".join(one.id for one in self.causes)

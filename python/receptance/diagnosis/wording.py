@@ -1,35 +1,38 @@
-"""Texts of a verdict: sentences of the summary and of the report."""
+"""Texts of a verdict: sentences, sizes with units, ratios and odds."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from receptance.identification.observations import MeasuredFRF
+from receptance.report.table import amount, amount_interval, amounts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from receptance.diagnosis.by_mode import ModeResidual
     from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.verdict import Candidate, Gain, Verdict
 
 __all__ = [
-    "cause_lines",
+    "capital",
     "deviation_factor",
-    "discrepancy",
     "implausible",
     "improvement_interval",
-    "remarks",
-    "report_sentences",
+    "metric",
+    "names",
+    "odds",
+    "place",
+    "residual",
     "sentence",
+    "share",
     "sizes",
+    "title_of",
+    "veto",
+    "where",
 ]
 
 SENTENCE = {
-    "adequate": "The model is adequate: noise, floor and tolerances explain the residuals.",
+    "adequate": "Noise, floor and tolerances explain the residuals.",
     "undecided": "The model cannot be judged: too few degrees of freedom are left.",
     "named": "The model is inadequate, and the data identify the cause.",
     "suspected": "The model may be inadequate; one cause is suspected.",
@@ -39,8 +42,6 @@ SENTENCE = {
 }
 
 UNFINISHED = "This result is preliminary, because causes were not tried: the diagnosis was interrupted"
-
-_EXPECTED = "times its expectation from noise and floor"
 
 
 def sentence(verdict: Verdict) -> str:
@@ -53,9 +54,33 @@ def sentence(verdict: Verdict) -> str:
     )
 
 
-# Sizes with units.
+# Names.
 
-_SMALLER_UNIT = {"kg": (1e3, "g"), "m": (1e3, "mm"), "s": (1e6, "µs")}
+
+def title_of(id: str) -> str:
+    """Return the name of a cause in texts and figures."""
+    from receptance.diagnosis.catalogue import CATALOGUE
+
+    return CATALOGUE[id].title if id in CATALOGUE else id.replace("_", " ")
+
+
+def names(ids: Sequence[str]) -> str:
+    """Return the names of causes as a list in a sentence."""
+    titles = [title_of(id) for id in ids]
+    return " and ".join([", ".join(titles[:-1]), titles[-1]] if len(titles) > 1 else titles)
+
+
+def place(one: Candidate) -> str:
+    """Return where or how a cause acts; empty if it acts everywhere."""
+    return "" if one.variant == "all" else one.variant
+
+
+def capital(text: str) -> str:
+    """Return a text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+# Sizes with units.
 
 
 def sizes(one: Candidate) -> str:
@@ -65,12 +90,16 @@ def sizes(one: Candidate) -> str:
         parameter = one.declared[name]
         # An interval by the curvature may exceed the bounds of the parameter.
         low, high = (min(max(end, parameter.lower), parameter.upper) for end in ends)
-        title, unit, scale = _quantity(parameter, name, (value, low, high))
-        if scale is None:
-            shown = [f"{_percent(number):+.3g}" for number in (value, low, high)]
+        title = _title(parameter, name)
+        digits = _digits(value, high - low)
+        if title.startswith("log_"):
+            numbers, digits = [_percent(number) for number in (value, low, high)], 3
+            texts_of, unit = [f"{number:+.3g}" for number in numbers], "%"
         else:
-            shown = [_rounded(scale * number, high - low, scale) for number in (value, low, high)]
-        texts.append(f"{title} {shown[0]}{' ' + unit if unit else ''} ({shown[1]} to {shown[2]})")
+            texts_of, unit = amounts([value, low, high], parameter.unit, digits)
+        unit = f" {unit}" if unit else ""
+        shown = _words(title)
+        texts.append(f"{shown} {texts_of[0]}{unit} (95 %: {texts_of[1]} to {texts_of[2]}{unit})")
     return ", ".join(texts)
 
 
@@ -82,96 +111,132 @@ def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]
         if parameter.is_plausible(value):
             continue
         numbers = (value, *(parameter.plausible or (parameter.lower, parameter.upper)))
-        title, unit, scale = _quantity(parameter, name, numbers)
-        shown = [f"{_percent(x):+.3g} %" if scale is None else f"{scale * x:.3g} {unit}".strip() for x in numbers]
-        texts.append(f"{title} {shown[0]}, where {shown[1]} to {shown[2]} is plausible")
+        title = _title(parameter, name)
+        if title.startswith("log_"):
+            shown = [f"{_percent(x):+.3g} %" for x in numbers]
+        else:
+            numbers_shown, unit = amounts(numbers, parameter.unit)
+            shown = [f"{text} {unit}".strip() for text in numbers_shown]
+        texts.append(f"{_words(title)} {shown[0]}, where {shown[1]} to {shown[2]} is plausible")
     return "; ".join(texts)
 
 
-def _quantity(parameter: Parameter, name: str, numbers: Sequence[float]) -> tuple[str, str, float | None]:
-    """Return title and unit in which numbers are shown, and their scale; None for a logarithm, shown in percent."""
-    title = name.removeprefix(f"{parameter.cause}.")
-    if title.startswith("log_"):
-        return title.removeprefix("log_"), "%", None
-    largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
-    scale, unit = (1.0, parameter.unit)
-    if largest < 1.0:
-        scale, unit = _SMALLER_UNIT.get(unit, (1.0, unit))
-    return title, unit, scale
+def _title(parameter: Parameter, name: str) -> str:
+    return name.removeprefix(f"{parameter.cause}.")
 
 
-def _rounded(value: float, width: float, scale: float) -> str:
-    """Return a number with the digits that its interval justifies."""
-    if not (math.isfinite(value) and math.isfinite(width) and width > 0.0):
-        return f"{value:.4g}"
-    digits = 1 - math.floor(math.log10(width * scale))
-    whole = max(math.floor(math.log10(abs(value))) + 1, 1) if value else 1
-    return f"{value:.{min(max(whole + digits, 2), 8)}g}"
+def _words(title: str) -> str:
+    """Return the name of a parameter in words; names in a campaign, such as k_y, are kept."""
+    word, *rest = title.removeprefix("log_").split(" ")
+    return " ".join([word if word.startswith(("k_", "c_")) else word.replace("_", " "), *rest])
+
+
+def _digits(value: float, width: float) -> int:
+    """Return the significant digits that the width of the interval justifies."""
+    if not (math.isfinite(width) and width > 0.0 and value):
+        return 3
+    return min(max(math.floor(math.log10(abs(value) / width)) + 3, 2), 6)
 
 
 def _percent(logarithm: float) -> float:
     return 100.0 * math.expm1(min(logarithm, 50.0))
 
 
-# Lines of the summary.
+# Ratios.
+
+_LARGEST_ODDS = 1e6
 
 
-def remarks(one: Candidate) -> str:
-    """Return why a candidate is doubtful; empty where it is not."""
-    return ", ".join(
-        text for text, ok in (("not plausible", one.plausible), ("not converged", one.converged)) if not ok
-    )
+def odds(difference: float) -> str:
+    """Return the odds of an explanation to one with more evidence, from the difference of both.
+
+    Evidence is twice the logarithm of the odds.
+
+    Examples
+    --------
+    >>> from receptance.diagnosis.wording import odds
+    >>> odds(0.0), odds(7.0), odds(4000.0)
+    ('1 : 1', '1 : 33', '< 1 : 1e6')
+    """
+    ratio = math.exp(min(0.5 * max(difference, 0.0), 50.0))
+    return "< 1 : 1e6" if ratio > _LARGEST_ODDS else f"1 : {amount(ratio, digits=2).removesuffix('.0')}"
 
 
-def cause_lines(verdict: Verdict) -> list[str]:
-    """Return lines on reported and vetoed causes and on a better alternative; details are indented."""
-    lines = []
-    near = next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
-    if verdict.verdict == "unexplained" and near is not None:
-        lines.append(f"plausible cause with the highest evidence: {near.id} ({near.variant}): {near.meaning}")
-        lines.append(f"  size: {sizes(near) or 'no parameter'}; misfit with it {near.misfit:.2f}")
-    for one in verdict.causes:
-        lines.append(f"{one.id} ({one.group}; {one.variant}): {one.meaning}")
-        lines.append(f"  size: {sizes(one) or 'no parameter'}")
-        if verdict.discrepancy is None:
-            lines.append(f"  chi-square decreases by {one.gain:.0f}, evidence {one.evidence:+.0f}")
-        if one.look_alikes:
-            cosines = ", ".join(f"{name} {cosine:.2f}" for name, cosine in one.look_alikes.items())
-            lines.append(f"  look-alikes: {cosines}")
-        lines.append(f"  remedy: {one.remedy}")
-    for one in verdict.vetoed:
-        lines += [f"vetoed: {_veto(verdict, one)}", f"  {one.meaning}; remedy: {one.remedy}"]
-    if (other := verdict.alternative) is not None:
-        lines.append(f"a change that is not a known cause: {other.meaning} {other.variant}")
-        lines.append(f"  size: {sizes(other)}")
-        lines.append(f"  remedy: {other.remedy}")
-    return lines
+def share(before: float, after: float, noise: float = 1.0) -> str:
+    """Return the share of the misfit above the noise that is explained, in percent; empty where there is none.
+
+    Parameters
+    ----------
+    before, after, noise : float
+        Chi-square divided by its expectation.
+
+    Examples
+    --------
+    >>> from receptance.diagnosis.wording import share
+    >>> share(5.0, 2.0), share(5.0, 1.001), share(0.99, 0.98), share(1.04, 1.02, 1.02)
+    ('75 %', '> 99 %', '', '100 %')
+    """
+    if before <= noise:
+        return ""
+    percent = 100.0 * min(max((before - after) / (before - noise), 0.0), 1.0)
+    return "> 99 %" if 99.0 < percent < 99.99 else f"{percent:.0f} %"
 
 
-def discrepancy(verdict: Verdict) -> str:
-    """Return the discrepancy of the base, and of the extended model, in one line."""
-    after = "" if verdict.discrepancy_after is None else f"; with the cause {verdict.discrepancy_after}"
-    return f"error of the model beside noise: {verdict.discrepancy}{after}"
+def residual(verdict: Verdict, misfit: float) -> str:
+    """Return the root mean square of residuals relative to their expectation, in words."""
+    beside = "noise and model error" if verdict.discrepancy is not None and verdict.causes else "the noise"
+    return f"residuals of {amount(math.sqrt(misfit))} times {beside}"
 
 
-def _veto(verdict: Verdict, one: Candidate) -> str:
+def metric(name: str) -> tuple[str, float, str]:
+    """Return a metric of held-out data in words, the factor to the unit in which it is shown, and this unit."""
+    if name.startswith("log-spectral distance"):
+        return "distance of the spectra", 20.0 / math.log(10.0), "dB"
+    if name == "predictive log score in nats":
+        return "predictive log score", 1.0, "nats"
+    if name.endswith(" in percent"):
+        return name.removesuffix(" in percent"), 1.0, "%"
+    return name, 1.0, ""
+
+
+# Sentences.
+
+
+def where(verdict: Verdict) -> list[str]:
+    """Return the place of the largest residual, and the standard deviations with which the model would be adequate."""
+    if verdict.adequacy.passed or verdict.verdict == "undecided":
+        return []
+    found = [f"The largest residuals are in {verdict.adequacy.worst[0]}."] if verdict.adequacy.worst else []
+    times = deviation_factor(verdict) if verdict.final else None
+    if verdict.verdict == "unexplained" and times is not None:
+        found.append(
+            f"The model would be adequate if all standard deviations were {amount(times, digits=2)} times as large."
+        )
+    return found
+
+
+def veto(verdict: Verdict, one: Candidate) -> str:
+    """Return why a cause that explains the data is not reported."""
+    before, after = (amount(math.sqrt(x)) for x in (verdict.adequacy.misfit, one.misfit))
     return (
-        f"{' + '.join((one.id, *one.together_with))} reduces the misfit from {verdict.adequacy.misfit:.2f} to "
-        f"{one.misfit:.2f}, more than any plausible cause, but only with an implausible size: {one.vetoed}"
+        f"With the {names((one.id, *one.together_with))} the residuals fall from {before} to {after} times the noise, "
+        f"more than with any plausible cause, but only with an implausible size: {one.vetoed}"
     )
 
 
 def improvement_interval(gain: Gain) -> str:
-    """Return the interval of an improvement as text."""
+    """Return the interval of an improvement as text, in the unit of the metric."""
     low, high = gain.interval
     if low == high == 0.0:
         return "none: no cause is added to the model"
     if not math.isfinite(low):
         return "no interval: one configuration was held out"
+    _, scale, unit = metric(gain.metric)
     units = ""
     if gain.units > len(gain.folds):
         units = f", from {gain.units} {gain.unit} with a correlation of {gain.correlation:.2f} within a fold"
-    return f"{low:.3g} to {high:.3g} (95 %{units}), better in {gain.better} of {len(gain.folds)} folds"
+    better = amount_interval((scale * low, scale * high), unit, 3)
+    return f"better by {better} (95 %{units}), in {gain.better} of {len(gain.folds)} folds"
 
 
 def deviation_factor(verdict: Verdict) -> float | None:
@@ -179,114 +244,3 @@ def deviation_factor(verdict: Verdict) -> float | None:
     found = verdict.adequacy
     excess = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
     return math.sqrt(excess) if excess > 1.0 else None
-
-
-# Sentences of the report.
-
-
-def report_sentences(verdict: Verdict, before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
-    """Return the sentences on data, model, causes, modes and gain."""
-    observed = verdict.selection.base.model.observations
-    receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
-    lines = sum(one.frequency_hz.size for one in receptances)
-    frequencies = sum(one.frequency_hz.size for one in observed if not isinstance(one, MeasuredFRF))
-    data = [f"{len(receptances)} receptances with {lines} lines"] if receptances else []
-    data += [f"{frequencies} natural frequencies"] if frequencies else []
-    count = len(verdict.selection.base.model.configurations)
-    sentences = [
-        f"The data are {' and '.join(data)} of {count} configuration{'s' if count != 1 else ''}. The model was fitted "
-        "to all of them together; dimensions and materials vary within their tolerances.",
-        _adequacy_sentence(verdict),
-        *_cause_sentences(verdict),
-        *(f"{_veto(verdict, one)}." for one in verdict.vetoed),
-        *_mode_sentences(before, after),
-    ]
-    if (gain := verdict.gain) is not None:
-        text = f"{gain.metric}: {gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
-        sentences.append(f"Held-out data: {text}; improvement {improvement_interval(gain)}.")
-    if verdict.bias is not None:
-        sentences.append(f"Held-out data with the model as given: {verdict.bias}.")
-    return sentences
-
-
-def _adequacy_sentence(verdict: Verdict) -> str:
-    if verdict.verdict == "undecided":
-        return "The data have too few degrees of freedom to test the model."
-    adequacy = verdict.adequacy
-    text = f"The misfit is {adequacy.misfit:.2f} {_EXPECTED}"
-    if not adequacy.passed:
-        return f"{text}, and is largest in {adequacy.worst[0]}." if adequacy.worst else f"{text}."
-    if verdict.verdict in ("named", "suspected", "ambiguous"):
-        return f"{text}. The model passes the test of adequacy, but a cause has evidence above the detection threshold."
-    return f"{text}; the model is adequate."
-
-
-def _cause_sentences(verdict: Verdict) -> list[str]:
-    after = verdict.adequacy_after
-    misfit = f" The misfit with it is {after.misfit:.2f} {_EXPECTED}." if after is not None else ""
-    if verdict.verdict == "ambiguous":
-        between = ", ".join(verdict.ambiguous_between)
-        return [f"These data cannot distinguish between {between}: each of them explains the misfit.{misfit}"]
-    if (other := verdict.alternative) is not None:
-        return [
-            f"A cause of the catalogue explains the data similarly well, but {other.meaning} {other.variant} "
-            f"({sizes(other)}) is preferred. It is not a known cause, so no cause is named: {other.remedy}."
-        ]
-    if verdict.verdict == "unexplained":
-        causes = "known causes" if verdict.final else "causes that were tried so far"
-        return [
-            f"None of the {len(verdict.candidates)} {causes} explains it. The reason may be a cause outside the "
-            "catalogue, or several causes together.",
-            *_unexplained_sentences(verdict),
-        ]
-    names = " and ".join(one.id for one in verdict.causes)
-    if verdict.verdict == "partly explained":
-        return [
-            f"{names} explains most of the error of the model, not all of it: "
-            f"{'; '.join(one.meaning for one in verdict.causes)}.",
-            f"{discrepancy(verdict).capitalize()}.",
-        ]
-    if verdict.verdict == "suspected":
-        return [f"{names} explains the misfit and is suspected only; the notes state the reasons.{misfit}"]
-    if verdict.verdict == "named":
-        return [f"The cause is {names}: {'; '.join(one.meaning for one in verdict.causes)}.{misfit}"]
-    return ["No cause of the catalogue has evidence above the detection threshold."]
-
-
-def _unexplained_sentences(verdict: Verdict) -> list[str]:
-    """Describe the cause with the highest evidence if none explains the data, and the misfit of the model."""
-    sentences = []
-    if verdict.candidates:
-        best = verdict.candidates[0]
-        text = (
-            f"{best.id} has the highest evidence ({best.meaning}): the misfit with it is {best.misfit:.3g} {_EXPECTED}"
-        )
-        if verdict.gain is not None and best.held_out is not None:
-            text += (
-                f", and held-out data ({verdict.gain.metric}) change from {verdict.gain.held_out_before:.3g} to "
-                f"{best.held_out:.3g}"
-            )
-        sentences.append(f"{text}.")
-    times = deviation_factor(verdict)
-    if times is not None:
-        sentences.append(f"The model would be adequate if all standard deviations were {times:.2g} times as large.")
-    return sentences
-
-
-def _mode_sentences(before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> list[str]:
-    fitted, extended = (np.array([one.frequency_percent for one in modes]) for modes in (before, after))
-    if not np.isfinite(fitted).any():
-        return []
-    worst = before[int(np.nanargmax(np.abs(fitted)))]
-    text = (
-        f"The errors of the natural frequencies of the fitted model are {_rms(fitted):.2g} % rms, the largest one in "
-        f"{worst.label}, mode {worst.mode} ({worst.frequency_percent:+.2g} %)"
-    )
-    return [
-        text
-        + (f"; those of the extended model are {_rms(extended):.2g} % rms." if np.isfinite(extended).any() else ".")
-    ]
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))

@@ -6,13 +6,12 @@ keeps the package small and the data consistent with the current model.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from receptance._files import write_whole
+from receptance._files import created_folder, write_whole
 from receptance.examples.simulated import free_free, hammer, taper
 
 __all__ = ["EXAMPLES", "Example", "write"]
@@ -139,22 +138,6 @@ def write(
     existing = [str(path) for path in contents if path.exists()]
     if existing and not overwrite:
         raise FileExistsError(f"{', '.join(existing)} exists already; choose another folder or overwrite")
-    created = _create_folders(target)
-    try:
+    with created_folder(target):
         write_whole(contents)
-    except BaseException:
-        for path in reversed(created):
-            with contextlib.suppress(OSError):
-                path.rmdir()
-        raise
     return sorted(contents, key=lambda path: path.name != "campaign.toml")
-
-
-def _create_folders(target: Path) -> list[Path]:
-    """Create a folder with its parents, and return the new ones, the outermost first."""
-    new = [path for path in (target, *target.parents) if not path.exists()]
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OSError(f"cannot create the folder {target}: {error.strerror or error}") from error
-    return new[::-1]

@@ -35,13 +35,13 @@ _TARGET_FREEDOM = 60.0
 """Degrees of freedom of the median line at which the window stops growing; t is then within 2 % of the normal."""
 _REWEIGHTINGS = 4
 """Fits with the weights of the previous fit; the result does not change after three."""
-_MIN_SPREAD = 1e-9
-"""Relative spread of |H|^2 in a window below which a and b cannot be separated."""
+_MIN_VARIATION = 1e-9
+"""Relative variation of |H|^2 in a window below which a and b cannot be separated."""
 _MIN_PROBABILITY = 1e-3
 """A line that is less probable than this given its neighbours (hum, for example) keeps its variance."""
 _SHARE_HALF_WIDTH = 8
 """Independent lines to each side from which the additive share of the variance is estimated."""
-_CHUNK = 4096
+LINES_AT_ONCE = 4096
 """Lines processed at once, to limit memory."""
 
 
@@ -193,16 +193,16 @@ def _fit(
         w, wg, wgg = total(weight), total(weight * gain), total(weight * gain**2)
         ws, wgs = total(weight * scatter), total(weight * gain * scatter)
         centre = wg / w
-        spread = wgg - wg * centre
-        level = spread <= _MIN_SPREAD * wgg
-        spread = np.where(level, 1.0, spread)
-        slope = np.where(level, 0.0, (wgs - centre * ws) / spread)
+        variation = wgg - wg * centre
+        level = variation <= _MIN_VARIATION * wgg
+        variation = np.where(level, 1.0, variation)
+        slope = np.where(level, 0.0, (wgs - centre * ws) / variation)
         flat = slope <= 0.0
         through_zero = ~flat & (ws / w <= slope * centre)
         # The fit is sum_k (alpha + beta g_k) w_k scatter_k.
         off = gain - centre
-        alpha = np.where(flat, 1.0 / w, np.where(through_zero, 0.0, 1.0 / w - off * centre / spread))
-        beta = np.where(flat, 0.0, np.where(through_zero, gain / wgg, off / spread))
+        alpha = np.where(flat, 1.0 / w, np.where(through_zero, 0.0, 1.0 / w - off * centre / variation))
+        beta = np.where(flat, 0.0, np.where(through_zero, gain / wgg, off / variation))
         power = np.maximum(alpha * ws + beta * wgs, lowest)
     size = weight**2 * power**2 * correlated * 2.0 / line_freedom
     variance = alpha**2 * total(size) + 2.0 * alpha * beta * total(size * gain) + beta**2 * total(size * gain**2)
@@ -250,8 +250,8 @@ def additive_share(
     half = min(_SHARE_HALF_WIDTH, (power.size - 1) // (2 * int(stride.max())))
     if half < 1:
         return result
-    for first in range(0, power.size, _CHUNK):
-        lines = np.arange(first, min(first + _CHUNK, power.size))
+    for first in range(0, power.size, LINES_AT_ONCE):
+        lines = np.arange(first, min(first + LINES_AT_ONCE, power.size))
         near = lines_around(lines, half, stride[lines], power.size)
         # Variances of zero are handled by the caller.
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -266,9 +266,9 @@ def _share(power: NDArray[np.float64], noise: NDArray[np.float64], is_line: NDAr
     # Weighted for relative deviations, because both span decades beside a resonance.
     w = 1.0 / (0.5 * (y + 1.0)) ** 2
     total, first, second = (np.sum(w * g**k, axis=1) for k in range(3))
-    spread = total * second - first**2
-    flat = spread <= _MIN_SPREAD * total * second
-    slope = (total * np.sum(w * g * y, axis=1) - first * np.sum(w * y, axis=1)) / np.where(flat, 1.0, spread)
+    variation = total * second - first**2
+    flat = variation <= _MIN_VARIATION * total * second
+    slope = (total * np.sum(w * g * y, axis=1) - first * np.sum(w * y, axis=1)) / np.where(flat, 1.0, variation)
     slope = np.clip(slope, 0.0, np.sum(w * g * y, axis=1) / second)
     constant = np.maximum(np.sum(w * y, axis=1) - slope * first, 0.0) / total
     middle = np.sum(g * is_line, axis=1)

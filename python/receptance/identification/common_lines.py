@@ -10,14 +10,13 @@ import numpy as np
 from receptance import _checks
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.identification.observations import MeasuredFRF, altered
+from receptance.model.terminals import EQUAL_LINES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["check_observations", "common_lines", "masked_lines"]
 
-_SAME = 1e-9
-"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
 _GAP = 1.5
 """Times the median spacing of lines: nothing is interpolated across a wider gap."""
 _SPLINE_LINES = 4
@@ -101,7 +100,7 @@ def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]
     after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
     inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
     dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(observation)
-    window = np.abs(lines.imag - own.imag[nearest]) <= _SAME * np.abs(lines)
+    window = np.abs(lines.imag - own.imag[nearest]) <= EQUAL_LINES * np.abs(lines)
     found: NDArray[np.bool_] = same | (inside & dense & window)
     return found
 
@@ -120,7 +119,7 @@ def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF
     # Lines on the edge of the band may lie outside by rounding.
     grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
     values, bend = grid.spline(observation.receptance)
-    spread = observation.standard_deviation
+    deviation = observation.standard_deviation
     fields = {
         name: grid.linear(value)
         for name, value in vars(observation).items()
@@ -133,7 +132,7 @@ def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF
         *observation.notes,
         f"{observation.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}",
     ]
-    sharp = curvature_warning(grid, values, bend, None if spread is None else grid.linear(spread**2))
+    sharp = curvature_warning(grid, values, bend, None if deviation is None else grid.linear(deviation**2))
     notes += [f"{observation.label or owner}: {sharp}"] if sharp else []
     return altered(observation, **fields, notes=tuple(notes))
 
@@ -144,7 +143,7 @@ def _nearest(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp
     after = np.minimum(after, others.size - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(others[after] - lines) < np.abs(others[before] - lines), after, before)
-    return nearest, np.abs(others[nearest] - lines) <= _SAME * np.abs(lines)
+    return nearest, np.abs(others[nearest] - lines) <= EQUAL_LINES * np.abs(lines)
 
 
 def masked_lines(masked: NDArray[Any], count: int) -> str:

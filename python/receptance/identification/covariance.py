@@ -20,6 +20,8 @@ __all__ = [
     "variance_factor",
 ]
 
+NORMAL_QUARTILE = 0.6745
+"""Median of the absolute value of a standard normal variable."""
 UNINFORMATIVE = "uninformative"
 """Printed instead of an interval that is too wide."""
 _WIDE = 0.5
@@ -65,7 +67,7 @@ def variance_factor(residual: NDArray[np.float64], unknowns: int, smoothing: flo
         return float("inf")
     if smoothing is None:
         return float(np.sum(np.square(residual))) / (n - unknowns)
-    robust = float(np.median(np.abs(residual))) / 0.6745
+    robust = float(np.median(np.abs(residual))) / NORMAL_QUARTILE
     width = float(np.hypot(smoothing, robust * n**-0.2))
     psi = residual / np.sqrt(1.0 + (residual / smoothing) ** 2)
     slope = smoothing / width * float(np.mean((1.0 + (residual / width) ** 2) ** -1.5))

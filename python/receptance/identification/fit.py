@@ -318,12 +318,12 @@ def _scaled(inverse: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
 
 
 def _count_optima(
-    runs: Sequence[Start], best: Start, variables: Variables, size: int, spread: NDArray[np.float64]
+    runs: Sequence[Start], best: Start, variables: Variables, size: int, deviation: NDArray[np.float64]
 ) -> tuple[int, int]:
     """Count the runs that reached the best optimum, and equally good ones that ended at another."""
     low, high = variables.limits
     # Along a flat valley ends differ by a small part of the standard errors.
-    tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(spread), _SAME * spread, 0.0))
+    tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(deviation), _SAME * deviation, 0.0))
     good = best.cost * (1.0 + 1e-3) + 1e-12 * size
     as_good = [run for run in runs if run.cost <= good]
     same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= tolerance)]
@@ -400,6 +400,9 @@ def contradicts(chi_square: float, left: float) -> bool:
     return left > 0.0 and bool(chdtrc(left, chi_square) < _LARGE_PROBABILITY)
 
 
+_DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
+
+
 def _misfit_advice(
     residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int, noise_factor: float
 ) -> list[str]:
@@ -411,21 +414,22 @@ def _misfit_advice(
     if noise_factor > 1.0:
         return [
             "the model does not explain the data within standard deviations and tolerances: it is incomplete or "
-            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations"
+            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations. "
+            f"{_DIAGNOSE}"
         ]
     if rms > _UNEXPLAINED:
         return [
-            f"the residuals are {rms:.3g} times what the standard deviations explain: the model is incomplete or the "
-            "standard deviations are too small, and then the standard errors are too small as well"
+            f"the rms of the residuals is {rms:.3g} standard deviations, expected about 1: the model is incomplete or "
+            f"the standard deviations are too small, and then the standard errors are too small as well. {_DIAGNOSE}"
         ]
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
     if left > 0.0 and chi_square < left / _UNEXPLAINED**2 and chdtr(left, chi_square) < _SMALL_PROBABILITY:
         share = float(np.sqrt(chi_square / left))
         return [
-            f"the residuals are only {share:.2g} times what the standard deviations explain: these are stated too "
-            "large (a percentage for a share, or a limit for a standard deviation?), and the standard errors are too "
-            "large as well; or the data have no noise"
+            f"the rms of the residuals is only {share:.2g} standard deviations, expected about 1: the standard "
+            "deviations are too large (a percentage for a share, or a limit for a standard deviation?), and the "
+            "standard errors are too large as well; or the data have no noise"
         ]
     return []
 

@@ -24,7 +24,7 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
-from receptance.frf.variance import additive_share, lines_around, with_variance
+from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, with_variance
 from receptance.model.coordinates import Coordinate, UnknownPosition
 
 if TYPE_CHECKING:
@@ -48,8 +48,6 @@ _PARABOLA_MISFIT = 2.0
 """Largest excess of chi-square per degree of freedom over 1, in its standard deviations."""
 _LINE_MISFIT = 9.0
 """Largest squared deviation of the line from the parabola, in variances."""
-_CHUNK = 4096
-"""Lines that are smoothed at a time, which limits memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,8 +308,8 @@ def smoothed_variance(
     power = np.maximum(np.abs(values) ** 2, np.finfo(np.float64).tiny)
     stride = np.maximum(np.rint(correlated_lines), 1.0).astype(np.intp)
     share = additive_share(values, log_variance, correlated_lines)
-    for first in range(0, values.size, _CHUNK):
-        own = np.arange(first, min(first + _CHUNK, values.size))
+    for first in range(0, values.size, LINES_AT_ONCE):
+        own = np.arange(first, min(first + LINES_AT_ONCE, values.size))
         # The caller checks variances of zero; no parabola fits such lines.
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = power[own] / _smooth_power(own, frequency_hz, values, 2.0 * log_variance * power, stride[own])

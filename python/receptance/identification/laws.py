@@ -282,3 +282,8 @@ class Move(Unknown):
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters that it changes."""
         return tuple(self.moves)
+
+    @property
+    def unit(self) -> str:
+        """Empty: its value is a multiple of the numbers in `moves`."""
+        return ""

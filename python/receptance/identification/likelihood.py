@@ -13,14 +13,13 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import COST_TOLERANCE
 
 if TYPE_CHECKING:
     from receptance.identification.result import Identification
 
 __all__ = ["ConstrainedFit", "constrained_fit", "log_evidence", "require_likelihood", "residual_variance"]
 
-_COST_TOLERANCE = 1e-6
-"""Decrease of the cost at which a constrained fit ends."""
 _BETTER = 0.01
 """Decrease of -2 log L below that of the fit from which on the fit was not the global optimum."""
 
@@ -124,7 +123,7 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
     # Errors start at their fitted values.
     drawn = free & (np.arange(given.size) < found.task.parameters.count)
     begun = [given, *(np.where(drawn, x, given) for x in variables.draw(max(starts, 1), found.seed)[1:])]
-    end = min(problem.fit(np.array(begun), free=free, least=_COST_TOLERANCE), key=lambda one: one.cost)
+    end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda one: one.cost)
     rise = 2.0 * (end.cost - best.cost) / variance if np.isfinite(end.cost) and variance > 0.0 else np.inf
     if rise < -_BETTER:
         text = "the constrained fit found a better optimum than the fit: identify with more starts"

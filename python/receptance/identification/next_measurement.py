@@ -373,7 +373,7 @@ def _check_targets(targets: Target | Sequence[Target] | None, found: Identificat
     return given
 
 
-class _Point(NamedTuple):
+class _InformationPoint(NamedTuple):
     """A point of the fitted variables `(p,)`, and R `(p, p)` with R^T R the information of the fit there."""
 
     x: NDArray[np.float64]
@@ -392,11 +392,13 @@ class _Known:
         self.x = found.vector
         self._variance = max(found.residual_variance, _SMALLEST)
 
-    def point(self, x: NDArray[np.float64]) -> _Point:
+    def point(self, x: NDArray[np.float64]) -> _InformationPoint:
         """Return a point with the information there; raises `ReceptanceError` where the model has no value."""
         if not np.isfinite(self.problem.residual(x)).all():
             raise ReceptanceError(self.problem.reason(x))
-        return _Point(x, information_root(self.problem.jacobian(x) / np.sqrt(self._variance), self.variables))
+        return _InformationPoint(
+            x, information_root(self.problem.jacobian(x) / np.sqrt(self._variance), self.variables)
+        )
 
 
 class _Outlook:
@@ -425,7 +427,7 @@ class _Outlook:
             found |= zip(_names_of(target), [0.0] if target.modes is None else own.tolist(), strict=True)
         return found
 
-    def deviations(self, point: _Point) -> dict[str, float]:
+    def deviations(self, point: _InformationPoint) -> dict[str, float]:
         """Return the standard deviations of the targets by name.
 
         They are those of the fitted variables, of natural frequencies in Hz, and of the logarithm of receptances, as
@@ -500,7 +502,7 @@ def _wide_profiles(known: _Known, given: dict[str, Profile], report: Callable[[s
     return {name: given[name] for name in wide}
 
 
-def _points(known: _Known, profiles: Mapping[str, Profile]) -> tuple[list[_Point], list[str]]:
+def _points(known: _Known, profiles: Mapping[str, Profile]) -> tuple[list[_InformationPoint], list[str]]:
     """Return the fit, or points along the profiles of parameters with wide intervals, and notes on them."""
     if not profiles:
         return [known.point(known.x)], []
@@ -546,7 +548,7 @@ def _quantiles_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
 class _Now:
     """Values, standard deviations and intervals of the targets from the measurements of the fit alone."""
 
-    def __init__(self, known: _Known, points: Sequence[_Point], profiles: Mapping[str, Profile]) -> None:
+    def __init__(self, known: _Known, points: Sequence[_InformationPoint], profiles: Mapping[str, Profile]) -> None:
         self._multiplier = known.multiplier
         outlook = _Outlook(known)
         self.values = outlook.values(known.x)
@@ -569,28 +571,32 @@ class _Now:
         for name in self.values:
             self.intervals.setdefault(name, self.about(name, self.deviations[name]))
 
-    def about(self, name: str, spread: float) -> tuple[float, float]:
+    def about(self, name: str, deviation: float) -> tuple[float, float]:
         """Return the interval about the present value for a standard deviation."""
-        value, half = self.values[name], self._multiplier * spread
+        value, half = self.values[name], self._multiplier * deviation
         if self.scales[name] == "log":
             return value / 10.0**half, value * 10.0**half
         return value - half, value + half
 
 
-def _expected(known: _Known, candidate: Candidate, points: Sequence[_Point], now: _Now) -> dict[str, Expectation]:
+def _expected(
+    known: _Known, candidate: Candidate, points: Sequence[_InformationPoint], now: _Now
+) -> dict[str, Expectation]:
     """Return the expectation of each target with a candidate, from all points."""
     outlook = _Outlook(known, candidate)
     found = [outlook.deviations(point) for point in points]
     low, high = known.variables.limits
     expected = {}
     for name in now.values:
-        spreads = [one[name] for one in found]
+        deviations = [one[name] for one in found]
         open_share = 0.0
         if name in known.targets and name not in known.found.errors:
             i = known.variables.names.index(name)
-            ends = [(point.x[i], known.multiplier * spread) for point, spread in zip(points, spreads, strict=True)]
+            ends = [
+                (point.x[i], known.multiplier * deviation) for point, deviation in zip(points, deviations, strict=True)
+            ]
             open_share = sum(x + half > high[i] or x - half < low[i] for x, half in ends) / len(points)
-        typical = _geometric_mean(spreads)
+        typical = _geometric_mean(deviations)
         lower, upper = now.about(name, typical)
         expected[name] = Expectation(
             name=name,
@@ -602,7 +608,7 @@ def _expected(known: _Known, candidate: Candidate, points: Sequence[_Point], now
             upper=min(upper, now.intervals[name][1]),
             deviation=typical,
             deviation_now=now.deviations[name],
-            deviations=tuple(spreads),
+            deviations=tuple(deviations),
             stays_open=open_share,
         )
     return expected

@@ -183,8 +183,8 @@ class MeasuredFRF(_Observation):
                 f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
             )
         sd = standard_deviation
-        spread = None if sd is None else _spread(owner, "standard_deviation", sd, lines.shape)
-        forces = None if force is None else _spread(owner, "force", force, lines.shape)
+        deviation = None if sd is None else _positive_by_line(owner, "standard_deviation", sd, lines.shape)
+        forces = None if force is None else _positive_by_line(owner, "force", force, lines.shape)
         correlated = check_correlated_lines(owner, correlated_lines, lines.size)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
@@ -197,7 +197,7 @@ class MeasuredFRF(_Observation):
                 stacklevel=2,
             )
             lines, values, correlated = lines[1:], values[1:], correlated[1:]
-            spread, forces = (given if given is None else given[1:] for given in (spread, forces))
+            deviation, forces = (given if given is None else given[1:] for given in (deviation, forces))
         lines = _decaying(owner, _ascending(owner, lines))
         if forces is not None and lines.dtype.kind == "c":
             raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
@@ -225,7 +225,7 @@ class MeasuredFRF(_Observation):
             receptance=values,
             response=places[0],
             excitation=places[1],
-            standard_deviation=spread,
+            standard_deviation=deviation,
             correlated_lines=correlated,
             label=str(label),
             notes=notes,
@@ -428,15 +428,15 @@ class MeasuredFrequencies(_Observation):
         numbers = tuple(range(1, values.size + 1)) if modes is None else _mode_numbers(owner, modes)
         if len(numbers) != values.size:
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
-        spread = None
+        deviation = None
         if standard_deviation_hz is not None:
-            spread = _spread(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
-        damping = _damping(owner, damping_ratio, standard_deviation_damping, spread is not None, values.shape)
+            deviation = _positive_by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+        damping = _damping(owner, damping_ratio, standard_deviation_damping, deviation is not None, values.shape)
         self._fill(
             assembly=assembly,
             frequency_hz=values,
             modes=numbers,
-            standard_deviation_hz=spread,
+            standard_deviation_hz=deviation,
             damping_ratio=damping[0],
             standard_deviation_damping=damping[1],
             label=str(label),
@@ -511,7 +511,7 @@ def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observa
     return cast("tuple[Observation, ...]", found)
 
 
-def _owner(kind: str, label: str, assembly: Any) -> str:
+def _owner(kind: str, label: str, assembly: object) -> str:
     """Return the name of an observation in messages; raise unless it has an assembly."""
     owner = f"{kind} {label!r}" if label else kind
     if not isinstance(assembly, Assembly):
@@ -543,7 +543,7 @@ def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
     return lines if lines.imag.any() else lines.real.astype(np.float64)
 
 
-def _spread(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _positive_by_line(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return positive numbers, one for each line; a single number stands for all."""
     array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
     if array.shape not in ((), shape):
@@ -590,4 +590,6 @@ def _damping(
             f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
             "both, or neither"
         )
-    return values, None if deviation is None else _spread(owner, "standard_deviation_damping", deviation, shape)
+    return values, None if deviation is None else _positive_by_line(
+        owner, "standard_deviation_damping", deviation, shape
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance._peaks import local_maxima
-from receptance.identification.covariance import confidence_multiplier, is_uninformative
+from receptance.identification.covariance import NORMAL_QUARTILE, confidence_multiplier, is_uninformative
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,8 +28,6 @@ _NOISE_PROMINENCE = 8.0
 end in noise, 2 peaks of noise passed with 8, 21 with 6; none of 900 true peaks was lost."""
 _HALF_WINDOW = 15
 """Lines to either side over which the scatter from line to line is estimated."""
-_QUARTILE = 0.6745
-"""Median of the absolute value of a standard normal variable."""
 
 Bands = list[tuple[float, float]]
 
@@ -245,7 +243,7 @@ def _scatter(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     # The second difference of white noise has six times its variance. The median is robust to sharp peaks.
     difference = np.abs(np.diff(np.log(np.abs(values)), 2))
     found: NDArray[np.float64] = _running_median(np.pad(difference, 1, "edge"), _HALF_WINDOW) / (
-        _QUARTILE * np.sqrt(6.0)
+        NORMAL_QUARTILE * np.sqrt(6.0)
     )
     return found
 

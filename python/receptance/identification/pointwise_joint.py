@@ -46,8 +46,8 @@ _STEP_TOLERANCE = 1e-12
 """Relative step at which a line has converged."""
 _GRID = (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
 """Starts without a closed form, relative to the stiffness of the adjoining structure."""
-_GRID_LOSS = 0.02
-"""Loss factor of these starts."""
+START_LOSS_FACTOR = 0.02
+"""Loss factor of dampings before they are fitted."""
 _CONSTANT_STARTS = 6
 """Grid points that are refined on all lines together."""
 _EQUIVALENT = 4.0
@@ -409,7 +409,7 @@ def constant_grid_starts(equations: Equations, lines: NDArray[np.bool_]) -> list
     starts, costs = [], []
     for share in product(*values):
         k = np.array(share) * around
-        start = np.stack([k, _GRID_LOSS * k / float(np.median(w.real))], axis=1)
+        start = np.stack([k, START_LOSS_FACTOR * k / float(np.median(w.real))], axis=1)
         h, _ = chosen.evaluate(start[:, 0] + 1j * w[:, None] * start[:, 1])
         cost = np.sum(np.abs(np.log(h / chosen.measured) / chosen.deviation) ** 2)
         starts.append(start)

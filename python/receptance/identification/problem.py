@@ -43,6 +43,8 @@ __all__ = [
     "slopes_at",
 ]
 
+COST_TOLERANCE = 1e-6
+"""Decrease of the cost at which a fit has converged whose cost is compared with that of another fit."""
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
 _STATUS = {
@@ -431,10 +433,10 @@ class _CoreObservations:
     def _add_frequencies(self, index: int, item: Observed, measured: MeasuredFrequencies) -> int:
         """Add natural frequencies and the damping ratios that are known."""
         model, addresses, factors = _tied(item)
-        frequency, spread = measured.frequency_hz, measured.standard_deviation_hz
-        weighed = item.unit == "standard deviations" and spread is not None
+        frequency, deviation = measured.frequency_hz, measured.standard_deviation_hz
+        weighed = item.unit == "standard deviations" and deviation is not None
         share = 0.01 if item.unit == "percent" else 1.0
-        unit = spread if weighed and spread is not None else frequency * share
+        unit = deviation if weighed and deviation is not None else frequency * share
         damping: tuple[NDArray[np.float64], ...] = ()
         ratio, known = measured.damping_ratio, measured.standard_deviation_damping
         if ratio is not None:

@@ -18,6 +18,7 @@ import numpy as np
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.table import amount, amount_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,6 +111,8 @@ class Profile(Result):
         Ends of the interval in SI units; zero or -infinity, and infinity, where that side is open.
     lower_open, upper_open : bool
         Whether the interval is open on that side: the rise stays below the threshold up to the bound of the fit.
+    unit : str
+        SI unit of the value; empty for a plain number.
     level : float
         Level of the interval.
     values : ndarray
@@ -143,6 +146,7 @@ class Profile(Result):
     threshold: float
     statement: str
     evaluations: int
+    unit: str = ""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
@@ -157,7 +161,8 @@ class Profile(Result):
         """Return the interval and its meaning."""
         columns = ("parameter", Column("value"), Column(f"{100.0 * self.level:g} % interval"), "meaning")
         ends = (None if self.lower_open else self.lower, None if self.upper_open else self.upper)
-        return [Table("Profile likelihoods, SI units", columns, [(self.name, self.value, ends, self.statement)])]
+        row = (self.name, amount(self.value, self.unit, 4), amount_interval(ends, self.unit), self.statement)
+        return [Table("Profile likelihoods", columns, [row])]
 
     def data(self) -> dict[str, Any]:
         """Return interval, meaning and points."""
@@ -249,6 +254,7 @@ class _Profiler:
         upper = self._value(index, high.end) if not high.open else np.inf
         return Profile(
             name=name,
+            unit=unknown.unit,
             value=value,
             lower=lower,
             upper=upper,
@@ -274,8 +280,8 @@ class _Profiler:
         """Step to one side until the rise exceeds the threshold, then bracket the end of the interval."""
         bound = float(self.limits[0 if sign < 0.0 else 1][index])
         target = float(np.sqrt(self.threshold))
-        inside = _Point(self.best, float(self.best.x[index]), 0.0)
-        outside: _Point | None = None
+        inside = _ProfilePoint(self.best, float(self.best.x[index]), 0.0)
+        outside: _ProfilePoint | None = None
         points: list[tuple[NDArray[np.float64], float]] = []
         step = self._first_step(index) * target
         infeasible = np.inf  # distance from `inside` at which the model has no value
@@ -299,7 +305,7 @@ class _Profiler:
                 continue
             infeasible = np.inf if outside is not None else infeasible - distance
             rise = max(2.0 * (fit.cost - self.best.cost) / self.variance if self.variance > 0.0 else np.inf, 0.0)
-            point = _Point(fit, float(fit.x[index]), float(np.sqrt(rise)))
+            point = _ProfilePoint(fit, float(fit.x[index]), float(np.sqrt(rise)))
             points.append((fit.x, rise))
             if at == bound and point.root < target:
                 return _Side(_outwards(points, index, sign), bound, True)
@@ -372,7 +378,7 @@ class BetterOptimumError(Exception):
         self.better = better
 
 
-class _Point(NamedTuple):
+class _ProfilePoint(NamedTuple):
     """A constrained fit, the value of the held variable and the root of the rise of -2 log L."""
 
     fit: End
@@ -407,7 +413,7 @@ def _outwards(
     return sorted(points, key=lambda point: sign * float(point[0][index]))
 
 
-def _interpolate(inside: _Point, outside: _Point, target: float) -> float:
+def _interpolate(inside: _ProfilePoint, outside: _ProfilePoint, target: float) -> float:
     """Return where the linearly interpolated root reaches the target, at a distance from the ends of the bracket."""
     share = (target - inside.root) / (outside.root - inside.root)
     return inside.at + min(max(share, 0.05), 0.95) * (outside.at - inside.at)

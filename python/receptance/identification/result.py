@@ -13,7 +13,7 @@ from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
 from receptance.identification.unknowns import Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
-from receptance.report.table import Cell, number
+from receptance.report.table import Cell, amount, amount_interval, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -563,18 +563,28 @@ class Identification(Result):
     def _parameter_table(self) -> Table:
         errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]
         names = ["standard error", "from noise\nof the data"][: len(errors)]
-        numbers = (Column("value", form=".5g"), *(Column(name, form=".2g") for name in names), Column("95 % interval"))
+        numbers = (Column("value"), *(Column(name) for name in names), Column("95 % interval"))
+        # A profile has the more accurate interval in a table of its own.
+        profiled = () if self.profiled is None else tuple(self.profiled)
         rows: list[list[Cell]] = []
         for name, value in self.values.items():
             if name in self.errors or self._at_a_level(name):
                 continue
             unknown = self.unknowns[self.index(name)]
-            low, high = self.interval(name)
-            # An end beyond the bounds is open: values there were not fitted.
-            ends = (low if low > unknown.lower else None, high if high < unknown.upper else None)
             shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
-            rows.append([name, value, *shown, ends if self.determined(name) else "not determined"])
-        return Table("Identified parameters, SI units", ("parameter", *numbers), rows)
+            rows.append([name, amount(value, unknown.unit, 5), *(_error(unknown, value, one) for one in shown)])
+            if name in profiled:
+                rows[-1].append(None)
+            else:
+                determined = self.determined(name)
+                rows[-1].append(amount_interval(self.ends(name), unknown.unit) if determined else number(np.inf))
+        return Table("Identified parameters", ("parameter", *numbers), rows).without_empty()
+
+    def ends(self, address: str) -> tuple[float | None, float | None]:
+        """Return the ends of the 95 % interval of a value; None beyond the bounds, where no values were fitted."""
+        unknown = self.unknowns[self.index(address)]
+        low, high = self.interval(address)
+        return low if low > unknown.lower else None, high if high < unknown.upper else None
 
     def _error_table(self) -> Table:
         columns = ("error", Column("value", form="+.2f"), Column("standard error", form=".2f"))
@@ -600,8 +610,8 @@ class Identification(Result):
             together.append([group, len(own), min(sizes), float(np.median(sizes)), max(sizes), max(own)[1], unit])
         title = f"Residuals, in {self.units[0]}" if common else "Residuals"
         numbers = (Column("residuals", form="d"), Column("rms", form=".3g"))
-        spread = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
-        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *spread, "of", "unit")
+        by_rms = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
+        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *by_rms, "of", "unit")
         return [
             Table(title, ("measurement", "data", *numbers, "unit"), alone).without_empty(),
             Table(f"{title}, by group", by_group, together).without_empty(),
@@ -653,6 +663,13 @@ class Identification(Result):
         if address not in self.values:
             raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
         return self.addresses.index(address)
+
+
+def _error(unknown: Unknown, value: float, error: float) -> str:
+    """Return a standard error as text: in percent where the scale is logarithmic."""
+    if not np.isfinite(error) or unknown.scale == "linear":
+        return amount(error, unknown.unit, 2)
+    return f"{amount(100.0 * error / value, digits=2)} %"
 
 
 def _rms(residual: NDArray[np.float64]) -> float:

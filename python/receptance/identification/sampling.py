@@ -209,13 +209,13 @@ def _draw_starts(
 ) -> NDArray[np.float64]:
     """Draw the walkers' starts around the optimum, with its standard errors, where the model has a value."""
     low, high = found.task.variables.limits
-    spread = np.sqrt(np.diag(found.covariance))
-    spread = np.minimum(np.where(np.isfinite(spread), spread, np.inf), _START_RANGE * (high - low))
+    deviation = np.sqrt(np.diag(found.covariance))
+    deviation = np.minimum(np.where(np.isfinite(deviation), deviation, np.inf), _START_RANGE * (high - low))
     inside = np.clip(found.vector, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     kept: list[NDArray[np.float64]] = []
     shrink = 1.0
     while len(kept) < walkers:
-        x = inside + shrink * spread * rng.standard_normal(inside.size)
+        x = inside + shrink * deviation * rng.standard_normal(inside.size)
         x = np.where(x < low, 2.0 * low - x, np.where(x > high, 2.0 * high - x, x))
         if np.isfinite(density(x)):
             kept.append(x)

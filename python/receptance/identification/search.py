@@ -20,6 +20,8 @@ import numpy as np
 from receptance import _checks, units
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
 from receptance.identification.peaks import peak_indices
+from receptance.identification.pointwise_joint import START_LOSS_FACTOR
+from receptance.identification.problem import COST_TOLERANCE
 from receptance.identification.result import Start
 from receptance.model.addresses import QUANTITIES
 
@@ -55,8 +57,6 @@ _STAGE_TOLERANCE = 1e-4
 _PEAK_DEVIATION = 0.003
 """Relative standard deviation of a peak as a natural frequency."""
 _DASHPOTS = (units.DAMPING, units.ROTATIONAL_DAMPING, units.COUPLING_DAMPING)
-_LOSS_FACTOR = 0.02
-"""Loss factor of dampings before they are fitted."""
 _DRAWN = 15
 """Starts that are drawn in addition to the given ones."""
 _TRIAL_EVALUATIONS = 60
@@ -65,8 +65,6 @@ _SELECTED = 3
 """Number of ends that are selected then."""
 _FINISHED = 2
 """Number of the best ends that are continued if they have not converged, with as many times the evaluations."""
-_COST_TOLERANCE = 1e-6
-"""Decrease of the cost at which the continued fit ends."""
 _MARGIN = 2.0
 """Distance of smeared lines from the upper end, in widths."""
 _MIN_LINES = 8
@@ -259,9 +257,9 @@ class Continuation:
                 continue
             stiffness = self._columns.get(name.replace(".c_", ".k_"))
             if self._loss[column]:
-                values[:, column] = _LOSS_FACTOR
+                values[:, column] = START_LOSS_FACTOR
             elif stiffness is not None:
-                values[:, column] = _LOSS_FACTOR * values[:, stiffness] / self._angular
+                values[:, column] = START_LOSS_FACTOR * values[:, stiffness] / self._angular
         values = np.clip(values, [u.lower for u in self.variables.unknowns], [u.upper for u in self.variables.unknowns])
         return self.variables.from_values(values)
 
@@ -386,7 +384,7 @@ def _best_run(
 
 def _finish(problem: Problem, run: Start, most: int) -> Start:
     """Continue a run that has used up its evaluations, which happens along curved narrow valleys."""
-    end = problem.fit_one(run.variables, _FINISHED * most, least=_COST_TOLERANCE)
+    end = problem.fit_one(run.variables, _FINISHED * most, least=COST_TOLERANCE)
     if not end.cost < run.cost:
         return run
     message = end.message if end.converged else run.message
@@ -419,8 +417,10 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     value at complex lines.
     """
     if isinstance(observation, MeasuredFrequencies):
-        spread = 0.5 * width * observation.frequency_hz
-        return altered(observation, standard_deviation_hz=spread, damping_ratio=None, standard_deviation_damping=None)
+        deviation = 0.5 * width * observation.frequency_hz
+        return altered(
+            observation, standard_deviation_hz=deviation, damping_ratio=None, standard_deviation_damping=None
+        )
     f = observation.frequency_hz.real
     if f.size < _MIN_LINES or observation.assembly.tabulated:
         return None

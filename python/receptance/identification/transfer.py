@@ -160,9 +160,9 @@ class Transfer(Result):
         most = max(split.identified.rms for split in self.splits if split.identified is not None)
         return (
             *own,
-            f"in {len(self.narrow)} of {len(self.splits)} splits the residuals of the fit are up to {most:.2g} times "
-            "what the standard deviations explain: the model is wrong, or they are too small, and the intervals are "
-            "then too narrow",
+            f"in {len(self.narrow)} of {len(self.splits)} splits the rms of the residuals of the fit is up to "
+            f"{most:.2g} standard deviations, expected about 1: the model is incomplete or the standard deviations are "
+            "too small, and the intervals are too narrow",
         )
 
     @property
@@ -242,8 +242,8 @@ class Transfer(Result):
             known = sorted(value for value in values if value is not None)
             apart = 100.0 * (known[-1] / known[0] - 1.0) if known[0] > 0.0 else None
             rows.append([name, len(known), known[0], known[-1], apart])
-        spread = (Column("least"), Column("most"), Column("apart", "%", ".2g"))
-        return Table("Identified over the splits, SI units", ("parameter", Column("splits", form="d"), *spread), rows)
+        extent = (Column("least"), Column("most"), Column("apart", "%", ".2g"))
+        return Table("Identified over the splits, SI units", ("parameter", Column("splits", form="d"), *extent), rows)
 
     def __repr__(self) -> str:
         return f"Transfer({self._headline()})"
@@ -344,7 +344,7 @@ def transfer(
         near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]
         kept = [o for o in observed if o.configuration not in group]
         fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
-        predictor = _Predictor(fit, [u for u in given if u not in here], errors, draws, seed)
+        predictor = _HeldOutPredictor(fit, [u for u in given if u not in here], errors, draws, seed)
         for observation in observed:
             if observation.configuration in group:
                 predictor.predict(observation)
@@ -404,7 +404,7 @@ def _in_some(
 
 
 @dataclass
-class _Predictor:
+class _HeldOutPredictor:
     """A fit and its predictions of held-out observations; `lost` are the unknowns that the fit does not have."""
 
     fit: Identification | None

@@ -11,16 +11,27 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from receptance import _checks
+from receptance import _checks, units
+from receptance.model.addresses import QUANTITIES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["Bounds", "Prior", "Unknown", "Unknowns", "Variables", "as_unknowns", "covered"]
+__all__ = ["CHAIN_QUANTITIES", "Bounds", "Prior", "Unknown", "Unknowns", "Variables", "as_unknowns", "covered"]
 
 Scale = Literal["log", "linear"]
+
+CHAIN_QUANTITIES = {
+    "log_gain": units.LOGARITHM,
+    "delay": units.DELAY,
+    "decay_rate": units.DECAY_RATE,
+    "decay_rate_of_velocity": units.DECAY_RATE,
+    "decay_rate_of_displacement": units.DECAY_RATE,
+    "end": units.TIME,
+}
+"""Quantities of the parameters of the measuring chain, see `receptance.identification.mapping`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +166,22 @@ class Unknown:
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the parameters that it changes."""
         return (self.address, *self.also)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its value; empty for plain numbers: exponents, ratios and logarithms.
+
+        Examples
+        --------
+        >>> from receptance.identification import Unknown
+        >>> Unknown(address="joint.k_theta", lower=1e3, upper=1e7).unit
+        'N m/rad'
+        """
+        # Names of exponents and of errors contain spaces.
+        if self.multiple != 1.0 or " " in self.address:
+            return ""
+        quantity = {**QUANTITIES, **CHAIN_QUANTITIES}.get(self.address.rpartition(".")[2])
+        return "" if quantity is None else quantity.unit
 
 
 Bounds: TypeAlias = tuple[float, float] | tuple[float, float, float] | Mapping[str, Any]

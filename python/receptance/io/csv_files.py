@@ -115,6 +115,7 @@ def _frf(table: Table, lines: NDArray[np.float64], entries: list[str], options: 
         directions=([kind.response for kind in kinds], [kinds[0].excitation]),
         coherence=coherence,
         labels=(entries, [""]) if any(entries) else None,
+        averages=table.averages,
         notes=notes,
         options=options,
     )

@@ -29,7 +29,7 @@ from receptance.io.uff.write import uff_bytes
 if TYPE_CHECKING:
     from os import PathLike
 
-__all__ = ["ENDINGS", "FORMATS", "read", "read_all", "read_frf", "read_time_series", "write"]
+__all__ = ["ENDINGS", "FORMATS", "file_format", "read", "read_all", "read_frf", "read_time_series", "write"]
 
 FORMATS = {
     "uff": "universal file (data set 58)",
@@ -257,6 +257,23 @@ def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurem
     return [_with_source(measurement, f"{path.name} ({FORMATS[kind]})") for measurement in measurements]
 
 
+def file_format(path: str | PathLike[str]) -> str:
+    """Return the format of a file, a key of `FORMATS`, from its contents or its extension.
+
+    Raises
+    ------
+    FileFormatError
+        The format is recognised by neither.
+    """
+    path = Path(path)
+    with open_file(path) as file:
+        start = file.read(_START)
+    if start.startswith(_GZIP_SIGNATURE):
+        path, start = path.with_suffix(""), decompress(read_whole(path))[:_START]
+    with error_location(file=path.name):
+        return _detect_format(path, start)
+
+
 def _read_data(kind: str, data: bytes, options: ReadOptions) -> list[Measurement]:
     with time_limit(len(data)):
         if kind == "npz":
@@ -277,7 +294,8 @@ def _detect_format(path: Path, start: bytes) -> str:
     if not kind:
         known = ", ".join(f"{name} ({text})" for name, text in FORMATS.items())
         raise FileFormatError(
-            f"the format is recognised neither by the contents nor by the extension; give format=, one of {known}"
+            "the format is recognised neither by the contents nor by the extension; give format= (on the command line "
+            f"--from), one of {known}"
         )
     return kind
 

@@ -156,6 +156,12 @@ _BLANKS = " "
 _DELIMITERS = f"\t;,{_BLANKS}"
 _CELL = re.compile(r"[^\s\[(]+(?:\s?[\[(][^\])]*[\])])?|[\[(][^\])]*[\])]")
 """A cell between blanks: a number, or a name with its unit in brackets."""
+_AVERAGES = re.compile(
+    r"#?\W*(?:(?:number|no\.?|nr\.?|anzahl)\s+(?:of\s+)?)?(?:averages?|averaging|avg\.?|mittelungen|mittelungszahl|moyennes|"
+    r"promedios|medie)\W+(?P<count>\d{1,6})\W*",
+    re.IGNORECASE,
+)
+"""A line before the header with the number of averages."""
 _MAX_NAME_LENGTH = 1000
 _MAX_PREAMBLE = 1000
 """Lines within which a header is searched for."""
@@ -174,6 +180,8 @@ class Table:
     lines: tuple[int, ...]
     about: dict[str, Any] | None
     notes: tuple[str, ...] = ()
+    averages: int | None = None
+    """Number of averages in a line before the header."""
 
     def indices(self, role: str) -> list[int]:
         """Return the indices of the columns with a role."""
@@ -189,12 +197,14 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         if text.startswith(MARK):
             with error_location(line=line):
                 about = parse_about(text.removeprefix(MARK).strip())
+    every = lines
     lines = [(line, text) for line, text in lines if not text.startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
     skipped, delimiter = _layout(lines, options.columns)
     lines = lines[skipped:]
     notes = [f"{skipped} lines before line {lines[0][0]} were not read"] if skipped else []
+    averages = None if about is not None else _averages([one for one in every if one[0] < lines[0][0]], notes)
     rows = _split(lines, delimiter)
     header, names = rows[0]
     if options.columns is not None:
@@ -250,7 +260,7 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
         decimal_comma=delimiter != ",",
         quote_first_row=options.columns is None,
     )
-    table = Table(tuple(columns), values, header, tuple(line for line, _ in rows), about)
+    table = Table(tuple(columns), values, header, tuple(line for line, _ in rows), about, averages=averages)
     _check_finite(table)
     declared = None if about is None else about.get("rows")
     if isinstance(declared, int):
@@ -258,6 +268,18 @@ def read_table(data: bytes, options: ReadOptions) -> Table:
     else:
         notes += truncation_notes(content, lines[-len(rows) :])
     return replace(table, notes=tuple(notes))
+
+
+def _averages(before: Sequence[tuple[int, str]], notes: list[str]) -> int | None:
+    """Return the number of averages that the lines before the header state, with a note; None if they state none."""
+    found = {int(match["count"]): line for line, text in before if (match := _AVERAGES.fullmatch(text.strip()))}
+    if len(found) != 1:
+        return None
+    ((count, line),) = found.items()
+    if count < 1:
+        return None
+    notes.append(f"{count} averages, by line {line}")
+    return count
 
 
 def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str) -> bool:

@@ -19,8 +19,8 @@ _EDGE_SHARE = 0.1
 """or below this share of the trigger,"""
 _EDGE_MOST = 0.5
 """but at most at this share of the trigger."""
-_SECOND_NOISE = 6.0
-"""Least second contact in standard deviations of the noise, exceeded by noise once in 1e9 samples."""
+NOISE_PEAK = 6.0
+"""Least trigger and least second contact in standard deviations of the noise, exceeded by noise once in 1e9 samples."""
 _SMOOTH = 1.5
 """Standard deviation in samples of the Gaussian that removes ringing of a recorder's anti-alias filter from a force.
 Recorders have cut-off frequencies of at least 0.39 of the sample rate, where the Gaussian leaves a thousandth."""
@@ -140,7 +140,7 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
 
     heights = correlate(following - np.median(following), smooth, mode="valid") / np.sum(shape * smooth) / contact.peak
     # The median absolute deviation includes hum and ringing of the channel.
-    smallest = max(share, _SECOND_NOISE * noise_level(heights)[1])
+    smallest = max(share, NOISE_PEAK * noise_level(heights)[1])
     best = int(heights.argmax())
     if heights[best] < smallest:
         return None

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
-from receptance.measurement.contacts import CLEAR, Contact, clipped_samples, find_contacts, noise_level, second_contact
+from receptance.measurement.contacts import (
+    CLEAR,
+    NOISE_PEAK,
+    Contact,
+    clipped_samples,
+    find_contacts,
+    noise_level,
+    second_contact,
+)
 from receptance.measurement.records import HammerRecords
 from receptance.report import Column, Renderable, Table
 
@@ -153,8 +161,6 @@ def single_records(records: Sequence[HammerRecords]) -> Iterator[tuple[NDArray[n
 DoubleHits = Literal["drop", "keep"]
 _TRIGGER_SHARE = 0.1
 """Default trigger as a share of the largest force."""
-_TRIGGER_NOISE = 6.0
-"""Least default trigger in standard deviations of the noise, exceeded once in 1e9 samples."""
 _MAX_IN_WARNING = 5
 """Most hits listed in a warning; the notes list all of them."""
 _EARLY = 0.5
@@ -301,7 +307,7 @@ class _Search:
         """Return the contacts of one record, grouped by hit."""
         trigger = self.settings.trigger
         if trigger is None:
-            trigger = max(_TRIGGER_SHARE * float(force.max()), _TRIGGER_NOISE * noise)
+            trigger = max(_TRIGGER_SHARE * float(force.max()), NOISE_PEAK * noise)
         groups: list[list[Contact]] = []
         for contact in find_contacts(force, trigger, noise):
             near = groups and contact.onset - groups[-1][-1].onset < self.settings.separation_s * self.rate

@@ -133,7 +133,7 @@ class PoleModel:
 
 
 @dataclass(frozen=True)
-class _Group:
+class _WeightGroup:
     """Entries with equal relative weights of the lines, which share one factorisation."""
 
     entries: NDArray[np.int64]
@@ -266,8 +266,8 @@ class PoleProblem:
         """Sum of the squared values in units of the weights."""
         return float(np.sum(np.abs(self.values * self.weights) ** 2))
 
-    def _groups(self) -> list[_Group]:
-        groups: list[_Group] = []
+    def _groups(self) -> list[_WeightGroup]:
+        groups: list[_WeightGroup] = []
         remaining = np.arange(self.values.shape[1])
         while remaining.size:
             scales = self.weights[:, remaining].max(axis=0)
@@ -276,12 +276,12 @@ class PoleProblem:
             same = np.all(
                 np.abs(self.weights[:, remaining] / scales - first[:, None]) <= 1e-12 * first[:, None], axis=0
             )
-            groups.append(_Group(remaining[same], first, scales[same]))
+            groups.append(_WeightGroup(remaining[same], first, scales[same]))
             remaining = remaining[~same]
         return groups
 
     def _evaluate(
-        self, poles: NDArray[np.complex128], groups: list[_Group]
+        self, poles: NDArray[np.complex128], groups: list[_WeightGroup]
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         """Return the sum of squares with the best residues, half its gradient, and the Gauss-Newton matrix.
 
@@ -306,7 +306,7 @@ class PoleProblem:
                     curvature[half * count : (half + 1) * count, other * count : (other + 1) * count] += block
         return sum_of_squares, gradient, curvature
 
-    def _conclude(self, poles: NDArray[np.complex128], groups: list[_Group], converged: bool) -> PoleFit:
+    def _conclude(self, poles: NDArray[np.complex128], groups: list[_WeightGroup], converged: bool) -> PoleFit:
         basis, slopes = self.model.basis(poles), self.model.slopes(poles)
         entries, size, modes = self.values.shape[1], basis.shape[1], poles.size
         count = 2 * modes
@@ -377,7 +377,7 @@ class PoleProblem:
 
     def _between_entries(
         self,
-        groups: list[_Group],
+        groups: list[_WeightGroup],
         basis: NDArray[np.complex128],
         slopes: NDArray[np.complex128],
         fitted: NDArray[np.complex128],
@@ -496,7 +496,7 @@ class _LinearSolution:
     factor: NDArray[np.float64]
 
     @classmethod
-    def solve(cls, problem: PoleProblem, group: _Group, basis: NDArray[np.complex128]) -> _LinearSolution:
+    def solve(cls, problem: PoleProblem, group: _WeightGroup, basis: NDArray[np.complex128]) -> _LinearSolution:
         columns = _stacked(group.weight[:, None] * basis)
         norms = np.linalg.norm(columns, axis=0)
         norms = np.where(norms > 0.0, norms, 1.0)

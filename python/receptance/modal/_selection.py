@@ -20,7 +20,7 @@ _MAX_TRIES = 8
 """Candidates tried before the search for modes ends."""
 _MIN_GAIN = 0.2
 """Least reduction of the misfit by a candidate before the fit of the poles, relative to its penalty."""
-_EXACT = 1e-22
+EXACT = 1e-22
 """Share of the sum of squares below which residuals are rounding errors."""
 _SEARCH_TOLERANCE, _SEARCH_STEPS = 1e-6, 30
 """Tolerance and most steps of fits during the search."""
@@ -94,7 +94,7 @@ class Poles:
 
 
 @dataclass(frozen=True)
-class Search:
+class ModeSearch:
     """Search for modes among candidates.
 
     Attributes
@@ -139,7 +139,7 @@ class Search:
                 break
             poles, fit = self.assigned(enlarged[0]), enlarged[1]
             problem = self._problem(fit)
-            if fit.chi_square <= _EXACT * problem.square:
+            if fit.chi_square <= EXACT * problem.square:
                 break
         return poles
 
@@ -411,9 +411,9 @@ def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: b
         return np.asarray(1.0 / (lines.relative * size))
     unit = size if scatter == "relative" else np.ones_like(size)
     residuals = lines.values if fit is None else lines.values - fit.fitted
-    spread = np.sqrt(_noise(residuals / unit) if fit is not None else np.mean(np.abs(residuals / unit) ** 2, axis=0))
+    deviation = np.sqrt(_noise(residuals / unit) if fit is not None else np.mean(np.abs(residuals / unit) ** 2, axis=0))
     least = 1e-12 if scatter == "relative" else floor
-    return np.asarray(1.0 / (unit * np.maximum(spread, least)))
+    return np.asarray(1.0 / (unit * np.maximum(deviation, least)))
 
 
 def _noise(residuals: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -129,13 +129,13 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
     if damping[0] <= 0.0:
         messages.append("the damping ratio is not positive within its uncertainty")
-    spread = np.sqrt(np.diag(covariance))
+    deviation = np.sqrt(np.diag(covariance))
     return CircleFit(
         method="circle",
         frequency_hz=float(frequency[0]),
-        frequency_standard_error_hz=float(spread[0]),
+        frequency_standard_error_hz=float(deviation[0]),
         damping_ratio=float(damping[0]),
-        damping_standard_error=float(spread[1]),
+        damping_standard_error=float(deviation[1]),
         modal_constant=constant,
         modal_constant_standard_error=constant_error,
         lines_in_band=float(width),

@@ -165,5 +165,5 @@ def constants(pole: complex, residue: complex, covariance: NDArray[np.float64]) 
     slope = np.array([[0.0, -2.0 * w, -2.0 * residue.imag], [2.0 * w, 0.0, 2.0 * residue.real]])
     if not np.all(np.isfinite(covariance)):
         return value, complex(np.inf, np.inf)
-    spread = np.sqrt(np.maximum(np.diag(slope @ covariance @ slope.T), 0.0))
-    return value, complex(spread[0], spread[1])
+    deviation = np.sqrt(np.maximum(np.diag(slope @ covariance @ slope.T), 0.0))
+    return value, complex(deviation[0], deviation[1])

@@ -15,7 +15,7 @@ from receptance._peaks import local_maxima
 from receptance.errors import ReceptanceWarning
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal._pole_candidates import poles_of_bands, reduce_references, stabilisation, stable_poles
-from receptance.modal._selection import Scatter, Search, refine, weights_of
+from receptance.modal._selection import ModeSearch, Scatter, refine, weights_of
 from receptance.modal.modal_fit import ModalFit, make_modal_fit
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def fit_modes(
     if requested is not None or highest_order < _MIN_STABLE_ORDER:
         poles_hz += reversed(orders)
     candidates = _candidates(np.concatenate(poles_hz), lines, highest_damping)
-    search = Search(thin, terms, scatter, candidates, highest_damping, requested, min(_MAX_MODES, most))
+    search = ModeSearch(thin, terms, scatter, candidates, highest_damping, requested, min(_MAX_MODES, most))
     poles, fit = refine(lines, terms, scatter, search.poles(), highest_damping)
     poles = search.assigned(poles)
     if not np.any(poles.role >= 0):

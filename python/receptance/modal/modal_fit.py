@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import form_factor
-from receptance.modal._selection import Scatter, search_range, weights_of
+from receptance.modal._selection import EXACT, Scatter, search_range, weights_of
 from receptance.modal.estimate import ModeEstimate, constants, intervals, joint_with_residue, modal_values, scaled
 from receptance.report import Column, Provenance, Result, Table
 
@@ -220,8 +220,6 @@ _MIN_ENTRIES = 4
 """Least number of entries for an estimate of their inconsistency."""
 _MIN_CLUSTERS = 1.2
 """Least effective number of entries that determine a pole, for an estimate of their inconsistency."""
-_ROUNDING = 1e-22
-"""Share of the sum of squares below which residuals are rounding errors."""
 _MIN_CORRELATION = 0.2
 """Least correlation of neighbouring residuals that enlarges the standard errors."""
 
@@ -332,7 +330,7 @@ def _correlation(fit: PoleFit) -> float:
 def _is_exact(fit: PoleFit, lines: Lines) -> bool:
     """Return whether the residuals are rounding errors."""
     misfit = np.sum(np.abs(lines.values - fit.fitted) ** 2)
-    return bool(misfit <= _ROUNDING * np.sum(np.abs(lines.values) ** 2))
+    return bool(misfit <= EXACT * np.sum(np.abs(lines.values) ** 2))
 
 
 def _between_entries(

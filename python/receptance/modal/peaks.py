@@ -82,7 +82,7 @@ def _estimate(lines: Lines, mobility: NDArray[np.complex128], peak: int) -> Mode
     part = _lines_of_peak(np.abs(mobility), peak)
     parabola = _Parabola.through(lines, part, peak)
     values, slopes = parabola.evaluated(lines, peak)
-    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, parabola.covariance, slopes), 0.0))
+    deviation = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, parabola.covariance, slopes), 0.0))
     frequency, damping, size, turn, width = values
     notes = list(lines.notes)
     if np.isnan(damping):
@@ -93,12 +93,12 @@ def _estimate(lines: Lines, mobility: NDArray[np.complex128], peak: int) -> Mode
     return ModeEstimate(
         method="peak",
         frequency_hz=float(frequency),
-        frequency_standard_error_hz=float(spread[0]),
+        frequency_standard_error_hz=float(deviation[0]),
         damping_ratio=float(damping),
-        damping_standard_error=float(spread[1]),
+        damping_standard_error=float(deviation[1]),
         modal_constant=constant,
         modal_constant_standard_error=polar_errors(
-            constant, float(spread[2]), float(np.hypot(spread[3], parabola.scatter_at_peak))
+            constant, float(deviation[2]), float(np.hypot(deviation[3], parabola.scatter_at_peak))
         ),
         lines_in_band=float(width / lines.spacing_at(peak)),
         band_hz=(float(lines.frequency_hz[part][0]), float(lines.frequency_hz[part][-1])),

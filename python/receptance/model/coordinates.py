@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from receptance import _checks
 
@@ -106,7 +106,7 @@ def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> t
     return tuple(_measured_coordinate(owner, f"{quantity}[{index}]", point) for index, point in enumerate(points))
 
 
-def _measured_coordinate(owner: str, quantity: str, point: Any) -> Coordinate:
+def _measured_coordinate(owner: str, quantity: str, point: object) -> Coordinate:
     if isinstance(point, Coordinate):
         return point
     if point in ("y", "theta"):

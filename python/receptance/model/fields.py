@@ -22,7 +22,7 @@ __all__ = [
     "AttachedPart",
     "AttachedPosition",
     "Choice",
-    "Column",
+    "CoreColumn",
     "Count",
     "Element",
     "Field",
@@ -111,7 +111,7 @@ class Member(Field):
 
 
 @dataclass(frozen=True)
-class Column:
+class CoreColumn:
     """A column of the row of an element in the tables of the core.
 
     Attributes
@@ -149,18 +149,18 @@ def _declared(kind: type) -> dict[str, Field]:
     return {name: declared[name] for name in dict.fromkeys(order) if name in declared}
 
 
-def _layout(fields: Mapping[str, Field]) -> tuple[Column, ...]:
+def _layout(fields: Mapping[str, Field]) -> tuple[CoreColumn, ...]:
     """Return the columns of fields in the tables of the core."""
-    columns: list[Column] = []
+    columns: list[CoreColumn] = []
     for name, field in fields.items():
         if isinstance(field, Member):
             for column in field.kind.layout:
                 address = f"{field.prefix}{column.address}" if column.address else ""
-                columns.append(Column(address, (name, *column.path), column.field))
+                columns.append(CoreColumn(address, (name, *column.path), column.field))
         elif isinstance(field, Number) and field.parameter:
-            columns.append(Column(name, (name,), field))
+            columns.append(CoreColumn(name, (name,), field))
         elif isinstance(field, Choice) or (isinstance(field, Count) and field.column):
-            columns.append(Column("", (name,), field))
+            columns.append(CoreColumn("", (name,), field))
     return tuple(columns)
 
 
@@ -178,7 +178,7 @@ class Element:
 
     declared: ClassVar[dict[str, Field]] = {}
     """Declarations of the fields by name, in the order of their definition."""
-    layout: ClassVar[tuple[Column, ...]] = ()
+    layout: ClassVar[tuple[CoreColumn, ...]] = ()
     """Columns of an element in the tables of the core."""
     quantities: ClassVar[dict[str, Quantity]] = {}
     """Quantities of the parameters that are direct fields of the class, by name."""

@@ -121,6 +121,7 @@ class MeasuredPart(Terminal):
         ),
     ] = 0.0
     covariance: NDArray[np.complex128] | None = None
+    source: Annotated[str, Field("file that it was read from, for messages")] = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         owner = self.owner
@@ -184,7 +185,22 @@ class MeasuredPart(Terminal):
                 f"{self.owner}: the lines have a decay rate of {decay[0]:g} 1/s, expected that of the table, "
                 f"{self.decay_rate:g} 1/s; fit a ModalPart, which is defined at any complex frequency"
             )
-        return _interpolated(self.owner, self.frequency_hz, table, np.ascontiguousarray(lines.real))
+        owner = f"{self.owner} ({self.source})" if self.source else self.owner
+        return _interpolated(owner, self.frequency_hz, table, np.ascontiguousarray(lines.real))
+
+    def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
+        """Return on which real lines in Hz the part has a value, `(n,)`: within its band, and not in a gap.
+
+        The others of a measured FRF are left out by `frf.with_(usable=part.covers(frf.frequency_hz))`.
+        """
+        lines = np.ascontiguousarray(_checks.frequencies(frequency_hz).real, dtype=np.float64)
+        known = self.frequency_hz
+        result = ~_outside(known, lines)
+        between = np.flatnonzero(result & _off_the_lines(known, lines))
+        if between.size:
+            table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
+            result[between] = _doubts(known, table, lines[between])[0] == 0
+        return result
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MeasuredPart):
@@ -211,8 +227,8 @@ def _check_finite(owner: str, name: str, array: NDArray[Any]) -> None:
         raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
 
 
-_SAME = 1e-9
-"""Relative difference below which lines are equal."""
+EQUAL_LINES = 1e-9
+"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
 _MAX_ERROR = 0.01
 """Largest interpolation error, relative to the values around it."""
 _ERROR_RATIO = 16.0
@@ -238,54 +254,87 @@ def _interpolated(
     ValueError
         A line outside the table, in a gap, or where the table is too coarse or too noisy.
     """
-    low, high = known_hz[0], known_hz[-1]
-    outside = np.flatnonzero((lines_hz < low * (1.0 - _SAME)) | (lines_hz > high * (1.0 + _SAME)))
+    outside = np.flatnonzero(_outside(known_hz, lines_hz))
     if outside.size:
+        low, high = known_hz[0], known_hz[-1]
         raise ValueError(
             f"{owner} is known from {low:g} to {high:g} Hz, and the line at {lines_hz[outside[0]]:g} Hz is outside; "
-            "it is not extrapolated"
+            f"it is not extrapolated: leave out the {outside.size} of {lines_hz.size} lines outside, "
+            f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or measure the part in the whole band"
         )
-    after = np.clip(np.searchsorted(known_hz, lines_hz), 1, max(known_hz.size - 1, 1)) if known_hz.size > 1 else None
-    if after is None:
+    if known_hz.size == 1:
         return np.broadcast_to(table, (lines_hz.size, table.shape[1])).copy()
-    before = after - 1
-    nearest = np.where(lines_hz - known_hz[before] < known_hz[after] - lines_hz, before, after)
-    result = table[nearest]
-    between = np.flatnonzero(np.abs(known_hz[nearest] - lines_hz) > _SAME * lines_hz)
+    result = table[_nearest(known_hz, lines_hz)]
+    between = np.flatnonzero(_off_the_lines(known_hz, lines_hz))
     if not between.size:
         return result
-    _check_between(owner, known_hz, table, lines_hz[between], after[between])
+    _check_between(owner, known_hz, table, lines_hz[between])
     result[between] = _spline(known_hz, table, lines_hz[between])
     return result
 
 
-def _check_between(
-    owner: str,
-    known_hz: NDArray[np.float64],
-    table: NDArray[np.complex128],
-    lines_hz: NDArray[np.float64],
-    after: NDArray[np.intp],
-) -> None:
+def _outside(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.asarray((lines_hz < known_hz[0] * (1.0 - EQUAL_LINES)) | (lines_hz > known_hz[-1] * (1.0 + EQUAL_LINES)))
+
+
+def _after(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+    return np.asarray(np.clip(np.searchsorted(known_hz, lines_hz), 1, max(known_hz.size - 1, 1)))
+
+
+def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the number of the line of the table that is nearest to each line."""
+    if known_hz.size == 1:
+        return np.zeros(lines_hz.size, dtype=np.intp)
+    after = _after(known_hz, lines_hz)
+    return np.where(lines_hz - known_hz[after - 1] < known_hz[after] - lines_hz, after - 1, after)
+
+
+def _off_the_lines(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(known_hz[_nearest(known_hz, lines_hz)] - lines_hz) > EQUAL_LINES * lines_hz)
+
+
+_FEW, _IN_GAP, _INEXACT = 1, 2, 3
+"""Why a table has no value between its lines."""
+
+
+def _doubts(
+    known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return why the table has no value at lines between its own, 0 where it has one, and the interpolation error."""
     if known_hz.size < _MIN_LINES:
-        raise ValueError(
-            f"{owner} has {known_hz.size} lines, too few to interpolate to {lines_hz[0]:g} Hz; use its lines"
-        )
+        return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
+    after = _after(known_hz, lines_hz)
     spacing = np.diff(known_hz)
     usual = np.array([np.median(spacing[max(i - _NEIGHBOURS, 0) : i + _NEIGHBOURS + 1]) for i in range(spacing.size)])
-    gap = np.flatnonzero((spacing > _GAP * usual)[after - 1])
-    if gap.size:
-        ends = known_hz[after[gap[0]] - 1], known_hz[after[gap[0]]]
-        raise ValueError(
-            f"{owner} is not known between {ends[0]:g} and {ends[1]:g} Hz, at the line at {lines_hz[gap[0]]:g} Hz; "
-            "omit the line, or fit a ModalPart"
-        )
     error = _error(known_hz, table)
     worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
-    if (bad := np.flatnonzero(worst > _MAX_ERROR)).size:
+    gap = (spacing > _GAP * usual)[after - 1]
+    return np.where(gap, _IN_GAP, np.where(worst > _MAX_ERROR, _INEXACT, 0)), worst
+
+
+def _check_between(
+    owner: str, known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
+) -> None:
+    doubts, worst = _doubts(known_hz, table, lines_hz)
+    if not doubts.any():
+        return
+    # The first doubt in the order of the list, of which the first line.
+    kind = min(doubts[doubts > 0].tolist())
+    at = int(np.flatnonzero(doubts == kind)[0])
+    line = lines_hz[at]
+    if kind == _FEW:
+        raise ValueError(f"{owner} has {known_hz.size} lines, too few to interpolate to {line:g} Hz; use its lines")
+    leave_out = "leave the line out, `frf.with_(usable=part.covers(frf.frequency_hz))`"
+    if kind == _IN_GAP:
+        after = _after(known_hz, lines_hz)[at]
         raise ValueError(
-            f"{owner}: interpolation to {lines_hz[bad[0]]:g} Hz has an error of about {100.0 * worst[bad[0]]:.2g} %: "
-            "the lines are too far apart or too noisy; use its lines, or fit a ModalPart"
+            f"{owner} is not known between {known_hz[after - 1]:g} and {known_hz[after]:g} Hz, at the line at "
+            f"{line:g} Hz; {leave_out}, or fit a ModalPart"
         )
+    raise ValueError(
+        f"{owner}: interpolation to {line:g} Hz has an error of about {100.0 * worst[at]:.2g} %: the lines are too far "
+        f"apart or too noisy; use its lines, {leave_out}, or fit a ModalPart"
+    )
 
 
 def _error(known_hz: NDArray[np.float64], table: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -459,7 +508,8 @@ class ModalPart(Terminal):
         if bad.size:
             raise ValueError(
                 f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
-                "outside; it is not extrapolated"
+                f"outside; it is not extrapolated: leave out the {bad.size} of {lines.size} lines outside, "
+                f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or give modes of the whole band"
             )
 
     def _mode_and_field(self, parameter: str) -> tuple[int, str]:

@@ -7,14 +7,14 @@ from receptance._lazy import lazily
 if TYPE_CHECKING:
     from receptance.report.provenance import Provenance, versions
     from receptance.report.result import Renderable, Result, Results
-    from receptance.report.table import Column, Table
+    from receptance.report.table import Column, Fact, Table
 
-__all__ = ["Column", "Provenance", "Renderable", "Result", "Results", "Table", "versions"]
+__all__ = ["Column", "Fact", "Provenance", "Renderable", "Result", "Results", "Table", "versions"]
 
 _NAMES = {
     "provenance": ["Provenance", "versions"],
     "result": ["Renderable", "Result", "Results"],
-    "table": ["Column", "Table"],
+    "table": ["Column", "Fact", "Table"],
 }
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names

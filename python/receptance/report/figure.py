@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import io
+import re
+from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -26,6 +28,7 @@ __all__ = [
     "add_legend",
     "add_room",
     "as_image",
+    "as_svg",
     "draw_condition",
     "finished",
     "image_formats",
@@ -243,6 +246,70 @@ def as_image(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format=kind, dpi=150)
     return buffer.getvalue()
+
+
+_ROLES = {
+    "#000000": "ink",
+    INK: "ink",
+    PALE: "pale",
+    _GRID: "grid",
+    "#ffffff": "paper",
+    COLOURS[1]: "before",
+    COLOURS[2]: "after",
+    BAND: "band",
+}
+"""Names of the colours in a page, which has values of them for a light and a dark background."""
+_COLOUR = re.compile("|".join(map(re.escape, _ROLES)), re.IGNORECASE)
+_DECIMALS = re.compile(r"(-?\d+\.\d)\d+")
+
+
+def as_svg(figure: Figure, title: str) -> str:
+    """Return a figure as SVG to be part of an HTML page.
+
+    Text remains text, colours are variables of the page (`--ink`, `--before` and so on), and coordinates have one
+    decimal, a tenth of a point, which keeps the page small.
+
+    Parameters
+    ----------
+    figure : Figure
+        From `new_figure`.
+    title : str
+        Name of the figure for readers who do not see it.
+
+    Examples
+    --------
+    >>> from receptance.report.figure import as_svg, new_figure
+    >>> figure = new_figure(2.0, 1.0)
+    >>> _ = figure.subplots().plot([1.0, 2.0], color="#222222")
+    >>> text = as_svg(figure, "a < b")
+    >>> text[:39], "<title>a &lt; b</title>" in text, "var(--ink)" in text, "script" in text
+    ('<svg class="figure" role="img" viewBox=', True, True, False)
+    """
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    # The salt makes the names of markers and clipping paths of each figure of a page different ones.
+    options: dict[Any, Any] = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": title,
+        "font.family": "sans-serif",
+        "path.simplify_threshold": 0.4,
+    }
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    with mpl.rc_context(options):
+        figure.savefig(buffer, format="svg", metadata=nothing, facecolor="none")
+    text = buffer.getvalue()
+    size = re.search(r'viewBox="[^"]*"', text)
+    assert size is not None
+    body = text[text.index("<defs>") :]
+    body = re.sub(r'<g id="[^"]*"', "<g", body)
+    body = re.sub(r' d="[^"]*"', lambda one: _DECIMALS.sub(r"\1", one[0]).replace("\n", ""), body)
+    body = _COLOUR.sub(lambda one: f"var(--{_ROLES[one[0] if one[0] in _ROLES else _by_case(one[0])]})", body)
+    return f'<svg class="figure" role="img" {size[0]}><title>{escape(printable(title))}</title>{body}'
+
+
+def _by_case(colour: str) -> str:
+    return next(one for one in _ROLES if one.lower() == colour.lower())
 
 
 def image_formats() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from receptance.report.plain import plain
 from receptance.report.provenance import Provenance
-from receptance.report.table import Table, joined
+from receptance.report.table import Fact, Table, joined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,6 +48,10 @@ class Renderable(ABC):
         """Last line: seed and versions of the software."""
         return ""
 
+    def facts(self) -> list[Fact]:
+        """Return the answer as findings with labels, which are shown before sentences and tables."""
+        return []
+
     def tables(self) -> list[Table]:
         """Return the tables."""
         return []
@@ -57,8 +61,13 @@ class Renderable(ABC):
         return []
 
     def warnings(self) -> Sequence[str]:
-        """Return recommendations for the user, a sentence each."""
+        """Return recommendations for the user, a sentence each; they are shown above all numbers."""
         return ()
+
+    @property
+    def next_step(self) -> str:
+        """Next step for the user, shown below the tables; empty without one."""
+        return ""
 
     def grouped_notes(self) -> Iterator[str]:
         """Yield the notes; several notes of one source, the text before a colon, follow the name of the source."""
@@ -83,7 +92,7 @@ class Renderable(ABC):
             yield f"the notes of {rest} more sources are in the JSON"
 
     def summary(self, width: int = 100) -> str:
-        """Return the content as text: findings, tables, warnings and notes.
+        """Return the content as text: warnings, findings, tables, next step and notes.
 
         Parameters
         ----------

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-__all__ = ["Cell", "Column", "Table", "interval", "joined", "number"]
+__all__ = ["Cell", "Column", "Fact", "Table", "amount", "amount_interval", "amounts", "interval", "joined", "number"]
 
 Interval: TypeAlias = tuple[float | None, float | None]
 Cell: TypeAlias = str | float | Interval | None
@@ -41,6 +41,94 @@ def interval(ends: Interval, form: str = ".4g") -> str:
     if low is None:
         return "open" if high is None else f"below {high}"
     return f"above {low}" if high is None else f"{low} to {high}"
+
+
+_SMALLER = {
+    "kg": ((1.0, 1.0, "kg"), (1e-5, 1e-3, "g"), (0.0, 1e-6, "mg")),
+    "m": ((1.0, 1.0, "m"), (1e-4, 1e-3, "mm"), (0.0, 1e-6, "µm")),
+    "s": ((1.0, 1.0, "s"), (1e-4, 1e-3, "ms"), (0.0, 1e-6, "µs")),
+}
+"""Units of small amounts by SI unit: smallest amount, scale and name."""
+_PLAIN = (1e-3, 1e5)
+"""Magnitudes that are written without a power of ten."""
+
+
+def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[list[str], str]:
+    """Return numbers as text in one unit, and this unit; small masses, lengths and times get a smaller unit.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Numbers in the SI unit.
+    unit : str, optional
+        The SI unit.
+    digits : int, optional
+        Significant digits of the largest number; the others have as many decimals.
+
+    Examples
+    --------
+    >>> from receptance.report.table import amounts
+    >>> amounts([1.99e-3, 1.5e-3], "kg"), amounts([2.4e8], "N/m"), amounts([0.3, 4.0, 12.0])
+    ((['1.99', '1.50'], 'g'), (['2.40e8'], 'N/m'), (['0.3', '4.0', '12.0'], ''))
+    """
+    # Rounded, because 0.9999e-3 kg with two digits is 1.0 g.
+    largest = max((abs(_rounded(value, digits)) for value in values if math.isfinite(value)), default=0.0)
+    choices = _SMALLER.get(unit, ((0.0, 1.0, unit),)) if largest else ((0.0, 1.0, unit),)
+    scale, shown = next((own, name) for least, own, name in choices if largest >= least)
+    power = bool(largest) and not _PLAIN[0] <= largest / scale < _PLAIN[1]
+    decimals = max(digits - 1 - _exponent(largest / scale), 0)
+
+    def text(value: float) -> str:
+        if not math.isfinite(value):
+            return "not determined"
+        number = value / scale
+        if power and number:
+            exponent = _exponent(_rounded(number, digits))
+            return f"{number / 10.0**exponent:.{digits - 1}f}e{exponent}"
+        # Beside a much larger number a small one keeps its own digits.
+        own = max(digits - 1 - _exponent(number), 0) if abs(number) < 10.0**-decimals else decimals
+        return f"{number:.{own if number else decimals}f}"
+
+    return [text(value) for value in values], shown
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits - 1}e}")
+
+
+def _exponent(value: float) -> int:
+    """Return the power of ten of the first digit."""
+    return math.floor(math.log10(abs(value)) + 1e-9) if value else 0
+
+
+def amount(value: float, unit: str = "", digits: int = 3) -> str:
+    """Return a number with its unit as text; see `amounts`.
+
+    Examples
+    --------
+    >>> from receptance.report.table import amount
+    >>> amount(1.99e-3, "kg"), amount(2.4e8, "N/m"), amount(0.0123, "N m s/rad"), amount(float("inf"), "N")
+    ('1.99 g', '2.40e8 N/m', '0.0123 N m s/rad', 'not determined')
+    """
+    (text,), shown = amounts([value], unit, digits)
+    return f"{text} {shown}" if shown and math.isfinite(value) else text
+
+
+def amount_interval(ends: Interval, unit: str = "", digits: int = 4) -> str:
+    """Return an interval with its unit as text; an end that is None or infinite is open.
+
+    Examples
+    --------
+    >>> from receptance.report.table import amount_interval
+    >>> amount_interval((4.138e8, 4.237e8), "N/m"), amount_interval((None, 2e-3), "kg", 2)
+    ('4.138e8 to 4.237e8 N/m', 'below 2.0 g')
+    """
+    low, high = (None if end is None or math.isinf(end) else end for end in ends)
+    texts, shown = amounts([end for end in (low, high) if end is not None], unit, digits)
+    if not texts:
+        return "open"
+    prefix = "" if len(texts) == 2 else "below " if low is None else "above "
+    return f"{prefix}{' to '.join(texts)}{' ' + shown if shown else ''}"
 
 
 @dataclass(frozen=True)
@@ -132,6 +220,25 @@ class Table:
         kept = [i for i in range(len(self.columns)) if any(row[i] not in (None, "") for row in self.rows)]
         columns = [self.columns[i] for i in kept]
         return Table(self.title, columns, [[row[i] for i in kept] for row in self.rows], self.note)
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A finding with a label, such as the verdict of a diagnosis.
+
+    Attributes
+    ----------
+    label : str
+        One or two words.
+    texts : tuple of str
+        Sentences, a paragraph each.
+    lines : tuple of str
+        Lines to copy into a file, which are shown as they are.
+    """
+
+    label: str
+    texts: tuple[str, ...]
+    lines: tuple[str, ...] = ()
 
 
 def joined(tables: Iterable[Table]) -> list[Table]:

@@ -18,6 +18,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance._text import printable
+from receptance.report.table import Fact
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderResult
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
     from receptance.report.result import Renderable
     from receptance.report.table import Table
 
-__all__ = ["LEAST_WIDTH", "as_text", "print_result", "print_sentences", "print_table", "print_title"]
+__all__ = ["LEAST_WIDTH", "as_text", "print_facts", "print_result", "print_sentences", "print_table", "print_title"]
 
 LEAST_WIDTH = 40
 """Smallest width in characters that fits every interval with its name."""
+_COPIED = 4
+"""Indentation of lines to copy."""
 _LEAST_TEXT = 8
 """Smallest width of a text column whose words are broken."""
 
@@ -42,21 +45,45 @@ def as_text(content: Renderable, width: int = 100) -> str:
 
 
 def print_result(console: Console, content: Renderable, measured: Sequence[Table] = ()) -> None:
-    """Print findings, tables, warnings and notes; for the result of a campaign also data, seed and versions."""
+    """Print warnings, findings, tables, next step and notes; of a campaign also data, seed and versions."""
     print_title(console, content.title)
     if content.description:
         print_sentences(console, [content.description])
+    # Above the numbers, which a reader should not use before.
+    _print_list(console, "Advice", content.warnings())
     for table in measured:
         print_table(console, table)
+    print_facts(console, content.facts())
     print_sentences(console, content.sentences())
     for table in content.tables():
         print_table(console, table)
-    for title, texts in (("Advice", content.warnings()), ("Notes", list(content.grouped_notes()))):
-        if texts:
-            console.print(Text(title, style="bold"))
-            print_sentences(console, texts)
+    if content.next_step:
+        print_facts(console, [Fact("Next step", (content.next_step,))])
+    _print_list(console, "Notes", list(content.grouped_notes()))
     if content.origin:
         console.print(Text(content.origin))
+
+
+def _print_list(console: Console, title: str, texts: Sequence[str]) -> None:
+    if texts:
+        console.print(Text(title, style="bold"))
+        print_sentences(console, texts)
+
+
+def print_facts(console: Console, facts: Sequence[Fact]) -> None:
+    """Print findings: labels in one column, texts in another, and below them lines to copy, which are not wrapped."""
+    width = max((cell_len(fact.label) for fact in facts), default=0)
+    for fact in facts:
+        grid = rich.table.Table.grid(padding=(0, 2, 0, 0))
+        grid.add_column(width=width)
+        grid.add_column(overflow="fold")
+        for number, text in enumerate(fact.texts):
+            grid.add_row(Text("" if number else fact.label, style="bold"), Text(text))
+        console.print(grid)
+        for line in fact.lines:
+            console.print(Text(f"{'':{_COPIED}}{line}"), soft_wrap=True)
+    if facts:
+        console.print()
 
 
 def print_title(console: Console, text: str) -> None:

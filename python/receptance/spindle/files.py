@@ -107,13 +107,14 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
                 decay_rate=float(arrays["decay_rate"]),
                 covariance=arrays.get("covariance"),
                 name=name,
+                source=str(source),
             )
         from receptance.io import read
 
         content = read(source)
         if not isinstance(content, FRF):
             raise ValueError(f"the file contains a {type(content).__name__}, expected an FRF matrix over y and theta")
-        return _with_variance(content, name)
+        return replace(_with_variance(content, name), source=str(source))
     except (ValueError, TypeError, KeyError) as error:
         message = str(error)
         raise ValueError(message if source.name in message else f"{source}: {message}") from error

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceWarning
-from receptance.identification import Identification, MeasuredFRF, Unknown, identify
+from receptance.identification import Identification, MeasuredFRF, Tolerance, Unknown, identify
 from receptance.identification.common_lines import check_observations
 from receptance.identification.covariance import square_root
 from receptance.model.assembly import Assembly
@@ -21,7 +21,7 @@ from receptance.spindle.blanks import check_blanks
 if TYPE_CHECKING:
     from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["SpindleModes", "fit_spindle"]
+__all__ = ["SpindleModes", "fit_spindle", "mode_tolerances"]
 
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
@@ -36,6 +36,8 @@ _NODE_SPACING = 0.25
 """Distance of the nodes of the model error in the logarithm of frequency."""
 _DISCREPANCIES = (1e-6, 1.0)
 """Range of the relative model error."""
+_SYMMETRIC = 1e-9
+"""Relative size below which an entry of a correlation, or an eigenvalue, is zero."""
 _FREQUENCY_CHANGE = 0.25
 """Largest relative change of a natural frequency from its start."""
 
@@ -76,6 +78,11 @@ class SpindleModes:
         values = np.array([fit.values[address] for address in self.addresses])
         slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
         return np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
+
+    @property
+    def tolerances(self) -> tuple[Tolerance, ...]:
+        """The covariance as tolerances, for a fit or a diagnosis of tools on this spindle; see `mode_tolerances`."""
+        return mode_tolerances(self.part, self.covariance)
 
     def standard_deviation(self, machine: Assembly, frequency_hz: Any, **coordinates: Any) -> NDArray[np.float64]:
         """Relative standard deviation `(n,)` of the magnitude of a receptance of an assembly that ends with `part`.
@@ -161,6 +168,71 @@ def fit_spindle(
         identification=fit,
         discrepancy=_discrepancy(_coupled(observed, part), part),
     )
+
+
+def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, ...]:
+    """Return the covariance of the numbers of a modal part as tolerances, which a fit or a diagnosis takes.
+
+    The errors are written as a sum of independent ones, the principal components of their correlation, each of which is
+    a tolerance of several numbers. Where they are small beside the noise of the data the fit leaves them at zero.
+
+    Parameters
+    ----------
+    part : ModalPart
+        With a name, which is the first word of the addresses.
+    covariance : array_like
+        `(m, m)` covariance of the numbers at `part.addresses`, in SI units (Hz for frequencies); zero for exact ones.
+
+    Raises
+    ------
+    ValueError
+        No name; a covariance of another shape, not finite, not symmetric or not positive semidefinite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import ModalPart, Mode
+    >>> from receptance.spindle import mode_tolerances
+    >>> spindle = ModalPart(modes=[Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)], name="spindle")
+    >>> deviation = np.zeros(len(spindle.addresses))
+    >>> deviation[spindle.addresses.index("mode[0].frequency_hz")] = 3.0
+    >>> [(one.name, dict(one.moves)) for one in mode_tolerances(spindle, np.diag(deviation**2))]
+    [('spindle, error 1', {'spindle.mode[0].frequency_hz': 3.0})]
+    """
+    owner = "mode_tolerances"
+    if not part.name:
+        raise ValueError(f"{owner}: the modal part has no name, expected name=... as in the addresses of its numbers")
+    given = np.asarray(covariance, dtype=np.float64)
+    size = len(part.addresses)
+    if given.shape != (size, size):
+        raise ValueError(
+            f"{owner}: covariance has shape {given.shape}, expected ({size}, {size}): rows in the order of "
+            f"`part.addresses`, {', '.join(part.addresses[:3])}, ..."
+        )
+    if not np.isfinite(given).all():
+        raise ValueError(f"{owner}: covariance has a number that is not finite")
+    deviation = np.sqrt(np.diag(given).clip(0.0))
+    exact = deviation == 0.0
+    scale = np.where(exact, 1.0, deviation)
+    correlation = given / np.outer(scale, scale)
+    if np.abs(correlation - correlation.T).max() > _SYMMETRIC:
+        raise ValueError(f"{owner}: covariance is not symmetric")
+    values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    if values[0] < -_SYMMETRIC * size:
+        raise ValueError(f"{owner}: covariance has a negative eigenvalue, expected a positive semidefinite matrix")
+    found: list[Tolerance] = []
+    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
+        if value <= _SYMMETRIC:
+            break
+        shares = np.sqrt(value) * vector * deviation * np.sign(vector[np.argmax(np.abs(vector))])
+        kept = np.abs(vector) > _SYMMETRIC
+        moves = {
+            f"{part.name}.{address}": float(share)
+            for address, share, one in zip(part.addresses, shares, kept, strict=True)
+            if one and share
+        }
+        found.append(Tolerance(name=f"{part.name}, error {len(found) + 1}", moves=moves))
+    return tuple(found)
 
 
 def _magnitudes(part: ModalPart, lines: NDArray[Any]) -> NDArray[np.float64]:

@@ -19,7 +19,8 @@ __all__ = ["Candidates", "Distribution", "Grid", "Listed", "Sampled"]
 
 Method = Literal["random", "sobol", "latin hypercube"]
 
-_MOST_BYTES = 2 * 2**30
+MOST_BYTES = 2 * 2**30
+"""Largest memory of the candidates of a Latin hypercube, and of results without a store."""
 _PER_STEP = 4
 """Random numbers per step of the Philox counter."""
 
@@ -206,10 +207,10 @@ class Sampled(Candidates):
         seed = _checks.whole_number("Sampled", "seed", seed, least=0)
         if method not in get_args(Method):
             raise ValueError(f"Sampled: method is {method!r}, expected one of {', '.join(map(repr, get_args(Method)))}")
-        if method == "latin hypercube" and 8 * number * len(by_address) > _MOST_BYTES:
+        if method == "latin hypercube" and 8 * number * len(by_address) > MOST_BYTES:
             raise ValueError(
                 f"Sampled: a Latin hypercube of {number:,} candidates of {len(by_address)} parameters takes "
-                f"{8e-9 * number * len(by_address):.1f} GB, expected at most {1e-9 * _MOST_BYTES:.1f}; use "
+                f"{8e-9 * number * len(by_address):.1f} GB, expected at most {1e-9 * MOST_BYTES:.1f}; use "
                 "method='sobol'"
             )
         names, values = tuple(by_address), tuple(by_address.values())

@@ -166,7 +166,7 @@ class Definition:
         return digests
 
 
-def _assemblies(model: Any) -> tuple[dict[str, Assembly], bool]:
+def _assemblies(model: object) -> tuple[dict[str, Assembly], bool]:
     if isinstance(model, Assembly):
         return {"": model}, False
     named = model if isinstance(model, Mapping) else getattr(model, "assemblies", None)

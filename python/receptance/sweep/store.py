@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from receptance._extras import require
 from receptance.errors import ReceptanceWarning
+from receptance.sweep.candidates import MOST_BYTES
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
 from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
 
@@ -31,7 +32,6 @@ _RECORD = "receptance_sweep"
 _FORMAT = 2
 _SAME = 1e-9
 """Relative difference up to which candidates are equal; processors may differ in the last bits."""
-_MOST_BYTES = 2 * 2**30
 _EXPECTED = "expected a store written by a sweep, or a new name"
 
 
@@ -51,7 +51,7 @@ class Memory:
         self._definition = definition
         count = definition.candidates.count
         size = sum(np.dtype(dtype).itemsize * count * int(np.prod(shape)) for dtype, shape in self._layout.values())
-        if size > _MOST_BYTES:
+        if size > MOST_BYTES:
             raise SweepError(
                 f"sweep: the results of {count:,} candidates need {size / 1e9:.1f} GB of memory; give store= with a "
                 "folder for the results, or keep fewer values per candidate"

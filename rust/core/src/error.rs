@@ -132,7 +132,7 @@ pub enum Error {
     /// The threads of a pool could not be started.
     #[error("could not start {threads} threads: {reason}")]
     Threads {
-        /// Threads asked for.
+        /// Requested threads.
         threads: usize,
         /// Message of the system.
         reason: String,

@@ -55,7 +55,7 @@ fn within<T>(call: Call, work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Asks the caller where it is time to.
+/// Calls the check of the caller if it is due.
 ///
 /// # Errors
 /// The call is interrupted.
@@ -66,7 +66,7 @@ pub(crate) fn check() -> Result<()> {
         call.next = Instant::now() + INTERVAL;
         Some((poll, call.interrupted.clone()))
     });
-    // Not while the cell is borrowed: what the caller does may be another call.
+    // Not while the cell is borrowed: the caller may make another call.
     if let Some((poll, interrupted)) = due
         && poll()
     {

@@ -13,32 +13,31 @@ use std::vec::IntoIter;
 /// Bytes of stack: the kernels are inlined whole, which takes much in a build without optimisation.
 const STACK: usize = 16 << 20;
 
-/// What there must at least be left to do for each helper [ns], on a machine that has nothing else to do: waking one
-/// takes 50 to 100 us until it works, and 200 us of work were seen to take longer with one than without.
+/// Least remaining work for each helper [ns] on an idle machine: a helper starts 50 to 100 us after it is woken, and in
+/// measurements 200 us of work took longer with a helper than without.
 const WORTH: f64 = 250e3;
 
-/// What there must be left to do for each helper, in delays.
+/// Least remaining work for each helper, in delays.
 const DELAYS: f64 = 2.5;
 
-/// How long helpers took of late until they began [ns]: some tens of microseconds where a processor is idle,
-/// milliseconds where all are busy and a helper would only be waited for.
+/// Recent delay until helpers began [ns]: some tens of microseconds where a processor is idle, milliseconds where all
+/// are busy, so that a helper costs more than it gains.
 static DELAY: AtomicU64 = AtomicU64::new(0);
 
-/// By which share of itself the delay is taken to shrink with each call that had no helpers, so that they are tried
-/// again.
+/// The delay is reduced by one part in so many with each call that had no helpers, so that they are tried again.
 const FORGOTTEN: u64 = 64;
 
-/// How long the caller looks whether the helpers end before it sleeps, which would take as long again.
+/// Time for which the caller polls for the end of the helpers before it sleeps; waking would take as long again.
 const PATIENCE: Duration = Duration::from_micros(50);
 
-/// Tasks are handed out in runs of what is left over so many times the threads: in runs, because results that lie
-/// side by side are written to memory pages that threads would otherwise wait for, and few at the end.
+/// A thread takes a run of tasks at a time: the remaining tasks over so many times the threads. Neighbouring results then
+/// lie on memory pages of one thread, and the last runs are short.
 const RUNS: usize = 4;
 
 /// Does the tasks on at most `threads` threads (0: as many as this process may use); results in their order.
 ///
-/// The caller's own thread is one of them. Others are woken where what is left is worth it: by what a task takes
-/// `at_least` in nanoseconds, or once the caller alone has seen what they take.
+/// The caller's own thread is one of them. Others are woken where the remaining work takes long enough: by the shortest
+/// duration `at_least` of a task in nanoseconds, or by the duration that the caller alone has measured.
 ///
 /// # Errors
 /// The threads could not be started, or the call is interrupted.

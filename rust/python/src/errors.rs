@@ -32,7 +32,7 @@ create_exception!(
 );
 
 thread_local! {
-    /// What a handler of a signal has raised during a call.
+    /// The exception that a signal handler has raised during a call.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 

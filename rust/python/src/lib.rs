@@ -1,8 +1,8 @@
 //! The extension `receptance._core`: handles that are built and checked once, arrays in, arrays out, errors mapped.
 //!
 //! `Lines` are frequencies. `Model` is an assembly; it calculates receptances and natural frequencies. `JointReduction`
-//! is a model of which one joint varies, `TiedModel` one of which any parameters do; both are swept. `Problem` is what
-//! is fitted: measured values beside reduced or tied models, with priors and bounds.
+//! is a model of which one joint varies, `TiedModel` one of which any parameters do; both are swept. `Problem` is a
+//! least-squares problem: measured values and reduced or tied models, with priors and bounds.
 
 mod arrays;
 mod errors;

@@ -4,18 +4,25 @@ from .advised import measured_again, shown_by
 from .batch import every, group_of, shuffled
 from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
+from .knowledge import CHANGES, INSIDE, LEVELS, Blank, Modes, Table
 
 __all__ = [
     "CATALOGUE",
+    "CHANGES",
+    "INSIDE",
     "KINDS",
+    "LEVELS",
     "MEASUREMENT",
     "OUTSIDE",
+    "Blank",
     "Case",
     "Configuration",
     "Effect",
+    "Modes",
     "Nominal",
     "Record",
     "Stated",
+    "Table",
     "Truth",
     "Where",
     "draw_case",

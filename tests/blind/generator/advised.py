@@ -46,6 +46,8 @@ def measured_again(case: Case, truth: Truth, action: str) -> Case | None:
             new = replace(longest, name="longer", overhang=round(1.2 * longest.overhang, 4))
             case, truth = _with_configuration(case, truth, new, rng)
             added += [(new, level, "tip") for level in levels]
+        elif "nose" in one and case.known is not None:
+            continue  # data at the mouth say nothing of a sensor on the holder
         elif "nose" in one:
             added += [(c, levels[-1], "nose") for c in case.nominal.configurations if c.name != "longer"]
         elif "force" in one:

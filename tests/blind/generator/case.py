@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import rig
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where, draw_effect
+from .knowledge import CHANGES, ERRORS, INSIDE, TOLERANCE, Known, known_of
 from .records import SPACING, Estimate, Setup, like, measure
 
 UPPER_HZ = 9000.0
@@ -75,6 +76,10 @@ class Case:
     records: tuple[Record, ...]
     new_tools: tuple[Configuration, ...]
     """Tools that were not measured and whose predictions are scored."""
+    knowledge: str = ""
+    """A level of `knowledge.LEVELS`; empty for the ordinary tolerances of a holder."""
+    known: Known | None = None
+    """What was measured of the holder; then its numbers in `nominal` are not for the diagnosis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +99,8 @@ class Truth:
     layer_points: int
     new_numbers: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     setups: Mapping[float, Setup] = field(default_factory=dict)
+    within: tuple[str, ...] = ()
+    """Effects that the measurement of the holder contains."""
 
     def frequencies(self, name: str) -> NDArray[np.float64]:
         """Return the natural frequencies of a new tool, without effects of the measurement."""
@@ -141,12 +148,19 @@ def _draw_joint(rng: np.random.Generator, diameter: float) -> dict[str, float]:
     return dict(zip(JOINT, map(float, (k_y, k_theta, c_y, c_theta)), strict=True))
 
 
-def _tolerances(configurations: tuple[Configuration, ...], exact_holder: bool) -> tuple[Stated, ...]:
-    """Return ordinary tolerances; an exact holder has none."""
+def _tolerances(
+    configurations: tuple[Configuration, ...], exact_holder: bool, drawing: bool = False
+) -> tuple[Stated, ...]:
+    """Return ordinary tolerances; an exact holder has none, and every number of a drawing 1 %."""
     shares = {"tool.diameter": 5e-4, "tool.density": 3e-3, "tool.modulus": 5e-3}
     if not exact_holder:
         shares |= {"holder.density": 3e-3, "holder.modulus": 5e-3}
         shares |= {f"holder.{i}.outer": 1e-3 for i in range(3)} | {f"holder.{i}.inner": 3e-3 for i in (1, 2)}
+    if drawing:
+        materials = [f"holder.{name}" for name in ("density", "modulus", "poisson", "loss")]
+        dimensions = [f"holder.{i}.{name}" for i in range(3) for name in ("length", "outer", "inner")]
+        # The bore of the first section has the diameter of the shank.
+        shares |= dict.fromkeys([*materials, *(name for name in dimensions if name != "holder.0.inner")], TOLERANCE)
     stated = [Stated(name=name, moves={name: share}, relative=True) for name, share in shares.items()]
     if not exact_holder:
         names = [f"holder.{i}.length" for i in range(3)]
@@ -225,8 +239,9 @@ def recorded(
 
 
 def draw_case(
-    seed: int, index: int, kind: str, effects: tuple[str, ...] = (), *, u: float | None = None, quick: bool = False
-) -> tuple[Case, Truth]:
+    seed: int, index: int, kind: str, effects: tuple[str, ...] = (), *, u: float | None = None, quick: bool = False,
+    knowledge: str = "",
+) -> tuple[Case, Truth]:  # fmt: skip
     """Return a case and its truth, drawn anew from seed and index.
 
     Parameters
@@ -241,11 +256,16 @@ def draw_case(
         Size of the effects from 0, barely visible, to 1, large; drawn where not given.
     quick : bool, optional
         Three overhangs, a narrower band and fewer lines, for tests.
+    knowledge : str, optional
+        What is known of the holder, one of `knowledge.LEVELS`; by default its dimensions with ordinary tolerances.
     """
     rng = np.random.default_rng([seed, index, KINDS.index(kind)])
     chosen = effects or _choose(rng, kind)
     layer = kind in ("nothing_exact", "nothing", "single") and rng.random() < 0.12 and not (quick and effects)
     layer = layer and not {"joint_cross_term", "joint_spread", "collet_mass"} & set(chosen)
+    data = knowledge not in ("", "drawing")
+    # A layer lies along the bore, which data at the mouth do not describe.
+    layer = layer and not data
     numbers = _ordinary(rng, layer)
     drawn = []
     for id in chosen:
@@ -265,14 +285,20 @@ def draw_case(
     if kind == "one_configuration":
         at = names[int(rng.integers(len(names)))]
         drawn = [Effect(e.id, e.sizes, e.fixed, e.believed, at, e.u) for e in drawn]
-    exact = kind == "nothing_exact"
+    within = tuple(e.id for e in drawn if data and e.id in ERRORS)
+    if data:
+        anywhere = Where("", float(overhangs[0]), 0.0)
+        for effect in (e for e in drawn if e.id in within):
+            numbers = effect.apply(numbers, anywhere)
+        drawn = [e for e in drawn if e.id not in within]
+    exact = kind == "nothing_exact" or knowledge != ""
     new = tuple(
         Configuration(name=f"new {i}", overhang=float(x), torque=torques[len(names) + i]) for i, x in enumerate(between)
     )
     nominal = Nominal(
         numbers=numbers,
         configurations=configurations,
-        tolerances=_tolerances((*configurations, *new), exact),
+        tolerances=_tolerances((*configurations, *new), exact, knowledge == "drawing"),
         joint_scatter=round(rng.uniform(0.004, 0.015), 4),
         damping_scatter=0.03,
         layer=layer,
@@ -302,6 +328,7 @@ def draw_case(
         layer_points=LAYER if layer else 0,
         new_numbers={},
         setups={level: like(setup, level) for level in levels},
+        within=within,
     )
     planes = (1, 2) if "xy_asymmetry" in chosen or (kind == "nothing" and rng.random() < 0.15) else (1,)
     form = str(rng.choice(["accelerance", "accelerance", "mobility", "receptance"]))
@@ -319,7 +346,16 @@ def draw_case(
     for c in new:
         where = where_of(truth, c, truth.references[1], 1)
         truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, errors, lasting, where)  # type: ignore[index]
-    return Case(name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=new), truth
+    known = None
+    if data:
+        own = tuple((effect, None) for effect in drawn if effect.id not in (*CHANGES, *INSIDE))
+        p = true_numbers(nominal, truth, truth.joint, errors, own, where_of(truth, configurations[0], levels[0], 1))
+        known = known_of(np.random.default_rng([seed, index, 80]), knowledge, p, truth.setups[levels[-1]])
+    case = Case(
+        name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=new, knowledge=knowledge,
+        known=known,
+    )  # fmt: skip
+    return case, truth
 
 
 LAYER = rig.LAYER_POINTS

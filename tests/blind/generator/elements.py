@@ -165,6 +165,13 @@ class Structure:
         found = np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi)
         return found[(found > 20.0) & (found < upper_hz)]
 
+    def modes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return squared angular frequencies, mass-normalised shapes as columns, and damping ratios from the losses."""
+        stiffness, inertia, _ = self.matrices()
+        squares, shapes = linalg.eigh(stiffness.real, inertia)
+        lost = np.einsum("ij,ik,kj->j", shapes, stiffness.imag, shapes)
+        return squares, shapes, 0.5 * lost / np.maximum(squares, 1e-300)
+
     def poles(self, forces: FloatArray, motions: FloatArray, modes: int = 12) -> Poles:
         """Return the response as a sum over poles, forces and motions given as columns over all unknowns.
 

@@ -80,6 +80,9 @@ def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
     if "nose.place" in p:
         nose = holder[p["nose.place"]]
         return s, nose, nose
+    if "both.offset" in p:
+        both = tool[p["both.offset"]]
+        return s, both, both
     return s, tool[0.0], tool[p.get("hit.offset", 0.0)]
 
 
@@ -87,7 +90,8 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
     """Build the tool up to the mouth of the holder, with flutes, cone and crack."""
     overhang = p["tool.overhang"]
     crack = p.get("crack.place", 0.0) * overhang
-    tool = _Row(s, [p.get("hit.offset", 0.0), p.get("middle.place", 0.0) * overhang, *(overhang + middles)])
+    places = [p.get("hit.offset", 0.0), p.get("both.offset", 0.0), p.get("middle.place", 0.0) * overhang]
+    tool = _Row(s, [*places, *(overhang + middles)])
     pieces = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
     pieces.append((overhang - sum(length for length, _ in pieces), 1.0))
     if "tool.taper" in p:
@@ -137,6 +141,11 @@ def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
 
 def _holder_length(p: Numbers) -> float:
     return sum(p[f"holder.{i}.length"] for i in range(sections(p)))
+
+
+def holder_alone(s: Structure, p: Numbers) -> None:
+    """Build the holder with the shank in its mouth and nothing attached; station 0 is at the mouth."""
+    _holder(s, {name: p[name] for name in p if name.split(".")[0] in ("holder", "tool", "shear")}, np.empty(0))
 
 
 def _layer(s: Structure, p: Numbers, tool: _Row, holder: _Row, middles: NDArray[np.float64]) -> None:

@@ -1,86 +1,71 @@
-"""The report of a diagnosis: one HTML file with a summary in sentences, figures and their code."""
+"""The report of a diagnosis: one HTML file with key figures, the answer, figures and tables, without scripts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from datetime import date
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receptance import _files
-from receptance._extras import require
-from receptance.diagnosis.by_mode import Curve, ModeResidual, curves, residuals_by_mode
-from receptance.diagnosis.report import figures
+from receptance.diagnosis import card
+from receptance.diagnosis.by_mode import Curve, ModeResidual, curves
+from receptance.diagnosis.figure import curve_figure, evidence_figure, frequencies_figure
+from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.screening import look_alike
-from receptance.diagnosis.wording import improvement_interval, remarks, report_sentences, sentence, sizes
+from receptance.diagnosis.thresholds import LOOK_ALIKE
+from receptance.diagnosis.wording import metric, names, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
+from receptance.report import Column, Table
+from receptance.report.figure import as_svg
+from receptance.report.html import facts_html, shown, table_html
+from receptance.report.table import amount
 
 if TYPE_CHECKING:
     import os
 
     from receptance.diagnosis import Verdict
+    from receptance.report.table import Cell
 
 __all__ = ["diagnosis_html", "write_diagnosis"]
 
-_SIMILAR = 12
-"""Number of causes in the figure of similar causes."""
+_RECORDS = 12
+"""Number of records that are drawn, those with the largest residuals first: a page of about 1 MB at most."""
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def diagnosis_html(verdict: Verdict, *, title: str = "Diagnosis") -> str:
-    """Return a diagnosis as one HTML page that needs no network.
+def diagnosis_html(verdict: Verdict, *, title: str = "") -> str:
+    """Return a diagnosis as one HTML page without scripts, which needs no network.
 
     Parameters
     ----------
     verdict : Verdict
         Result of `diagnose`.
     title : str, optional
-        Heading; special characters are escaped.
+        Heading, by default that of the verdict; special characters are escaped.
 
     Returns
     -------
     str
-        Measured against simulated before and after, which can be zoomed; residuals by mode; evidence of the
-        candidates and similar causes; improvement; next measurement; settings and versions.
+        Key figures, the answer, its effect, held-out and fitted records before and after with their ratio in decibels,
+        all causes with their odds, residuals by mode, notes, settings and versions. The page is legible on a phone, on
+        paper and on a dark background.
     """
-    require("report", "the report of a diagnosis")
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from plotly.offline import get_plotlyjs
-
-    environment = Environment(
-        loader=PackageLoader("receptance.diagnosis.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    heading = title or verdict.title
+    head = (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n<title>{shown(heading)}</title>\n'
+        f"<style>\n{resources.files(__package__).joinpath('style.css').read_text(encoding='utf-8')}</style>\n</head>\n"
     )
-    base, explanation = verdict.base_fit, verdict.explanation
-    rate = round(verdict.selection.evaluations_per_second)
-    settings = {**verdict.settings, "model_evaluations_per_second": rate}
-    before, after = residuals_by_mode(base), residuals_by_mode(explanation.fit) if explanation is not None else ()
-    rows = {(one.label, one.mode): one for one in after}
-    return environment.get_template("diagnosis.html").render(
-        title=title,
-        verdict=verdict,
-        sentence=sentence(verdict),
-        sentences=report_sentences(verdict, before, after),
-        remarks=remarks,
-        curves=_curves(verdict),
-        modes=[(one, rows.get((one.label, one.mode))) for one in before],
-        columns=_columns([*before, *after]),
-        extended=explanation is not None,
-        receptances=any(isinstance(one, MeasuredFRF) for one in base.model.observations),
-        held_out_modes=_held_out_modes(verdict),
-        # Of a cause that is reported together with another one its size there.
-        sizes={one.id: sizes(one) for one in (*verdict.candidates, *verdict.causes)},
-        evidence=_html(figures.evidence_figure(verdict), "evidence") if verdict.candidates else "",
-        similar=_similarity(verdict),
-        interval=improvement_interval,
-        settings=_rows({**settings, "versions": dict(verdict.provenance.versions)}),
-        library=get_plotlyjs(),
-    )
+    parts = [*_header(verdict, heading), *_answer(verdict), *_held_out(verdict), *_records(verdict), *_causes(verdict)]
+    parts += [*_details(verdict), *_notes(verdict)]
+    return f"{head}<body>\n" + "\n".join(filter(None, parts)) + "\n</body>\n</html>\n"
 
 
-def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: str = "Diagnosis") -> Path:
+def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: str = "") -> Path:
     """Write the report of a diagnosis, whole or not at all.
 
     Parameters
@@ -101,66 +86,186 @@ def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: st
     return target
 
 
-def _columns(modes: Sequence[ModeResidual]) -> list[tuple[str, str, str]]:
-    """Return the columns of the table of modes: field, heading and format."""
-    every = (
-        ("frequency_percent", "frequency (%)", "%+.2f"),
-        ("damping_percent", "damping (%)", "%+.1f"),
-        ("level_db", "level (dB)", "%+.2f"),
-        ("phase_deg", "phase (°)", "%+.1f"),
-    )
-    return [one for one in every if any(math.isfinite(getattr(mode, one[0])) for mode in modes)]
+def _header(verdict: Verdict, heading: str) -> Iterable[str]:
+    origin = verdict.provenance
+    about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
+    tiles = [
+        f'<div class="tile"><b>{shown(value)}</b><span>{shown(name)}</span></div>'
+        for name, value in card.key_figures(verdict)
+    ]
+    yield f"<header><h1>{shown(heading)}</h1>"
+    state = "" if verdict.final else " so far, not final"
+    yield f'<p><span class="badge {verdict.verdict}">{verdict.verdict}</span>{state}</p>'
+    yield f'<p class="lead">{shown(sentence(verdict))}</p>'
+    yield f'<p class="meta">{shown(" · ".join([*about, _data(verdict)]))}</p>'
+    if verdict.description:
+        yield f'<p class="meta">{shown(verdict.description)}</p>'
+    yield f'<div class="tiles">{"".join(tiles)}</div></header>'
 
 
-def _held_out_modes(verdict: Verdict) -> list[tuple[ModeResidual, ModeResidual | None]]:
-    """Return held-out modes before and after."""
-    after = {(one.label, one.mode): one for one in verdict.held_out_modes_after}
-    return [(one, after.get((one.label, one.mode))) for one in verdict.held_out_modes]
+def _data(verdict: Verdict) -> str:
+    """Return the number of records, lines and natural frequencies."""
+    observed = verdict.selection.base.model.observations
+    receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
+    lines = sum(one.frequency_hz.size for one in receptances)
+    frequencies = sum(one.frequency_hz.size for one in observed if not isinstance(one, MeasuredFRF))
+    found = [f"{_count(len(receptances), 'receptance')} with {lines} lines"] if receptances else []
+    found += [_count(frequencies, "natural frequency", "natural frequencies")] if frequencies else []
+    return f"{' and '.join(found)} of {_count(len(verdict.selection.base.model.configurations), 'configuration')}"
 
 
-def _html(figure: Any, name: str) -> str:
-    from plotly.io import to_html
-
-    config = {"displaylogo": False, "responsive": True, "scrollZoom": True, "showSendToCloud": False}
-    return str(to_html(figure, include_plotlyjs=False, full_html=False, div_id=f"figure-{name}", config=config))
+def _count(number: int, one: str, several: str = "") -> str:
+    return f"{number} {one if number == 1 else several or f'{one}s'}"
 
 
-def _curves(verdict: Verdict) -> list[tuple[str, str]]:
-    """Return each receptance with its figure, and all natural frequencies in one."""
+def _answer(verdict: Verdict) -> Iterable[str]:
+    # The verdict itself is in the header.
+    first, *others = verdict.facts()
+    yield "<h2>Answer</h2>"
+    yield "".join(f"<p>{shown(text)}</p>" for text in first.texts[1:])
+    yield facts_html(others)
+    if verdict.next_step:
+        yield f"<p><b>Next step:</b> {shown(verdict.next_step)}.</p>"
+    yield from (table_html(table) for table in card.effect(verdict))
+
+
+def _held_out(verdict: Verdict) -> Iterable[str]:
+    if not verdict.gains:
+        return
+    yield "<h2>Held-out data, before and after</h2>"
+    own = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
+    drawn = held_out_curves(verdict)
+    if drawn:
+        yield f'<p class="small">Records {own}: measured, and predicted by the model before and after.</p>'
+        yield _figures([(f"held out: {one.label}", curve_figure(one, after)) for one, after in drawn])
+    if verdict.bias is not None:
+        yield f"<p>With the model as it is, {shown(str(verdict.bias))}.</p>"
+    yield _folds(verdict)
+    yield _mode_table("Held-out modes, measured less predicted", verdict.held_out_modes, verdict.held_out_modes_after)
+
+
+def _folds(verdict: Verdict) -> str:
+    gain = verdict.gains[0]
+    if len(gain.folds) < 2:
+        return ""
+    name, scale, unit = metric(gain.metric)
+    rows = [
+        (
+            fold["configuration"],
+            fold["verdict"],
+            names(fold["causes"]) if fold["causes"] else "none",
+            *(amount(scale * fold[key], unit) if math.isfinite(fold[key]) else "" for key in ("before", "after")),
+        )
+        for fold in gain.folds
+    ]
+    columns = ("held out", "verdict without it", "causes", Column("before"), Column("after"))
+    return table_html(Table(f"By configuration: {name}", columns, rows))
+
+
+def _records(verdict: Verdict) -> Iterable[str]:
     base, explanation = verdict.base_fit, verdict.explanation
     before = curves(base)
     after: list[Curve | None] = list(curves(explanation.fit)) if explanation is not None else [None] * len(before)
-    complete = []
-    frequencies = []
-    for number, one in enumerate(base.model.observations):
-        if isinstance(one, MeasuredFRF):
-            html = _html(figures.curve_figure(before[number], after[number]), f"curve-{number}")
-            complete.append((before[number].label or f"receptance {number + 1}", html))
-        else:
-            frequencies.append(number)
+    receptances = [i for i, one in enumerate(base.model.observations) if isinstance(one, MeasuredFRF)]
+    largest = sorted(receptances, key=lambda i: -float((before[i].residual ** 2).mean()))[:_RECORDS]
+    drawn = [(before[i].label or f"receptance {i + 1}", curve_figure(before[i], after[i])) for i in sorted(largest)]
+    frequencies = [i for i in range(len(before)) if i not in receptances]
     if frequencies:
         extended = [curve for i in frequencies if (curve := after[i]) is not None]
-        figure = figures.frequencies_figure([before[i] for i in frequencies], extended)
-        complete.append(("natural frequencies", _html(figure, "frequencies")))
-    return complete
+        drawn.append(("natural frequencies", frequencies_figure([before[i] for i in frequencies], extended)))
+    yield "<h2>Fitted data, before and after</h2>"
+    if len(receptances) > len(largest):
+        yield f'<p class="small">The {len(largest)} of {len(receptances)} records with the largest residuals.</p>'
+    yield _figures(drawn)
+    yield _mode_table("Residuals at each mode, measured less modelled", verdict.modes, verdict.modes_after)
 
 
-def _similarity(verdict: Verdict) -> str:
-    """Return the similarity of the effects of the best candidates."""
+def _figures(drawn: Sequence[tuple[str, Any]]) -> str:
+    return (
+        f'<div class="figures">{"".join(f"<figure>{as_svg(figure, title)}</figure>" for title, figure in drawn)}</div>'
+    )
+
+
+def _causes(verdict: Verdict) -> Iterable[str]:
+    if not verdict.candidates:
+        return
+    yield "<h2>All causes</h2>"
+    yield (
+        '<p class="small">A cause is reported only if the model with it is adequate, whatever its odds. All adequate '
+        "causes with odds above 1 : 150 to the best, left of the dashed line, are reported.</p>"
+    )
+    yield _figures([("odds of each cause alone to the best", evidence_figure(verdict))])
+    table = card.alternatives(verdict, None)
+    if table.rows:
+        yield table_html(table)
+    rows = [(one.title, one.variant, sizes(one)) for one in card.beyond_chance(verdict) if one.parameters]
+    if rows:
+        yield table_html(Table("Sizes with 95 % intervals", ("cause, alone", "place", "size"), rows))
+    similar = _similar(verdict)
+    if similar:
+        columns = ("cause", "similar cause", Column("effect alike", "%", ".0f"))
+        yield table_html(Table("Similar causes in these data", columns, similar))
+
+
+def _similar(verdict: Verdict) -> list[tuple[str, str, float]]:
+    """Return pairs of causes with similar effects after a refit of all other unknowns, to first order."""
     best: dict[str, Any] = {}
-    for one in verdict.candidates:
+    for one in verdict.candidates[:_RECORDS]:
         own = [d for d in verdict.selection.directions if d.is_of(one.id, one.variant) and d.slopes.shape[1]]
         if own:
-            best.setdefault(one.id, own[0])
-    names = list(best)[:_SIMILAR]
-    if len(names) < 2:
+            best.setdefault(one.title, own[0])
+    pairs = [(a, b, look_alike(best[a], best[b])) for i, a in enumerate(best) for b in list(best)[i + 1 :]]
+    return [(a, b, 100.0 * cosine) for a, b, cosine in sorted(pairs, key=lambda pair: -pair[2]) if cosine >= LOOK_ALIKE]
+
+
+def _details(verdict: Verdict) -> Iterable[str]:
+    if verdict.undecidable:
+        rows = [(names([id]), reason) for id, reason in verdict.undecidable.items()]
+        yield f"<h2>Causes that these data cannot show</h2>{table_html(Table('', ('cause', 'reason'), rows))}"
+
+
+def _mode_table(title: str, before: Sequence[ModeResidual], after: Sequence[ModeResidual]) -> str:
+    """Return residuals by mode, before and after."""
+    if not before:
         return ""
-    cosines = [[look_alike(best[a], best[b]) for b in names] for a in names]
-    return _html(figures.similarity_figure(names, cosines), "similar")
+    other = {(one.label, one.mode): one for one in after}
+    quantities = (
+        (Column("frequency", "%"), "frequency_percent", "+.2f"),
+        (Column("damping", "%"), "damping_percent", "+.1f"),
+        (Column("level", "dB"), "level_db", "+.2f"),
+        (Column("phase", "°"), "phase_deg", "+.1f"),
+    )
+    rows: list[list[Cell]] = []
+    for one in before:
+        found = other.get((one.label, one.mode))
+        cells = [_change(getattr(one, field), getattr(found, field, math.nan), form) for _, field, form in quantities]
+        rows.append([one.label, one.mode, one.measured_hz, *cells])
+    columns: tuple[Column | str, ...] = (
+        "configuration",
+        Column("mode", form="d"),
+        Column("measured", "Hz", ".1f"),
+        *(own for own, *_ in quantities),
+    )
+    return table_html(Table(f"{title}{', before → after' if after else ''}", columns, rows).without_empty())
+
+
+def _change(before: float, after: float, form: str) -> str:
+    """Return a residual before and after; empty where the data do not show it."""
+    return " → ".join(format(one, form) for one in (before, after) if math.isfinite(one))
+
+
+def _notes(verdict: Verdict) -> Iterable[str]:
+    if verdict.notes:
+        items = "".join(f"<li>{shown(note)}</li>" for note in verdict.notes)
+        yield f"<h2>Notes</h2><ul>{items}</ul>"
+    rate = round(verdict.selection.evaluations_per_second)
+    settings = {**verdict.settings, "model_evaluations_per_second": rate, "versions": dict(verdict.provenance.versions)}
+    yield "<h2>Settings and versions</h2><details open><summary>of this run</summary>"
+    yield f"{table_html(Table('', ('setting', 'value'), _rows(settings)))}</details>"
 
 
 def _rows(settings: dict[str, Any]) -> list[tuple[str, str]]:
-    rows = []
+    rows: list[tuple[str, str]] = []
     for name, value in settings.items():
         if isinstance(value, dict):
             rows += [(f"{name}: {inner}", str(own)) for inner, own in value.items()]

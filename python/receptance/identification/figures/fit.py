@@ -203,12 +203,12 @@ def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, 
     set_up(axes, title, "", "against measured (%)")
     place = 0.0
     ticks: list[tuple[float, str]] = []
-    for name, modes, measured, calculated, half, spread in rows:
+    for name, modes, measured, calculated, half, deviation in rows:
         x = place + np.arange(len(modes))
         error = 100.0 * (calculated / measured - 1.0)
-        if spread is not None and spread.any():
+        if deviation is not None and deviation.any():
             label = None if place else "reading, two standard deviations"
-            half_reading = 200.0 * spread / measured
+            half_reading = 200.0 * deviation / measured
             axes.errorbar(x, np.zeros(len(x)), half_reading, fmt="none", ecolor=PALE, capsize=5, label=label)
         bars = None if half is None else 100.0 * half / measured
         label = None if place else series

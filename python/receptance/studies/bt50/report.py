@@ -21,7 +21,7 @@ SOURCE = (
 PROVENANCE = (
     "The paper prints no FRFs, no dimensions and, in its text, only ranges. Everything measured here is virtual: an "
     "elastic BT50 holder by finite elements, with a contact invented to give the ranges of the paper. Agreement with "
-    "the paper is therefore no evidence. The results show what the procedure makes of known data."
+    "the paper is therefore no evidence. The results show the accuracy of the procedure on known data."
 )
 RESPONSE_HZ = (100.0, 7995.0)
 """First and last line of the harmonic response."""

@@ -37,6 +37,8 @@ from receptance.taper import (
 if TYPE_CHECKING:
     from receptance.campaign import Campaign, Measurement
     from receptance.frf import FRF
+    from receptance.modal import ModeEstimate
+    from receptance.taper import AxialSolution, RadialSolution, TaperFit
 
 __all__ = ["response_without_damping", "rigid_campaign", "run"]
 
@@ -140,24 +142,24 @@ def _levels(step_kn: int, seed: int) -> list[tuple[VirtualRig, int]]:
     ]
 
 
-def _without_warning(estimate: Callable[..., Any], frf: FRF, low_hz: float, high_hz: float) -> Any:
+def _half_power(frf: FRF, low_hz: float, high_hz: float) -> ModeEstimate:
     with warnings.catch_warnings():
         # The small number of lines in the half-power band is a result of the study.
         warnings.filterwarnings("ignore", ".*lines in the half-power band", ReceptanceWarning)
-        return estimate(frf, low_hz=low_hz, high_hz=high_hz)
+        return half_power(frf, low_hz=low_hz, high_hz=high_hz)
 
 
-def _mode(mode: Any) -> dict[str, Any]:
+def _mode(mode: ModeEstimate) -> dict[str, Any]:
     names = ("frequency_hz", "frequency_standard_error_hz", "damping_ratio", "damping_standard_error", "lines_in_band")
     return {name: getattr(mode, name) for name in names}
 
 
-def _estimate(solution: Any, names: Sequence[str]) -> dict[str, Any]:
+def _estimate(solution: AxialSolution | RadialSolution, names: Sequence[str]) -> dict[str, Any]:
     values = {name: getattr(solution.joint, name) for name in names}
     return {"values": values, "intervals": {name: list(ends) for name, ends in solution.intervals.items()}}
 
 
-def _fit_values(fit: Any) -> dict[str, Any]:
+def _fit_values(fit: TaperFit) -> dict[str, Any]:
     intervals = {name: list(ends) for name, ends in fit.intervals.items()}
     return {"values": dict(fit.values), "intervals": intervals, "rms": fit.rms, "errors": dict(fit.standard_errors)}
 
@@ -171,7 +173,7 @@ def _axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float
     plain, windowed, left_out = rig.measure(seed)
     low, high = _BANDS_HZ["axial"]
     modes = {
-        "half_power": _without_warning(half_power, plain, low, high),
+        "half_power": _half_power(plain, low, high),
         "circle": circle_fit(windowed, low_hz=low, high_hz=high),
     }
     rigid_half_power, rigid = (
@@ -240,7 +242,7 @@ def _radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, floa
     half_powers: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
-            mode = _without_warning(half_power, plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)
+            mode = _half_power(plain.select(responses=0), 0.8 * frequency, 1.2 * frequency)
             half_powers.append(_mode(mode))
         except ValueError:  # no half-power points
             half_powers.append(None)
@@ -420,7 +422,6 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
     Campaign('BT50 taper over drawbar force (simulated)', 13 assemblies, 13 measurements, 10 held out)
     """
     from receptance.campaign import Campaign
-    from receptance.campaign.read import campaign_fields
 
     if motion not in _SPRINGS:
         raise ValueError(f"bt50: motion is {motion!r}, expected one of {', '.join(_SPRINGS)}")
@@ -445,7 +446,7 @@ def rigid_campaign(motion: str, step_kn: int = 1, seed: int = 0, *, levels: int 
     with tempfile.TemporaryDirectory() as folder:
         for name, content in taper_files(pair for pair in measured if pair[0].force_kn in forces).items():
             Path(folder, name).write_bytes(content)
-        return Campaign(**campaign_fields(Path(folder, "campaign.toml"), data))
+        return Campaign.from_contents(Path(folder, "campaign.toml"), data)
 
 
 def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], None]) -> dict[str, Any]:

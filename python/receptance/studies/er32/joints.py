@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance.identification import MeasuredFrequencies, Unknown, identify
 from receptance.identification.covariance import confidence_multiplier
-from receptance.studies.er32.tables import Published, assembly
+from receptance.studies.er32.tables import Published, Reading, assembly
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
@@ -203,7 +203,9 @@ def joint_of(joints: Sequence[dict[str, Any]], diameter_mm: float, torque_nm: fl
     return next(j for j in joints if (j["diameter_mm"], j["torque_nm"]) == (diameter_mm, torque_nm))
 
 
-def _identified(published: Published, reading: Any, resolution: Resolution, starts: int, seed: int) -> dict[str, Any]:
+def _identified(
+    published: Published, reading: Reading, resolution: Resolution, starts: int, seed: int
+) -> dict[str, Any]:
     frequency = np.array(reading.frequency_hz)
     middle = [float(np.sqrt(low * high)) for low, high in BOUNDS.values()]
     model = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)

@@ -92,13 +92,13 @@ def _on_joints(results: dict[str, Any]) -> Iterator[str]:
         f"{theta['k_theta_difference_percent']:+.1f} % in k_theta ({_state(theta)})."
     )
     not_converged = [_state(j) for j in joints if not j["converged"]]
-    disagreeing = [
+    others = [
         f"{_state(j)} ({j['starts_agreeing']} of {j['starts']})" for j in joints if j["starts_agreeing"] < j["starts"]
     ]
     if not_converged:
         yield f"Not converged: {', '.join(not_converged)}."
-    if disagreeing:
-        yield f"Not all starts agree: {', '.join(disagreeing)}."
+    if others:
+        yield f"Not all starts agree: {', '.join(others)}."
     steps = results["settings"]["resolution"]
     yield (
         "The intervals contain every joint whose frequencies would be printed like the measured ones: steps of "
@@ -233,10 +233,10 @@ def _on_causes(results: dict[str, Any]) -> str:
 
 
 def _on_paper(results: dict[str, Any]) -> Iterator[str]:
-    for item in results["disagreements"]:
+    for item in results["inconsistencies"]:
         article = "" if item["first_source"].startswith("table") else "the "
         text = (
-            f"The paper disagrees with itself: {item['what']} of the {item['diameter_mm']:g} mm tool is "
+            f"Inconsistent numbers in the paper: {item['what']} of the {item['diameter_mm']:g} mm tool is "
             f"{item['first']:g} {item['unit']} in {article}{item['first_source']}, {item['second']:g} {item['unit']} "
             f"in {item['second_source']}."
         )

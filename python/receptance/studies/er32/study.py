@@ -156,7 +156,7 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
         "long_first_mode_bias_percent": bias["percent"],
         "long_first_mode_bias_p_value": bias["p_value"],
         "long_first_mode_bias": bias,
-        "disagreements": find_disagreements(published, joints),
+        "inconsistencies": find_inconsistencies(published, joints),
     }
     return {**results, "findings": findings(results)}
 
@@ -248,14 +248,14 @@ def _judge_set(published: Published, chosen: ParameterSet, threshold_percent: fl
     }
 
 
-def find_disagreements(published: Published, joints: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def find_inconsistencies(published: Published, joints: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return numbers that the paper prints twice and differently, with the effect on the joint where it is known."""
-    disagreements = []
+    inconsistencies = []
 
     def add(what: str, diameter: float, unit: str, first: float, where: str, second: float, elsewhere: str) -> None:
         entry: dict[str, Any] = {"what": what, "diameter_mm": diameter, "unit": unit, "first": first}
         entry |= {"first_source": where, "second": second, "second_source": elsewhere}
-        disagreements.append({**entry, "k_y_change_percent": None, "k_theta_change_percent": None})
+        inconsistencies.append({**entry, "k_y_change_percent": None, "k_theta_change_percent": None})
 
     for printed in published.text:
         setup = published.setup(printed.diameter_mm)
@@ -272,8 +272,8 @@ def find_disagreements(published: Published, joints: Sequence[dict[str, Any]]) -
             other = assembly(diameter, second, joint["k_y"], joint["k_theta"])
             followed = follow_joint(other, published.reading(diameter).frequency_hz).tolist()
             for name, value in zip(("k_y", "k_theta"), followed, strict=True):
-                disagreements[-1][f"{name}_change_percent"] = 100.0 * (value / joint[name] - 1.0)
-    return disagreements
+                inconsistencies[-1][f"{name}_change_percent"] = 100.0 * (value / joint[name] - 1.0)
+    return inconsistencies
 
 
 def overhang_scatter(published: Published) -> float:

@@ -26,10 +26,10 @@ __all__ = [
     "Mount",
     "ParameterSet",
     "PrintedStiffness",
+    "PrintedTransfer",
     "Published",
     "Reading",
     "Setup",
-    "Transfer",
     "assembly",
     "campaign",
     "load",
@@ -52,7 +52,7 @@ class Mount(NamedTuple):
     holder_length_mm: float
 
 
-class Transfer(NamedTuple):
+class PrintedTransfer(NamedTuple):
     """A row of table 2: natural frequencies at another overhang, measured and as predicted in the paper."""
 
     diameter_mm: float
@@ -105,7 +105,7 @@ class Published:
     """The tables, row by row."""
 
     mounts: tuple[Mount, ...]
-    transfers: tuple[Transfer, ...]
+    transfers: tuple[PrintedTransfer, ...]
     parameter_sets: tuple[ParameterSet, ...]
     readings: tuple[Reading, ...]
     setups: tuple[Setup, ...]
@@ -127,7 +127,7 @@ class Published:
         return next(r for r in self.readings if (r.diameter_mm, r.torque_nm) == wanted)
 
     @property
-    def long_tools(self) -> tuple[Transfer, ...]:
+    def long_tools(self) -> tuple[PrintedTransfer, ...]:
         """The rows of table 2 with the longest overhang of each tool."""
         longest = {t.diameter_mm: t for t in sorted(self.transfers, key=lambda t: t.overhang_mm)}
         return tuple(longest[diameter] for diameter in sorted(longest))
@@ -151,7 +151,9 @@ def load() -> Published:
             for r in _rows("er32_table1_assemblies.csv")
         ),
         transfers=tuple(
-            Transfer(float(r["diameter_mm"]), float(r["overhang_mm"]), _modes(r, "measured"), _modes(r, "predicted"))
+            PrintedTransfer(
+                float(r["diameter_mm"]), float(r["overhang_mm"]), _modes(r, "measured"), _modes(r, "predicted")
+            )
             for r in _rows("er32_table2_transfer.csv")
         ),
         parameter_sets=tuple(

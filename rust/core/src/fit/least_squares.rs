@@ -147,21 +147,21 @@ pub fn minimise(
             if evaluations >= stop.evaluations {
                 return end(x, cost, evaluations, Status::Unfinished, now);
             }
-            let Some(Step { scaled: step, promised, whole, cut }) = local.step(radius) else {
+            let Some(Step { scaled: step, predicted, whole, cut }) = local.step(radius) else {
                 return end(x, cost, evaluations, Status::Step, now);
             };
-            if whole && promised <= stop.least {
+            if whole && predicted <= stop.least {
                 return end(x, cost, evaluations, Status::Cost, now);
             }
             let next = inside(&(&x + step.component_mul(&local.scale)), lower, upper, 0.0);
-            if foreseen && whole && promised < stop.tolerance * cost && allowed(&all(&next))? {
-                return end(next, cost - promised, evaluations, Status::Cost, now);
+            if foreseen && whole && predicted < stop.tolerance * cost && allowed(&all(&next))? {
+                return end(next, cost - predicted, evaluations, Status::Cost, now);
             }
             let found = normal(&all(&next))?;
             evaluations += 1;
             let (length, moved) = (step.norm(), (&next - &x).norm());
             let actual = found.as_ref().map_or(f64::NEG_INFINITY, |found| cost - 0.5 * found[last]);
-            let ratio = if promised > 0.0 { actual / promised } else { 0.0 };
+            let ratio = if predicted > 0.0 { actual / predicted } else { 0.0 };
             let small = moved < stop.tolerance * (stop.tolerance + x.norm());
             let flat = actual < stop.tolerance * cost && ratio > POOR && !cut;
             if ratio < POOR {
@@ -203,7 +203,7 @@ fn inside(x: &DVector<f64>, lower: &DVector<f64>, upper: &DVector<f64>, share: f
 struct Step {
     scaled: DVector<f64>,
     /// The decrease of the cost if the residuals are linear.
-    promised: f64,
+    predicted: f64,
     /// Whether it leads to the least value within the bounds: neither the region nor a limit before a bound holds it back.
     whole: bool,
     /// Whether a limit before a bound holds it back.
@@ -313,8 +313,8 @@ impl Local {
                 Held::Lower => !self.at_bound[0][i],
                 Held::Upper => !self.at_bound[1][i],
             });
-            let promised = -scaled.dot(&(0.5 * (&self.curvature * &scaled) + &self.slope));
-            Step { scaled, promised, whole: within && !cut, cut }
+            let predicted = -scaled.dot(&(0.5 * (&self.curvature * &scaled) + &self.slope));
+            Step { scaled, predicted, whole: within && !cut, cut }
         })
     }
 

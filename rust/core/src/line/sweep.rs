@@ -70,7 +70,7 @@ pub struct Within {
 /// Observer of each elimination of a node on the way up.
 pub trait Observer<S: Simd, const D: usize> {
     /// A node was passed: its plane's basis (u rows), the near node's u rows, and the compliance `uf` of
-    /// what lies between (near u per far load).
+    /// the elements between (near u per far load).
     fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>);
 
     /// Output of overlaps requested besides the plane.
@@ -128,8 +128,8 @@ impl<S: Simd, const D: usize> Block<S, D> {
         let mut weights = self.weights_of_first();
         let zero = small::zeros(simd);
         for (index, step) in plan.iter().enumerate() {
-            // The chart has to suit what comes next: beside a far stiffer past, all that is left of a nearly
-            // singular joint is one row.
+            // The chart must suit the next segment: beside far stiffer elements before it, a nearly singular joint
+            // keeps one row only.
             let next = plan[index..].iter().find_map(|step| match step {
                 Step::Segment { row, .. } => Some(self.weights[*row]),
                 Step::Overlap { row, forward, .. } => Some(self.overlaps[*row].weights_behind(*forward)),
@@ -164,7 +164,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 }
                 Step::Point { node } => {
                     if let Some(points) = &self.points[node] {
-                        // What is diagonal elsewhere first: the load of a heavy mass, moved there and back, would
+                        // Matrices that are diagonal elsewhere come first: the load of a heavy mass, moved there and back, would
                         // take the digits of the small loads behind the node.
                         let (mut plane, mut back) = (plane, small::identity(simd));
                         for centre in &points.beyond {
@@ -240,7 +240,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
             Kernel::Pieces { count, transfer } => {
                 let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
                 let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
-                // As for the waves below: what lies behind a far lighter segment is in a chart of its own scale.
+                // As for the waves below: elements behind a far lighter segment are in a chart of their own scale.
                 let before = records.last().map(|record| record.weights).unwrap_or(*weights);
                 let mut rechart = None;
                 if far_apart(&before, weights) {
@@ -263,7 +263,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
             }
             Kernel::Waves(wave) => {
                 let [(away_u, away_f), (back_u, back_f)] = wave.oriented(forward);
-                // What lies behind may be far lighter or stiffer; in a chart that suits this segment its
+                // Elements behind may be far lighter or stiffer; in a chart that suits this segment its
                 // small loads or motions are not differences of large waves.
                 let (plane, rechart) = plane.weighted(weights);
                 // At the far end the waves that arrive have decayed and those that return have amplitude
@@ -400,7 +400,7 @@ fn far_apart<const D: usize>(before: &[f64; D], after: &[f64; D]) -> bool {
 #[inline(always)]
 fn cut<S: Simd, const D: usize>(plane: &Plane<S, D>, independent: &[C<S>; D], forward: bool) -> State<S, D> {
     let (u, f) = plane.state(independent);
-    // The load on what lies behind the cut is minus the internal force where that is at larger x.
+    // The load on the elements behind the cut is minus the internal force where that is at larger x.
     let sign = if forward { -1.0 } else { 1.0 };
     State { u, n: scaled(f, sign) }
 }

@@ -147,7 +147,7 @@ impl<'a> Tables<'a> {
 }
 
 fn node(value: f64, element: &'static str, row: usize) -> Result<usize> {
-    // A node number above 2^24 is a slip, and would ask for that many nodes.
+    // A node number above 2^24 is a mistake; that many nodes would be allocated.
     if value >= 0.0 && value.fract() == 0.0 && value < 16_777_216.0 {
         return Ok(value as usize);
     }

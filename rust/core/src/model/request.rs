@@ -93,7 +93,7 @@ pub struct Response {
     pub receptance: Vec<Complex64>,
     /// `(n_freq, n_responses, n_excitations, n_parameters)`.
     pub derivative: Vec<Complex64>,
-    /// `(n_freq, n_excitations, degrees of freedom)` in the joint asked for, from its first on its second node.
+    /// `(n_freq, n_excitations, degrees of freedom)` in the requested joint, from its first on its second node.
     pub force: Vec<Complex64>,
 }
 

@@ -281,7 +281,7 @@ fn divide(low: f64, high: f64, guess: Option<&Guess>, count: usize, points: &mut
     points.truncate(at);
 }
 
-/// An upper limit that asks for too much.
+/// The error of an upper limit that is too high.
 pub(crate) fn too_high(upper: f64, reason: &str) -> Error {
     let hz = upper / core::f64::consts::TAU;
     Error::NaturalFrequency(format!("the upper limit of {hz:.6e} Hz is too high: {reason}"))

@@ -9,7 +9,7 @@
 //!
 //! With u the displacements and f the loads of the plane, H = u f^-1 is a quotient of minors,
 //!     H_yy = p_yM / p_VM,   H_ytheta = -p_yV / p_VM,   H_thetatheta = -p_tV / p_VM,
-//! so that where nothing but H is asked for no chart is chosen and only the minors in question are summed.
+//! so that for H alone no chart is chosen and only the required minors are summed.
 
 use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::Frequencies;
@@ -24,7 +24,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Largest sum of |lambda| L over a branch: the terms outgrow the value by e^(0.41 span).
 pub const MOST_SPAN: f64 = 12.0;
 
-/// What a segment above its cut-off counts, both pairs of waves propagating and the value not growing at all.
+/// Weight of a segment above its cut-off, both pairs of waves propagating and the value not growing at all.
 const ABOVE_CUT_OFF: f64 = 3.0;
 
 /// Lines from which on the series, which costs some microseconds a segment, is worth making.
@@ -145,7 +145,7 @@ impl Spring {
 }
 
 impl<const D: usize> Segment<D> {
-    /// What the segment counts in the span of a series up to |w| = `highest`.
+    /// The weight of the segment in the span of a series up to |w| = `highest`.
     pub fn span(&self, highest: f64) -> f64 {
         let weight = if self.cut_off_share(highest) > 0.5 { ABOVE_CUT_OFF } else { 1.0 };
         weight * self.wave_number_square(highest * highest).sqrt() * self.length
@@ -234,11 +234,11 @@ const ENTRIES: usize = 3;
 
 /// Entries of a receptance as quotients of power series in (w / reference)^2.
 pub struct Tip {
-    /// Coefficients, the highest power first: numerators as they were asked for, then the denominator.
+    /// Coefficients, the highest power first: the requested numerators, then the denominator.
     terms: Terms,
     /// 1 / reference^2.
     scale: f64,
-    /// The numerator of each pair that was asked for.
+    /// The numerator of each requested pair.
     pairs: Vec<usize>,
 }
 

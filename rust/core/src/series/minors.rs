@@ -283,7 +283,7 @@ impl<const M: usize> Powers<M> {
     #[inline(always)]
     fn derive<S: Simd>(&mut self, simd: S, p: &Self, equation: &impl Equation<M>, share: f64) {
         let (reach, before) = (p.reach(), self.reach());
-        // What each power adds to the next one, a step further on.
+        // The contribution of each power to the next one, a step further on.
         let mut up = [[[0.0; MOST_TERMS + STEP]; 2]; M];
         for block in 0..p.blocks::<S>() {
             let [same, above] =

@@ -207,7 +207,7 @@ mod tests {
             values.push(last * (Complex64::ONE + Complex64::from_polar(size, step as f64)));
         }
         for (got, pair) in Arch::new().dispatch(Quotients(&values)).into_iter().zip(values.windows(2)) {
-            // log(1 + x) by what is exact: the difference of both over the second.
+            // log(1 + x), with x the exact difference of both over the second.
             let x = (pair[0] - pair[1]) / pair[1];
             let modulus = 0.5 * (x.norm_sqr() + 2.0 * x.re).ln_1p();
             let expected = Complex64::new(modulus, x.im.atan2(1.0 + x.re));

@@ -1,0 +1,499 @@
+"""A new campaign: tool in holder at one overhang or several, as the commented text of a campaign file."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from receptance import units
+from receptance._text import instead_of, shown
+from receptance.campaign.write import Materials, element_table
+from receptance.model.beams import CARBIDE, STEEL, Material, Part, Segment
+from receptance.model.fields import Number
+from receptance.units import Quantity, parse
+
+__all__ = [
+    "MATERIALS",
+    "Draft",
+    "DraftMeasurement",
+    "Piece",
+    "inserted",
+    "parse_material",
+    "parse_pieces",
+    "pieces_of",
+]
+
+MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in (STEEL, CARBIDE)}
+"""Materials by name, with a small loss factor."""
+_TOLERANCES = {
+    "materials": {"youngs_modulus": "1 %", "density": "0.5 %", "loss_factor": "50 %"},
+    "tool": {"length": "0.1 mm", "outer_diameter": "0.05 %", "inner_diameter": "0.3 %"},  # shanks are ground, h6
+    "holder": {"length": "0.1 mm", "outer_diameter": "0.1 %", "inner_diameter": "0.3 %"},
+    "sensors": {"mass": "2 %"},
+}
+"""Standard deviations that a new campaign assumes."""
+_JOINT_BOUNDS = {
+    "k_y": ("1e6 N/m", "1e11 N/m"),
+    "k_theta": ("1e2 N m/rad", "1e7 N m/rad"),
+    "c_y": ("1 N s/m", "1e5 N s/m"),
+    "c_theta": ("1e-4 N m s/rad", "10 N m s/rad"),
+}
+"""Bounds of the unknowns of a joint, which contain all joints of tools."""
+_WIDTH = 110
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_PIECE = re.compile(r"(?:(?P<length>[^x×*]+?)\s*[x×*]\s*)?(?P<outer>[^/x×*]+?)\s*(?:/\s*(?P<inner>[^/x×*]+?)\s*)?")
+_NUMBER = re.compile(units.NUMBER)
+_COMMA = re.compile(r"\d,\d")
+_PIECE_EXAMPLE = '"48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/bore)'
+
+
+# Answers of the user --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """A uniform piece of a tool or a holder; lengths in m.
+
+    Attributes
+    ----------
+    length : float or None
+        None for a shank, which reaches to the holder.
+    outer, inner : float
+        Diameters.
+    material, core : str
+        Names of the materials of the ring and in the bore; no core if empty.
+    """
+
+    length: float | None
+    outer: float
+    inner: float = 0.0
+    material: str = ""
+    core: str = ""
+
+
+def parse_pieces(text: str, *, material: str = "", shank: bool = False) -> tuple[Piece, ...]:
+    """Return the pieces of a tool or a holder that are written as `LENGTH x DIAMETER/BORE`, separated by commas.
+
+    Parameters
+    ----------
+    text : str
+        From the tip-side end on. A unit at the end of a piece applies to its numbers without a unit.
+    material : str, optional
+        Name of their material.
+    shank : bool, optional
+        Whether the last piece has no length, as the shank of a tool; else every piece has one.
+
+    Raises
+    ------
+    ValueError
+        A text that is not understood; the message begins with "is".
+
+    Examples
+    --------
+    >>> from receptance.campaign.draft import parse_pieces
+    >>> [(piece.length, piece.outer, piece.inner) for piece in parse_pieces("48 mm x 50/20 mm, 90x44 mm")]
+    [(0.048, 0.05, 0.02), (0.09, 0.044, 0.0)]
+    >>> parse_pieces("12.7 mm", shank=True)[0].outer
+    0.0127
+    """
+    expected = 'a diameter such as "12.7 mm", or pieces such as "30 mm x 9.6 mm, 12 mm"' if shank else _PIECE_EXAMPLE
+    if _COMMA.search(text):
+        raise ValueError(
+            f"is {shown(text)}, expected {expected}; decimals are written with a point, pieces are separated by a "
+            "comma and a blank"
+        )
+    items = [item.strip() for item in text.split(",")]
+    found = []
+    for index, item in enumerate(items):
+        match = _PIECE.fullmatch(item)
+        last = index == len(items) - 1
+        if match is None or not item:
+            raise ValueError(f"is {shown(text)}, expected {expected}")
+        wants_length = not (shank and last)
+        if wants_length != (match["length"] is not None):
+            problem = "has no length" if wants_length else "has a length, but the last piece of a tool is its shank"
+            raise ValueError(f"is {shown(text)}, where {shown(item)} {problem}, expected {expected}")
+        numbers = [match[name] for name in ("length", "outer", "inner")]
+        unit = next((rest for one in reversed(numbers) if one and (rest := _NUMBER.sub("", one, count=1).strip())), "")
+        sizes = [
+            parse(one if not _NUMBER.fullmatch(one.strip()) else f"{one} {unit}".strip(), quantity) if one else None
+            for one, quantity in zip(numbers, (units.LENGTH, units.LENGTH, units.LENGTH_OR_ZERO), strict=True)
+        ]
+        outer, inner = sizes[1] or 0.0, sizes[2] or 0.0
+        if inner >= outer:
+            raise ValueError(f"is {shown(text)}, where {shown(item)} has a bore that is not smaller than its diameter")
+        found.append(Piece(length=sizes[0], outer=outer, inner=inner, material=material))
+    return tuple(found)
+
+
+def pieces_of(tables: Sequence[Mapping[str, Any]], where: str, *, material: str = "") -> tuple[Piece, ...]:
+    """Return the pieces of a list of segments as in a campaign file.
+
+    Parameters
+    ----------
+    tables : sequence of mapping
+        Tables with `length`, `outer_diameter` and, optionally, `inner_diameter`, `material` and `core`.
+    where : str
+        Name of the list in messages.
+    material : str, optional
+        Name of the material of segments that name none.
+
+    Raises
+    ------
+    ValueError
+        A missing or wrong value; the message names it.
+    """
+    known = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
+    names = ("material", "core")
+    found = []
+    for index, table in enumerate(tables):
+        place = f"{where}[{index}]"
+        if not isinstance(table, Mapping):
+            raise ValueError(f"{place} is {shown(table)}, expected a table with length, outer_diameter and material")
+        sizes = {}
+        for key, quantity in known.items():
+            if key not in table and key != "inner_diameter":
+                raise ValueError(f'{place} has no {key}, expected such as {key} = "{quantity.example}"')
+            try:
+                sizes[key] = parse(table.get(key, "0 m"), quantity)
+            except ValueError as error:
+                raise ValueError(f"{place}.{key} {error}") from None
+        for key in names:
+            if not isinstance(table.get(key, ""), str):
+                raise ValueError(f"{place}.{key} is {shown(table[key])}, expected the name of a material")
+        if sizes["inner_diameter"] >= sizes["outer_diameter"]:
+            raise ValueError(f"{place}.inner_diameter is not smaller than outer_diameter, expected a smaller bore")
+        found.append(
+            Piece(
+                length=sizes["length"],
+                outer=sizes["outer_diameter"],
+                inner=sizes["inner_diameter"],
+                material=table.get("material") or material,
+                core=table.get("core", ""),
+            )
+        )
+    if not found:
+        raise ValueError(f"{where} is empty, expected one segment or more")
+    return tuple(found)
+
+
+def inserted(holder: Sequence[Piece], insertion: float, shank: Piece) -> tuple[Piece, ...]:
+    """Return the pieces of a holder with the shank of a tool in its bore over the insertion.
+
+    Parameters
+    ----------
+    holder : sequence of Piece
+        From the nose on.
+    insertion : float
+        Length in m; the piece in which it ends is divided.
+    shank : Piece
+        The shank; its material fills the bore, which has its diameter.
+
+    Raises
+    ------
+    ValueError
+        The insertion is longer than the holder, or the bore is given and has another diameter.
+    """
+    found: list[Piece] = []
+    rest = insertion
+    for number, piece in enumerate(holder, 1):
+        length = piece.length or 0.0
+        if rest <= 1e-9:
+            found.append(piece)
+            continue
+        if piece.outer <= shank.outer:
+            raise ValueError(
+                f"is {_mm(insertion)}, but piece {number} of the holder is {_mm(piece.outer)} thick and cannot contain "
+                f"the shank of {_mm(shank.outer)}"
+            )
+        if piece.inner and abs(piece.inner - shank.outer) > 0.01 * shank.outer:
+            raise ValueError(
+                f"is {_mm(insertion)}, but piece {number} of the holder has a bore of {_mm(piece.inner)} there, "
+                f"expected that of the shank, {_mm(shank.outer)}, or none; a collet around the shank counts as holder"
+            )
+        inside = min(rest, length)
+        found.append(replace(piece, length=inside, inner=shank.outer, core=shank.material))
+        if length - inside > 1e-9:
+            found.append(replace(piece, length=length - inside))
+        rest -= inside
+    if rest > 1e-9:
+        total = sum(piece.length or 0.0 for piece in holder)
+        raise ValueError(f"is {_mm(insertion)}, longer than the holder of {_mm(total)}")
+    return tuple(found)
+
+
+def parse_material(text: str) -> Material:
+    """Return a material that is written as `NAME = MODULUS, DENSITY[, POISSON[, LOSS FACTOR]]`.
+
+    Raises
+    ------
+    ValueError
+        A text that is not understood; the message begins with "is".
+
+    Examples
+    --------
+    >>> from receptance.campaign.draft import parse_material
+    >>> parse_material("aluminium = 70 GPa, 2700 kg/m^3, 0.33").youngs_modulus
+    70000000000.0
+    """
+    expected = '"NAME = MODULUS, DENSITY, POISSON, LOSS", such as "aluminium = 70 GPa, 2700 kg/m^3, 0.33, 0.001"'
+    name, sign, rest = text.partition("=")
+    values = [value.strip() for value in rest.split(",")]
+    if not sign or not name.strip() or not 2 <= len(values) <= 4:
+        raise ValueError(f"is {shown(text)}, expected {expected}")
+    try:
+        numbers = [float(value) for value in values[2:]]
+    except ValueError:
+        raise ValueError(f"is {shown(text)}, expected {expected}") from None
+    try:
+        return Material(
+            youngs_modulus=parse(values[0], units.MODULUS),
+            density=parse(values[1], units.DENSITY),
+            poisson_ratio=parse(numbers[0] if numbers else 0.3, units.POISSON_RATIO),
+            loss_factor=parse(numbers[1] if len(numbers) > 1 else 0.001, units.LOSS_FACTOR),
+            name=name.strip(),
+        )
+    except ValueError as error:
+        raise ValueError(f"is {shown(text)}: {error}; expected {expected}") from None
+
+
+# The campaign ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class DraftMeasurement:
+    """A measured file with its overhang.
+
+    Attributes
+    ----------
+    name : str
+        Name of the measurement and of its assembly.
+    overhang : float
+        In m, from the holder's face to the tip.
+    table : dict
+        Keys of the measurement in the campaign: `kind`, `file` and the options that read it.
+    held_out : bool
+        Whether it is held out.
+    about : str
+        Contents of the file, for a comment.
+    """
+
+    name: str
+    overhang: float
+    table: Mapping[str, Any]
+    held_out: bool = False
+    about: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """A tool in a holder, measured at one overhang or several.
+
+    Attributes
+    ----------
+    title : str
+        Title of the campaign.
+    tool, holder : tuple of Piece
+        From the tip on; the last piece of the tool is its shank. The shank in the holder is the core of its pieces.
+    measurements : tuple of DraftMeasurement
+        The measured files.
+    sensor : float
+        Mass of the accelerometer on the tip in kg; 0 for none.
+    spindle_modes : int
+        Number of modes of the spindle behind the holder; 0 for a holder that hangs free.
+    materials : dict of str to Material
+        Materials by name.
+    """
+
+    title: str
+    tool: tuple[Piece, ...]
+    holder: tuple[Piece, ...]
+    measurements: tuple[DraftMeasurement, ...]
+    sensor: float = 0.0
+    spindle_modes: int = 0
+    materials: Mapping[str, Material] = field(default_factory=lambda: dict(MATERIALS))
+
+    def text(self) -> str:
+        """Return the text of the campaign file, with comments.
+
+        Raises
+        ------
+        ValueError
+            A material is not known, or an overhang is shorter than the tool in front of its shank.
+        """
+        parts = [*self._head(), *self._materials(), *self._parts(), *self._assemblies(), *self._measurements()]
+        return "\n".join([*parts, *self._unknowns()]) + "\n"
+
+    def _head(self) -> Iterator[str]:
+        yield from _comment(
+            "Written by `receptance new`. Every value may be changed; `receptance check` reads the file again, says "
+            "what is there and what is missing, and draws the assemblies to scale. All keys are in docs/campaign.md."
+        )
+        yield ""
+        yield f"title = {_value(self.title)}"
+        yield ""
+
+    def _materials(self) -> Iterator[str]:
+        pieces = [*self.tool, *self.holder]
+        used = dict.fromkeys(name for piece in pieces for name in (piece.material, piece.core) if name)
+        yield from _comment(
+            "Tolerances are standard deviations. Those of materials and dimensions below are assumed: replace them by "
+            "your own. They are fitted as errors, so that they are not taken for another cause."
+        )
+        yield ""
+        for name in used:
+            if name not in self.materials:
+                raise ValueError(f'the material is "{name}"{instead_of(name, self.materials)}')
+            material = self.materials[name]
+            yield f"[materials.{_key(name)}]"
+            for key, declared in type(material).declared.items():
+                if isinstance(declared, Number):
+                    yield f"{key} = {_value(readable(getattr(material, key), declared.quantity))}"
+            yield f"tolerance = {_value(_TOLERANCES['materials'])}"
+            yield ""
+
+    def _parts(self) -> Iterator[str]:
+        before = sum(piece.length or 0.0 for piece in self.tool[:-1])
+        for one in self.measurements:
+            if one.overhang <= before:
+                raise ValueError(
+                    f"the overhang of {one.name} is {_mm(one.overhang)}, expected more than the {_mm(before)} of the "
+                    "tool in front of its shank"
+                )
+        yield from _comment(
+            "The tool outside the holder, from the tip on. The length of its last segment follows from the overhang "
+            "of each assembly, and has an error of its own in each clamping."
+        )
+        shank = replace(self.tool[-1], length=self.measurements[0].overhang - before)
+        yield from self._part("tool", (*self.tool[:-1], shank))
+        yield from _comment("The holder, from its nose on; `core` is the shank of the tool in its bore.")
+        yield from self._part("holder", self.holder)
+
+    def _part(self, name: str, pieces: Sequence[Piece]) -> Iterator[str]:
+        made = Part(
+            [
+                Segment(
+                    length=piece.length or 0.0,
+                    outer_diameter=piece.outer,
+                    inner_diameter=piece.inner,
+                    material=self.materials[piece.material],
+                    core=self.materials[piece.core] if piece.core else None,
+                )
+                for piece in pieces
+            ],
+            name=name,
+        )
+        for segment in element_table(made, Materials(self.materials), readable)["segments"]:
+            yield f"[[parts.{name}.segments]]"
+            yield from (f"{key} = {_value(value)}" for key, value in segment.items())
+            known = {key: text for key, text in _TOLERANCES[name].items() if key in segment}
+            if "core" in segment:
+                del known["inner_diameter"]  # the bore is that of its core
+            yield f"tolerance = {_value(known)}"
+            yield ""
+
+    def _assemblies(self) -> Iterator[str]:
+        yield from _comment("The joint between tool and holder. Its values are unknowns, see below.")
+        yield "[joints.joint]"
+        yield ""
+        chain = ["tool", "joint", "holder"]
+        if self.spindle_modes:
+            yield from _comment(
+                "The spindle behind the holder as modes, identified with the joint. Give as many as the FRFs show "
+                "peaks of the machine."
+            )
+            yield "[modal_parts.spindle]"
+            yield "identify = true"
+            yield f"modes = {_value([{}] * self.spindle_modes)}"
+            yield ""
+            chain.append("spindle")
+        if self.sensor:
+            yield from _comment("The accelerometer, whose mass is part of the model while it measures.")
+            yield "[sensors.accelerometer]"
+            yield f"mass = {_value(readable(self.sensor, units.MASS))}"
+            yield f"tolerance = {_value(_TOLERANCES['sensors'])}"
+            yield ""
+        before = sum(piece.length or 0.0 for piece in self.tool[:-1])
+        address = f"tool.segment[{len(self.tool) - 1}].length"
+        for one in self.measurements:
+            yield f"[assemblies.{_key(one.name)}]"
+            yield f"chain = {_value(chain)}"
+            yield f"set = {_value({address: _mm(one.overhang - before)})}"
+            yield f"conditions = {_value({'overhang': _mm(one.overhang)})}"
+            yield ""
+
+    def _measurements(self) -> Iterator[str]:
+        yield from _comment(
+            'Hit and measured at the tip. For other points add, for example, `response = { part = "holder", position '
+            '= "0 mm" }` or `excitation = { position = "5 mm" }`; `direction = "-y"` turns a sign.'
+        )
+        if not self.sensor:
+            yield from _comment(
+                'No accelerometer: right for a laser. Else add [sensors.accelerometer] with `mass = "0.6 g"`, and '
+                '`sensor = "accelerometer"` to the measurements.'
+            )
+        if not any(one.held_out for one in self.measurements):
+            yield from _comment(
+                'With `role = "hold out"` a measurement is left out of the fit and compared with its prediction.'
+            )
+        for one in self.measurements:
+            yield ""
+            if one.about:
+                yield from _comment(one.about)
+            yield f"[measurements.{_key(one.name)}]"
+            table = {"kind": one.table["kind"], "assembly": one.name}
+            table |= {"role": "hold out"} if one.held_out else {}
+            table |= one.table
+            table |= {"sensor": "accelerometer"} if self.sensor else {}
+            yield from (f"{key} = {_value(value)}" for key, value in table.items())
+        yield ""
+
+    def _unknowns(self) -> Iterator[str]:
+        yield from _comment("Bounds of the unknowns; they are fitted on a logarithmic scale.")
+        yield "[unknowns]"
+        for name, (lower, upper) in _JOINT_BOUNDS.items():
+            yield f'"joint.{name}" = {_value({"lower": lower, "upper": upper})}'
+
+
+def readable(value: float, kind: Quantity) -> str | float:
+    """Return the text of a quantity in the unit of its example, with up to 10 digits.
+
+    Examples
+    --------
+    >>> from receptance import units
+    >>> from receptance.campaign.draft import readable
+    >>> readable(0.0127, units.LENGTH), readable(580e9, units.MODULUS)
+    ('12.7 mm', '580 GPa')
+    """
+    if not kind.unit:
+        return float(f"{value:.10g}")
+    _, unit = units.split(kind.example, "")
+    factor = parse(f"1 {unit}", replace(kind, least=-float("inf"), above=-float("inf"), most=float("inf")))
+    return f"{value / factor:.10g} {unit}"
+
+
+def _mm(length: float) -> str:
+    return str(readable(length, units.LENGTH))
+
+
+def _comment(text: str) -> Iterable[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# ", break_long_words=False)
+
+
+def _key(name: str) -> str:
+    return name if _BARE.fullmatch(name) else _value(name)
+
+
+def _value(value: Any) -> str:
+    """Return a value on one line of TOML."""
+    import tomli_w
+
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items())
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    return tomli_w.dumps({"x": value}).removeprefix("x = ").rstrip("\n")

@@ -1,0 +1,83 @@
+"""Curves of held-out records, measured and predicted without and with the causes of a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from receptance.diagnosis.by_mode import Curve, curve_of
+from receptance.diagnosis.causes import IndescribableError, transfer
+from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.held_out import PosteriorPrediction, without
+from receptance.diagnosis.model import Model
+from receptance.errors import ReceptanceError
+from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import InfeasibleError
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.explanation import Explanation
+    from receptance.diagnosis.verdict import Verdict
+
+__all__ = ["held_out_curves"]
+
+
+def held_out_curves(verdict: Verdict, most: int = 4) -> list[tuple[Curve, Curve | None]]:
+    """Return held-out receptances with their predictions, before and after the causes are part of the model.
+
+    Separate held-out measurements are predicted by the fits to all others. Without these each configuration is left out
+    of the fit of the base, and of the best of the reported explanations, from the values of the fits to all data.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        A verdict with an improvement on held-out data; there are no curves without one.
+    most : int, optional
+        Largest number of records.
+
+    Returns
+    -------
+    list of (Curve, Curve or None)
+        Measured and predicted, before and after; None without a cause.
+    """
+    base, best = verdict.selection.base, verdict.explanation
+    if not verdict.gains:
+        return []
+    if verdict.held_out is not None:
+        return _pairs(base, best, verdict.held_out)[:most]
+    found: list[tuple[Curve, Curve | None]] = []
+    for name in base.model.configurations:
+        records = tuple(one for one, own in _owned(base.model) if own == name and isinstance(one, MeasuredFRF))
+        if not records or len(found) >= most:
+            continue
+        try:
+            fit = refit(without(base.model, [name]), base.values)
+            own = None if best is None else replace(best, fit=refit(without(best.fit.model, [name]), best.fit.values))
+        except (ValueError, ReceptanceError):
+            continue
+        found += _pairs(fit, own, replace(base.model, observations=records))
+    return found[:most]
+
+
+def _owned(model: Model) -> Sequence[tuple[object, str]]:
+    return list(zip(model.observations, model.configuration_of, strict=True))
+
+
+def _pairs(base: Fit, best: Explanation | None, held_out: Model) -> list[tuple[Curve, Curve | None]]:
+    before = _curves(base, held_out)
+    after: list[Curve] = []
+    if best is not None:
+        try:
+            after = _curves(best.fit, transfer(held_out, best.steps))
+        except IndescribableError:
+            after = []
+    return [(one, after[i] if i < len(after) else None) for i, one in enumerate(before)]
+
+
+def _curves(fit: Fit, model: Model) -> list[Curve]:
+    try:
+        residuals = PosteriorPrediction(fit, model).predicted
+    except InfeasibleError:
+        return []
+    pairs = zip(model.observations, residuals, strict=False)
+    return [curve_of(one, own) for one, own in pairs if isinstance(one, MeasuredFRF)]

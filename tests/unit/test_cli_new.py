@@ -1,0 +1,320 @@
+"""The command `new`: campaigns from files and answers, and what it refuses."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import foreign_beam
+from command_line import call
+from receptance import CARBIDE, FRF, campaign, examples
+from receptance.campaign.draft import Piece, inserted, parse_material, parse_pieces, pieces_of
+from receptance.cli import new as module
+from receptance.io import Coherence, TimeSeries, read_frf, write
+
+ANSWERS = {
+    "--overhang": "60 mm",
+    "--tool": "20 mm",
+    "--tool-material": "carbide",
+    "--holder": "48 mm x 50 mm, 90 mm x 44/16 mm",
+    "--holder-material": "steel",
+    "--insertion": "48 mm",
+    "--sensor": "2 g",
+    "--support": "free",
+}
+
+
+def options(without: tuple[str, ...] = (), **changed: str) -> list[str]:
+    """Return all options, some of them left out or with other values."""
+    own = ANSWERS | {f"--{name.replace('_', '-')}": value for name, value in changed.items()}
+    return [word for pair in own.items() if pair[0] not in without for word in pair]
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(module.sys.stdin, "isatty", lambda: False, raising=False)
+    lines = np.arange(200.0, 1000.0, 50.0)
+    values = foreign_beam.accelerance(60.0, lines, 0.0)
+    rows = [f"{f:g};{h.real:.6e};{h.imag:.6e};0,99".replace(".", ",") for f, h in zip(lines, values, strict=True)]
+    text = "\n".join(["Mittelungen;10", "Frequenz [Hz];Real [g/N];Imag [g/N];Coh", *rows]) + "\n"
+    Path("tool_60mm.csv").write_text(text)
+    Path("bare.csv").write_text("Frequenz;Real;Imag;Coh\n" + "\n".join(rows) + "\n")
+
+
+def left() -> set[str]:
+    return {str(path) for path in Path().rglob("*") if path.is_file() or not any(path.iterdir())}
+
+
+BEFORE = {"tool_60mm.csv", "bare.csv"}
+
+
+def test_a_campaign_from_options(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "new", "a/b", "tool_60mm.csv", *options()) == 0
+    text = capsys.readouterr().out
+    assert "Written: a/b/campaign.toml" in text
+    assert "Next: receptance check a/b" in text
+    assert max(map(len, text.splitlines())) <= 80
+    found = campaign.load("a/b")
+    (measured,) = found.measurements.values()
+    assert (measured.name, measured.sensor, measured.files) == ("tool_60mm", "accelerometer", ("../../tool_60mm.csv",))
+    assembly = found.assemblies["tool_60mm"]
+    assert list(assembly.elements) == ["tool", "joint", "holder"]
+    assert assembly.get("tool.segment[0].length") == pytest.approx(0.06)
+    assert assembly.get("tool.segment[0].youngs_modulus") == CARBIDE.youngs_modulus
+    assert assembly.get("holder.segment[0].core.density") == CARBIDE.density
+    assert assembly.get("holder.segment[0].inner_diameter") == pytest.approx(0.02)
+    assert measured.observation.assembly.get("accelerometer.mass") == pytest.approx(0.002)
+    assert [unknown.name for unknown in found.unknowns] == [f"joint.{n}" for n in ("k_y", "k_theta", "c_y", "c_theta")]
+    assert campaign.CampaignCheck(found).missing["diagnose"] == ""
+    assert left() == BEFORE | {"a/b/campaign.toml"}
+
+
+def test_the_file_is_commented_and_holds_the_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(title='A "tool"')) == 0
+    text = Path("made/campaign.toml").read_text()
+    assert sum(line.startswith("#") for line in text.splitlines()) > 10
+    assert max(map(len, text.splitlines())) <= 120
+    data = tomllib.loads(text)
+    assert data["title"] == 'A "tool"'
+    assert data["parts"]["holder"]["segments"][1] == {
+        "length": "90 mm",
+        "outer_diameter": "44 mm",
+        "inner_diameter": "16 mm",
+        "material": "steel",
+        "tolerance": {"length": "0.1 mm", "outer_diameter": "0.1 %", "inner_diameter": "0.3 %"},
+    }
+
+
+def test_existing_files_are_kept(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine").mkdir()
+    Path("mine/campaign.toml").write_text("mine")
+    assert call(monkeypatch, "new", "mine", "tool_60mm.csv", *options()) == 2
+    assert "mine/campaign.toml exists already; choose another folder, or replace it with --overwrite" in (
+        capsys.readouterr().err
+    )
+    assert Path("mine/campaign.toml").read_text() == "mine"
+    assert call(monkeypatch, "new", "mine", "tool_60mm.csv", *options(support="wall"), "--overwrite") == 2
+    assert Path("mine/campaign.toml").read_text() == "mine"
+    assert call(monkeypatch, "new", "mine", "tool_60mm.csv", *options(), "--overwrite") == 0
+    assert len(campaign.load("mine").measurements) == 1
+
+
+def test_all_missing_options_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    columns = ["--columns", "Frequenz [Hz],Real,Imag,Coh", "--unit", "g/N"]
+    assert call(monkeypatch, "new", "made", "bare.csv", *columns) == 2
+    error = capsys.readouterr().err
+    assert "standard input is not a terminal" in error
+    for option in (*ANSWERS, "--averages"):
+        assert f"  {option} " in error
+    assert left() == BEFORE
+    # What is listed is what is missing: with it the command runs.
+    listed = dict(re.findall(r"^  (--[a-z-]+) ('[^']*'|\S+)", error, re.MULTILINE))
+    answers = [word for pair in listed.items() for word in (pair[0], pair[1].strip("'"))]
+    assert call(monkeypatch, "new", "made", "bare.csv", *columns, *answers) == 0
+    assert campaign.load("made").measurements["bare"].observation.weighted
+
+
+def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    replies = iter(
+        [
+            *("Frequenz [Hz],Real,Imag,Coh", "g/N", "none", "12", "60 mm", "80", "80 mm", "20 mm", "carbid", "carbide"),
+            *("48 mm x 50 mm, 90x44/16 mm", "steel", "400 mm", "48 mm", "laser", "spindle"),
+        ]
+    )
+    monkeypatch.setattr(module.sys.stdin, "isatty", lambda: True, raising=False)
+    asked = []
+
+    def prompt(question: str, default: str | None = None) -> str:
+        asked.append((question.partition(" (such as")[0], default))
+        return next(replies)
+
+    monkeypatch.setattr(module.typer, "prompt", prompt)
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", "bare.csv") == 0
+    text = capsys.readouterr().out
+    for words in ('This is "none", expected a whole number', 'This is "80", without a unit', "did you mean", "400 mm"):
+        assert words in text
+    assert ("Overhang of tool_60mm, from the holder's face to the tip", "60 mm") in asked
+    assert next(replies, None) is None
+    found = campaign.load("made")
+    assert list(found.assemblies["bare"].elements) == ["tool", "joint", "holder", "spindle"]
+    assert found.assemblies["bare"].get("tool.segment[0].length") == pytest.approx(0.08)
+    assert found.table.measurements["bare"].averages == 12
+    assert found.table.measurements["tool_60mm"].unit is None
+
+
+def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(module.sys.stdin, "isatty", lambda: True, raising=False)
+
+    def prompt(*arguments: object, **options: object) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module.typer, "prompt", prompt)
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv") == 130
+    assert "interrupted, no file was written" in capsys.readouterr().err
+    assert left() == BEFORE
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["made", "no.csv", *options()], "no.csv: No such file"),
+        (["tool_60mm.csv", "bare.csv", *options()], "tool_60mm.csv is a file, expected first the folder"),
+        (["made", "tool_60mm.csv", "./tool_60mm.csv", *options()], "tool_60mm.csv is given twice"),
+        (["made", "bare.csv", *options()], r"bare.csv, line 1: .*--columns 'Frequenz \[Hz\],Real,Imag,Coh'"),
+        (["made", "tool_60mm.csv", *options(overhang="60")], '--overhang of tool_60mm is "60", without a unit'),
+        (["made", "tool_60mm.csv", *options(overhang="x=60 mm")], '--overhang names "x", expected "tool_60mm"'),
+        (["made", "tool_60mm.csv", *options(), "--overhang", "9 mm"], "2 --overhang are given for 1 measurements"),
+        (["made", "tool_60mm.csv", *options(tool="12,7 mm")], "--tool is .*decimals are written with a point"),
+        (["made", "tool_60mm.csv", *options(tool="70 mm x 9 mm, 20 mm")], "overhang of tool_60mm is 60 mm, expected"),
+        (["made", "tool_60mm.csv", *options(tool_material="wood")], '--tool-material is "wood", expected one of'),
+        (["made", "tool_60mm.csv", *options(holder="50 mm")], "--holder is .* has no length"),
+        (["made", "tool_60mm.csv", *options(holder="no.csv")], "there is no file no.csv"),
+        (["made", "tool_60mm.csv", *options(holder="48 mm x 20 mm")], "cannot contain the shank of 20 mm"),
+        (
+            ["made", "tool_60mm.csv", *options(insertion="1 m")],
+            "--insertion is 1000 mm, but piece 2 .* a bore of 16 mm",
+        ),
+        (["made", "tool_60mm.csv", *options(sensor="2")], '--sensor is "2", without a unit.*, or none'),
+        (["made", "tool_60mm.csv", *options(support="wall")], '--support is "wall", expected one of "free", "spindle"'),
+        (["made", "tool_60mm.csv", *options(), "--spindle-modes", "2"], "expected --support spindle"),
+        (["made", "tool_60mm.csv", *options(averages="5")], "--averages is 5, but tool_60mm.csv states 10"),
+        (["made", "tool_60mm.csv", *options(standard_deviation="2")], '--standard-deviation is "2", expected'),
+        (["made", "tool_60mm.csv", *options(hold_out="x")], '--hold-out is "x", expected "tool_60mm"'),
+        (["made", "tool_60mm.csv", *options(hold_out="tool_60mm")], "--hold-out names all measurements"),
+        (["made", "tool_60mm.csv", *options(material="alu")], '--material is "alu", expected "NAME ='),
+        (["made", "tool_60mm.csv", *options(material="alu = 70 kg, 1 kg/m^3")], "a mass, expected a modulus"),
+        (["made", "coh.csv", *options()], "coh.csv holds Coherence.* --coherence coh.csv"),
+        (["made", "two.csv", *options()], "two.csv has 2 channels with the unit of a force, expected --force"),
+        (["made", "matrix.npz", *options()], "2 responses and 1 excitations"),
+    ],
+)
+def test_new_refuses(
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = np.arange(1.0, 20.0)
+    write("coh.csv", Coherence(frequency_hz=lines, values=np.full(19, 0.9)))
+    write("two.csv", TimeSeries(values=np.ones((9, 2)), channels=["a", "b"], units=["N", "N"], sample_rate_hz=1e4))
+    write("matrix.npz", FRF(frequency_hz=lines, values=np.ones((19, 2, 1)), responses=["y", "theta"]))
+    before = left()
+    assert call(monkeypatch, "new", *arguments) == 2
+    error = capsys.readouterr().err
+    assert re.search(message, error), error
+    assert "Traceback" not in error
+    assert left() == before
+
+
+def test_hammer_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    examples.write("hammer", "hammer")
+    assert call(monkeypatch, "new", "made", "hammer/short.npz", *options()) == 0
+    table = campaign.load("made").table.measurements["short"]
+    assert (table.kind, table.force, table.motion) == ("hammer records", "hammer", "tip")
+
+
+def test_several_frfs_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    frf = read_frf("tool_60mm.csv")
+    write("both.npz", [frf, frf])
+    overhangs = ["--overhang", "both 1=60 mm", "--overhang", "both 2=80 mm"]
+    assert call(monkeypatch, "new", "made", "both.npz", *options(without=("--overhang",)), *overhangs) == 0
+    found = campaign.load("made")
+    assert [found.table.measurements[name].entry.number for name in ("both 1", "both 2")] == [0, 1]
+    assert found.assemblies["both 2"].get("tool.segment[0].length") == pytest.approx(0.08)
+
+
+def test_holders_from_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("h.csv").write_text(
+        "holder,length [mm],outer diameter [mm],inner diameter [mm],material,core\n"
+        "small,40,30,20,steel,carbide\nbig,48,50,20,steel,carbide\nbig,90,44,16,steel,\n"
+    )
+    Path("h.toml").write_text(
+        '[[segments]]\nlength = "48 mm"\nouter_diameter = "50 mm"\n[[segments]]\nlength = "90 mm"\n'
+        'outer_diameter = "44 mm"\ninner_diameter = "16 mm"\n'
+    )
+    assert call(monkeypatch, "new", "text", "tool_60mm.csv", *options()) == 0
+    assert call(monkeypatch, "new", "toml", "tool_60mm.csv", *options(holder="h.toml")) == 0
+    without = ("--insertion", "--holder-material")
+    assert call(monkeypatch, "new", "csv", "tool_60mm.csv", *options(without=without, holder="h.csv:big")) == 0
+    holders = [
+        tomllib.loads(Path(f"{n}/campaign.toml").read_text())["parts"]["holder"] for n in ("text", "toml", "csv")
+    ]
+    assert holders[0] == holders[1] == holders[2]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "holder", "message"),
+    [
+        ("h.csv", "holder,length [mm]\n", "h.csv", "names a file with mistakes"),
+        ("h.csv", "holder,length [mm],outer diameter [mm],material\na,1,2,s\nb,1,2,s\n", "h.csv", "such as h.csv:a"),
+        ("h.csv", "holder,length [mm],outer diameter [mm],material\na,1,2,s\n", "h.csv:b", 'has no "b"'),
+        ("h.toml", "x = ", "h.toml", "is not TOML"),
+        ("h.toml", "x = 1", "h.toml", r"has neither \[\[segments\]\] nor"),
+        ("h.toml", '[[segments]]\nlength = "1 mm"', "h.toml", r"segments\[0\] has no outer_diameter"),
+        (
+            "h.toml",
+            '[[segments]]\nlength = "1 kg"\nouter_diameter = "9 mm"',
+            "h.toml",
+            r"segments\[0\].length is .*mass",
+        ),
+        ("h.txt", "48 mm", "h.txt", "expected .csv or .toml"),
+    ],
+)
+def test_wrong_files_of_holders(
+    name: str,
+    content: str,
+    holder: str,
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path(name).write_text(content)
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(holder=holder)) == 2
+    assert re.search(message, capsys.readouterr().err)
+    assert left() == {*BEFORE, name}
+
+
+def test_ends_of_low_coherence_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    frf = read_frf("tool_60mm.csv")
+    lines = np.arange(200.0, 1000.0, 5.0)
+    coherence = np.where(lines < 300.0, 0.4, 0.99)
+    coherence[80] = 0.1  # an antiresonance inside the band is no end
+    noisy = FRF(frequency_hz=lines, values=np.full(lines.size, 1e-3 + 1e-5j), coherence=coherence, averages=10)
+    write("noisy.npz", noisy)
+    assert call(monkeypatch, "new", "made", "noisy.npz", *options()) == 0
+    (band,) = tomllib.loads(Path("made/campaign.toml").read_text())["measurements"]["noisy"]["bands"]
+    assert band == ["300 Hz", "995 Hz"]
+    assert frf.coherence is not None
+
+
+def test_pieces_as_text() -> None:
+    assert parse_pieces("0.5 in", shank=True) == (Piece(length=None, outer=pytest.approx(0.0127)),)
+    tool = parse_pieces("30x9.6 mm, 12 mm", material="carbide", shank=True)
+    assert [(p.length, p.outer, p.material) for p in tool] == [(0.03, 0.0096, "carbide"), (None, 0.012, "carbide")]
+    for text in ("", "mm", "50/60 mm", "10 mm x 5 mm x 3 mm", "10 kg", "-5 mm", "1 mm/"):
+        with pytest.raises(ValueError, match="is "):
+            parse_pieces(text, shank=True)
+
+
+def test_the_shank_fills_the_bore_over_the_insertion() -> None:
+    holder = parse_pieces("40 mm x 50/20 mm, 60 mm x 40 mm", material="steel")
+    shank = Piece(length=None, outer=0.02, material="carbide")
+    found = inserted(holder, 0.055, shank)
+    assert [(p.length, p.inner, p.core) for p in found] == [
+        (0.04, 0.02, "carbide"),
+        (pytest.approx(0.015), 0.02, "carbide"),
+        (pytest.approx(0.045), 0.0, ""),
+    ]
+    assert inserted(holder, 0.0, shank) == holder
+    with pytest.raises(ValueError, match="is 120 mm, longer than the holder of 100 mm"):
+        inserted(holder, 0.12, shank)
+
+
+def test_materials_as_text() -> None:
+    found = parse_material("aluminium = 70 GPa, 2.7 g/cm^3, 0.33")
+    assert (found.name, found.youngs_modulus, found.density) == ("aluminium", 70e9, pytest.approx(2700.0))
+    with pytest.raises(ValueError, match="segments is empty"):
+        pieces_of([], "segments")
