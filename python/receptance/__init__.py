@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import receptance.sweep
     import receptance.taper  # noqa: F401
     from receptance.campaign import Campaign, CampaignError
-    from receptance.diagnosis import Verdict, diagnose
+    from receptance.diagnosis import diagnose
     from receptance.errors import (
         GrossSlipError,
         MissingExtraError,
@@ -85,7 +85,6 @@ __all__ = [
     "SpreadJoint",
     "Tolerance",
     "Unknown",
-    "Verdict",
     "damped_modes",
     "diagnose",
     "find_bands",
@@ -95,7 +94,7 @@ __all__ = [
 
 _NAMES = {
     "campaign": ["Campaign", "CampaignError"],
-    "diagnosis": ["Verdict", "diagnose"],
+    "diagnosis": ["diagnose"],
     "errors": [
         "GrossSlipError",
         "MissingExtraError",

@@ -46,6 +46,14 @@ class ModeShapes(Result):
         `(k, n)` complex deflection in 1/kg^(1/2) and slope in rad/(m kg^(1/2)). The receptance between two points is
         the sum of y_i y_j / (w_r^2 - w^2 + 2 i zeta_r w_r w) over the modes. The largest deflection is close to the
         real axis and positive; imaginary parts are due to damping.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> shapes = bar.mode_shapes(12e3)
+    >>> f"{shapes.frequency_hz[0]:.0f} Hz, {shapes.y[0, 0].real:.2f} 1/kg^(1/2) at {shapes.distance[0]:.1f} m"
+    '8389 Hz, 3.77 1/kg^(1/2) at 0.0 m'
     """
 
     heading: ClassVar[str] = "Mode shapes"
