@@ -27,10 +27,11 @@ from receptance.cli.campaigns import (
 )
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
+from receptance.cli.demo import demo
 from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer
 from receptance.cli.show import show
-from receptance.cli.studies import demo, studies
+from receptance.cli.studies import studies
 from receptance.cli.sweep import sweep
 
 __all__ = ["app", "main"]
@@ -44,6 +45,7 @@ app = typer.Typer(
     help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
 )
 _COMMANDS: dict[str, Callable[..., None]] = {
+    "demo": demo,
     "new": new,
     "example": example,
     "check": check,
@@ -59,7 +61,6 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "catalogue": catalogue,
     "convert": convert,
     "schema": schema,
-    "demo": demo,
 }
 for name, command in _COMMANDS.items():
     app.command(name)(command)

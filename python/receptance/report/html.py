@@ -11,8 +11,8 @@ from receptance._text import printable
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from receptance.report.result import Fact, Renderable
-    from receptance.report.table import Table
+    from receptance.report.result import Renderable
+    from receptance.report.table import Fact, Table
 
 _CODE = re.compile("`([^`]+)`")
 

@@ -4,40 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from receptance.report.plain import plain
 from receptance.report.provenance import Provenance
-from receptance.report.table import Table, joined
+from receptance.report.table import Fact, Table, joined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Fact", "Renderable", "Result", "Results"]
+__all__ = ["Renderable", "Result", "Results"]
 
 _MOST_SOURCES = 3
 """Number of sources, such as measurements, whose notes are printed; `to_dict` contains all notes."""
-
-
-@dataclass(frozen=True)
-class Fact:
-    """A finding with a label, such as the verdict of a diagnosis.
-
-    Attributes
-    ----------
-    label : str
-        One or two words.
-    texts : tuple of str
-        Sentences, a paragraph each.
-    lines : tuple of str
-        Lines to copy into a file, which are shown as they are.
-    """
-
-    label: str
-    texts: tuple[str, ...]
-    lines: tuple[str, ...] = ()
 
 
 class Renderable(ABC):

@@ -1,4 +1,4 @@
-"""Tables of results, and the rounding of their numbers."""
+"""Tables and findings of results, and the rounding of their numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-__all__ = ["Cell", "Column", "Table", "amount", "amount_interval", "amounts", "interval", "joined", "number"]
+__all__ = ["Cell", "Column", "Fact", "Table", "amount", "amount_interval", "amounts", "interval", "joined", "number"]
 
 Interval: TypeAlias = tuple[float | None, float | None]
 Cell: TypeAlias = str | float | Interval | None
@@ -231,3 +231,22 @@ def joined(tables: Iterable[Table]) -> list[Table]:
         rows = one.rows if before is None else [*before.rows, *one.rows]
         found[key] = Table(one.title, one.columns, rows, one.note)
     return list(found.values())
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A finding with a label, such as the verdict of a diagnosis.
+
+    Attributes
+    ----------
+    label : str
+        One or two words.
+    texts : tuple of str
+        Sentences, a paragraph each.
+    lines : tuple of str
+        Lines to copy into a file, which are shown as they are.
+    """
+
+    label: str
+    texts: tuple[str, ...]
+    lines: tuple[str, ...] = ()
