@@ -9,18 +9,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import er32_study
+import foreign_beam
 from campaign_text import write
 from command_line import call, interrupted
 from receptance import _files
 from receptance._files import check_target, write_whole
+from receptance.campaign import Campaign
 from receptance.cli import app as command_line
 from receptance.cli import main
+from receptance.examples import EXAMPLES
 from receptance.studies import er32
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -36,18 +39,34 @@ def left() -> set[str]:
 
 
 def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Plain text in a pipe; the figure is in the current folder and named. The README runs the demo with all draws."""
-    monkeypatch.setattr(er32, "run", lambda settings, progress: er32_study.results(replace(settings, draws=3)))
+    """Plain text in a pipe; the files are in the current folder and named. The README runs the demo with all causes."""
+    of_all = Campaign.diagnose
+    monkeypatch.setattr(Campaign, "diagnose", lambda self: of_all(self, ["sensor_mass", "calibration_gain"]))
+    monkeypatch.setenv("COLUMNS", "80")
     assert call(monkeypatch, "demo", "--json", "results.json") == 0
     text = capsys.readouterr().out
     assert "Figure: receptance-demo.png" in text
-    assert "inferred, not published" in " ".join(text.split())
+    assert "Report: receptance-demo.html" in text
+    assert "named: mass of the sensor: mass 1.99" in " ".join(text.split())
     assert "\x1b" not in text
-    assert "\u2026" not in text, "a cell was cut off"
-    assert max(map(len, text.splitlines())) <= 132
-    assert left() == {"receptance-demo.png", "results.json"}
+    assert len(text.splitlines()) <= 20
+    assert max(map(len, text.splitlines())) <= 80
+    assert left() == {"receptance-demo.png", "receptance-demo.html", "results.json"}
     assert Path("receptance-demo.png").read_bytes().startswith(PNG)
-    assert json.loads(Path("results.json").read_text())["study"] == "er32"
+    found = json.loads(Path("results.json").read_text())
+    assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", ["sensor_mass"])
+    (size,) = found["causes"][0]["parameters"].values()
+    assert size["lower"] < 1e-3 * foreign_beam.SENSOR_G < size["upper"]
+
+
+def test_the_packaged_files_are_those_of_the_foreign_model(tmp_path: Path) -> None:
+    packaged = EXAMPLES["forgotten-sensor"].files()
+    for path in foreign_beam.write(tmp_path, beam=foreign_beam.DEMO):
+        own, other = (
+            np.loadtxt(text.replace(",", ".").splitlines()[5:], delimiter=";")
+            for text in (packaged[path.name].decode(), path.read_text(encoding="utf-8"))
+        )
+        np.testing.assert_allclose(own, other, rtol=1e-5, atol=1e-6 * np.abs(own[:, 1:3]).max())
 
 
 def test_study_er32(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,6 +19,7 @@ import tomli_w
 from campaign_text import TEXT, write
 from command_line import call, interrupted
 from receptance import FRF, campaign, io
+from receptance.campaign.changed_lines import with_campaign_lines
 from receptance.units import Form
 
 LINES = np.linspace(300.0, 6000.0, 300)
@@ -118,7 +119,7 @@ def merged(contents: dict[str, Any], lines: Sequence[str]) -> dict[str, Any]:
 def test_the_lines_of_the_answer_make_the_model_adequate(factor: float, derivatives: int, causes: list[str]) -> None:
     simulated(factor, derivatives=derivatives)
     rods = campaign.load("rods")
-    found = rods.diagnose(causes)
+    found = with_campaign_lines(rods, rods.diagnose(causes))
     assert [one.id for one in found.causes] == causes
     assert found.campaign_lines
     assert not any(line.startswith(("role", "title")) for line in found.campaign_lines)
@@ -128,7 +129,8 @@ def test_the_lines_of_the_answer_make_the_model_adequate(factor: float, derivati
         text = found.summary(width)
         assert max(len(line) for line in text.splitlines() if line.strip() not in found.campaign_lines) <= width
     Path("rods", "fixed.toml").write_text(tomli_w.dumps(merged(rods.contents, found.campaign_lines)))
-    again = campaign.load("rods/fixed.toml").diagnose(["time_delay"])
+    fixed = campaign.load("rods/fixed.toml")
+    again = with_campaign_lines(fixed, fixed.diagnose(["time_delay"]))
     assert again.verdict == "adequate"
     assert again.campaign_lines == ()
     assert again.adequacy.misfit == pytest.approx(found.adequacy_after.misfit, rel=1e-3)

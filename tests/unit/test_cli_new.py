@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,9 +40,9 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(module.sys.stdin, "isatty", lambda: False, raising=False)
-    lines = np.arange(200.0, 1000.0, 50.0)
-    values = foreign_beam.accelerance(60.0, lines, 0.0)
-    rows = [f"{f:g};{h.real:.6e};{h.imag:.6e};0,99".replace(".", ",") for f, h in zip(lines, values, strict=True)]
+    beam = replace(foreign_beam.PROTOCOL, step_hz=50.0, span_hz=950.0)
+    values = foreign_beam.accelerance(beam, 60.0, 0.0)
+    rows = [f"{f:g};{h.real:.6e};{h.imag:.6e};0,99".replace(".", ",") for f, h in zip(beam.lines, values, strict=True)]
     text = "\n".join(["Mittelungen;10", "Frequenz [Hz];Real [g/N];Imag [g/N];Coh", *rows]) + "\n"
     Path("tool_60mm.csv").write_text(text)
     Path("bare.csv").write_text("Frequenz;Real;Imag;Coh\n" + "\n".join(rows) + "\n")

@@ -34,6 +34,7 @@ COMMANDS = {
 }
 NO_ANSWER = {
     "er32": ("invert", "next", "stability", "catalogue"),
+    "forgotten-sensor": ("next", "stability", "catalogue"),
     "free-free": ("stability", "catalogue"),
     "hammer": ("next", "stability", "catalogue"),
     "machine": ("invert", "next"),
@@ -46,7 +47,6 @@ SLOW = {
     *((example, command) for example in ("er32", "hammer") for command in ("diagnose", "transfer")),
     *(("taper", command) for command in COMMANDS),
 }
-# `demo` prints the tables of `study er32`.
 STUDIES: dict[str, tuple[str, ...]] = {"er32": ("--draws", "3"), "bt50": ()}
 
 

@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.write import extended_data
+from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.diagnosis import Verdict
 
-__all__ = ["changed_lines"]
+__all__ = ["changed_lines", "with_campaign_lines"]
 
 _OWN = ("title", "description", "settings")
 """Keys that every extended campaign has of its own."""
 _LONG = re.compile(r"^(-?\d[\d.]*(?:e[-+]?\d+)?)(?= |$)")
+
+
+def with_campaign_lines(campaign: Campaign, verdict: Verdict) -> Verdict:
+    """Return the verdict with the lines that add its explanation to the file; without them if there are none."""
+    if verdict.explanation is None or not verdict.final:
+        return verdict
+    with warnings.catch_warnings():
+        # Warnings on the data were given when they were read.
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        try:
+            return replace(verdict, campaign_lines=changed_lines(campaign, verdict))
+        except ValueError:
+            return verdict
 
 
 def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
 from receptance.campaign.values import Condition, Deviation
-from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.errors import ReceptanceError
 from receptance.identification import (
     Candidate,
     Identification,
@@ -671,22 +670,7 @@ class Campaign(Renderable):
         notes += [*left_out, *verdict.notes]
         if started is not None:
             notes += _notes_on_modes(self, verdict)
-        verdict = replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
-        return replace(verdict, campaign_lines=self._lines_of(verdict))
-
-    def _lines_of(self, verdict: Verdict) -> tuple[str, ...]:
-        """Return the lines that add the explanation of a verdict to the file; none if it cannot describe it."""
-        from receptance.campaign.changed_lines import changed_lines
-
-        if verdict.explanation is None or not verdict.final:
-            return ()
-        with warnings.catch_warnings():
-            # Warnings on the data were given when they were read.
-            warnings.simplefilter("ignore", ReceptanceWarning)
-            try:
-                return changed_lines(self, verdict)
-            except ValueError:
-                return ()
+        return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=self.provenance())
 
     def _check_unknowns(self) -> None:
         if not self.unknowns:

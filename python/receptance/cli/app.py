@@ -28,10 +28,11 @@ from receptance.cli.campaigns import (
 )
 from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
+from receptance.cli.demo import demo
 from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer
 from receptance.cli.show import show
-from receptance.cli.studies import demo, studies
+from receptance.cli.studies import studies
 from receptance.cli.sweep import sweep
 from receptance.errors import MissingExtraError
 
@@ -40,6 +41,7 @@ __all__ = ["app", "main"]
 _INTERRUPTED = 130
 
 _COMMANDS: dict[str, Callable[..., None]] = {
+    "demo": demo,
     "new": new,
     "example": example,
     "check": check,
@@ -55,7 +57,6 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "catalogue": catalogue,
     "convert": convert,
     "schema": schema,
-    "demo": demo,
 }
 
 

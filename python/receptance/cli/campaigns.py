@@ -296,9 +296,10 @@ def diagnose(
     targets = Targets(json_file, plot, report, extended)
 
     def work(read: Campaign) -> Verdict:
+        from receptance.campaign.changed_lines import with_campaign_lines
         from receptance.campaign.stability import named_metrics
 
-        return read.diagnose(causes or None, metrics=named_metrics(read, metrics or ()))
+        return with_campaign_lines(read, read.diagnose(causes or None, metrics=named_metrics(read, metrics or ())))
 
     read, found = run_on_campaign(campaign, targets, work)
 

@@ -1,9 +1,8 @@
-"""The commands `demo` and `study`."""
+"""The commands `study`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,9 +16,7 @@ if TYPE_CHECKING:
 
     from receptance.studies.report import Section
 
-__all__ = ["demo", "studies"]
-
-DEMO_FIGURE = "receptance-demo.png"
+__all__ = ["studies"]
 
 
 class _Studies(TyperGroup):
@@ -42,11 +39,6 @@ Resolution = Annotated[
 ]
 Overhang = Annotated[float, typer.Option("--overhang-error", metavar="MM", help="Standard deviation of an overhang.")]
 Step = Annotated[int, typer.Option("--step", metavar="KN", min=1, max=2, help="Step of the drawbar force in kN.")]
-
-
-def demo(json_file: Json = None, plot: Plot = None) -> None:
-    """Run the ER32 study and save its figure."""
-    er32(json_file, plot or Path(DEMO_FIGURE))
 
 
 @studies.command()

@@ -24,6 +24,8 @@ __all__ = ["alternatives", "beyond_chance", "effect", "facts", "key_figures", "n
 
 _PARAMETERS = 8
 """Rows of parameters in the table of the effect; the result has all of them."""
+_MOST_LINES = 30
+"""Lines for the campaign file that are shown; more are only counted."""
 _ALTERNATIVES = 6
 """Causes in the table of alternatives on a terminal; `to_dict` has all of them."""
 
@@ -46,8 +48,12 @@ def facts(verdict: Verdict) -> list[Fact]:
     for number, one in enumerate(verdict.causes, 1):
         found += _of_cause(one, f" {number} of {count}" if count > 1 else "")
     if verdict.campaign_lines:
-        text = f"These lines add the {wording.names(verdict.causes_together)} to the model:"
-        found.append(Fact("Campaign file", (text,), verdict.campaign_lines))
+        added = f"add the {wording.names(verdict.causes_together)} to the model"
+        if len(verdict.campaign_lines) > _MOST_LINES:
+            text = f"{len(verdict.campaign_lines)} lines {added}; the option --extended writes them."
+            found.append(Fact("Campaign file", (text,)))
+        else:
+            found.append(Fact("Campaign file", (f"These lines {added}:",), verdict.campaign_lines))
     found += [Fact("Vetoed", (f"{wording.veto(verdict, one)}.", f"Remedy: {one.remedy}.")) for one in verdict.vetoed]
     if (other := verdict.alternative) is not None:
         text = f"{wording.capital(other.meaning)} {other.variant} explains the data; it is not a known cause."

@@ -26,7 +26,7 @@ from receptance.diagnosis.fitting import (
 )
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.screening import Direction, detection_threshold, directions, list_variants, rank
+from receptance.diagnosis.screening import Direction, detection_threshold, directions, list_variants, look_alike, rank
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, starts_from_singles, starts_of
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
@@ -36,6 +36,7 @@ from receptance.diagnosis.thresholds import (
     CONVERGED,
     EVALUATED_ON_INTERRUPT,
     LEADING_CAUSES,
+    LOOK_ALIKE,
     MARGIN,
     MISFIT_LIMIT,
     ROOTS,
@@ -99,15 +100,17 @@ class Search:
     1. `fit_singles`: every cause is screened to first order and its best variants are fitted.
     2. `refit_base`: the base is fitted again from the best explanation, because its first fit may have ended in a local
        minimum.
-    3. `add_causes`: to the best explanations further causes are added, one at a time.
-    4. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
+    3. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
+       to the solution than that of the base. From the base the right cause may end in a local minimum.
+    4. `add_causes`: to the best explanations further causes are added, one at a time.
+    5. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
-    5. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
+    6. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
        the base may have led all other starts to a local minimum.
-    6. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
+    7. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
        that has not converged no cause is named.
-    7. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
-    8. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
+    8. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
+    9. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
     After each step the invariant of `Selection` holds. A KeyboardInterrupt ends the steps; complete fits are kept.
 
@@ -132,6 +135,7 @@ class Search:
         try:
             self.fit_singles()
             self.refit_base()
+            self.fit_look_alikes()
             self.add_causes()
             self.exchange_causes()
             self.restart()
@@ -170,6 +174,36 @@ class Search:
             return
         if again.chi_square < own.base.chi_square - CONVERGED:
             own.replace_base(again)
+
+    def fit_look_alikes(self) -> None:
+        """Fit the causes with an effect like that of the best one from the values of the best one."""
+        own, best = self.selection, self.selection.best
+        if best is None or not best.passed:
+            return
+        ((cause, variant),) = best.steps
+        leading = next((one for one in own.directions if one.is_of(cause.id, variant)), None)
+        if leading is None:
+            return
+        similar = [
+            one
+            for one in own.directions
+            if one.cause.id != cause.id and not one.variant.changes_data and look_alike(one, leading) >= LOOK_ALIKE
+        ]
+        chosen = rank(similar, own.penalty)
+        joint = {name: best.fit.values[name] for name in own.base.values}
+        starts = [[{**start, **joint} for start in starts_of(one, own.base)] for one in chosen]
+        self._report.plan("causes", len(chosen))
+        titles = [_title((), one) for one in chosen]
+        explored = list(self._explore("causes", titles, chosen, starts))
+        near = [pair for pair in explored if pair[1].misfit <= SCREENING_LIMIT]
+        finished = list(_leading_causes(sorted(near, key=lambda pair: pair[1].chi_square)))
+        self._report.plan("causes", len(finished))
+        titles = [f"{_title((), one)}, on all lines" for one, _ in finished]
+        fits = [few.finish for _, few in finished]
+        for (one, few), fit in zip(finished, self._each("causes", titles, fits), strict=True):
+            if fit is not None:
+                own.evaluations += fit.evaluations - few.evaluations
+                own.add(own.explain((one.step,), fit))
 
     def add_causes(self) -> None:
         """Add further causes to the best explanations, one at a time, while they gain evidence."""

@@ -65,6 +65,11 @@ EXAMPLES = {
             "er32",
         ),
         Example(
+            "forgotten-sensor",
+            "a hammer test of a foreign model, SIMULATED, with a sensor that the campaign does not state",
+            "forgotten_sensor",
+        ),
+        Example(
             "free-free",
             "a free-free hammer test at three overhangs, SIMULATED; the longest held out, a fourth not measured",
             "free_free",

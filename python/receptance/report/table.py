@@ -1,4 +1,4 @@
-"""Tables of results, and the rounding of their numbers."""
+"""Tables and findings of results, and the rounding of their numbers."""
 
 from __future__ import annotations
 
@@ -222,6 +222,17 @@ class Table:
         return Table(self.title, columns, [[row[i] for i in kept] for row in self.rows], self.note)
 
 
+def joined(tables: Iterable[Table]) -> list[Table]:
+    """Return tables after joining the rows of those with the same title and columns."""
+    found: dict[tuple[object, ...], Table] = {}
+    for one in tables:
+        key = (one.title, *one.columns)
+        before = found.get(key)
+        rows = one.rows if before is None else [*before.rows, *one.rows]
+        found[key] = Table(one.title, one.columns, rows, one.note)
+    return list(found.values())
+
+
 @dataclass(frozen=True)
 class Fact:
     """A finding with a label, such as the verdict of a diagnosis.
@@ -239,14 +250,3 @@ class Fact:
     label: str
     texts: tuple[str, ...]
     lines: tuple[str, ...] = ()
-
-
-def joined(tables: Iterable[Table]) -> list[Table]:
-    """Return tables after joining the rows of those with the same title and columns."""
-    found: dict[tuple[object, ...], Table] = {}
-    for one in tables:
-        key = (one.title, *one.columns)
-        before = found.get(key)
-        rows = one.rows if before is None else [*before.rows, *one.rows]
-        found[key] = Table(one.title, one.columns, rows, one.note)
-    return list(found.values())
