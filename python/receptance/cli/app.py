@@ -39,32 +39,27 @@ __all__ = ["app", "main"]
 _INTERRUPTED = 130
 
 app = typer.Typer(
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
 )
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "demo": demo,
-    "new": new,
-    "example": example,
-    "check": check,
-    "show": show,
-    "identify": identify,
-    "predict": predict,
-    "transfer": transfer,
-    "diagnose": diagnose,
-    "invert": invert,
-    "next": next_measurement,
-    "sweep": sweep,
-    "stability": stability,
-    "catalogue": catalogue,
-    "convert": convert,
-    "schema": schema,
+_COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    "Start": {"demo": demo, "new": new, "check": check, "example": example},
+    "Identify": {
+        "identify": identify,
+        "diagnose": diagnose,
+        "next": next_measurement,
+        "invert": invert,
+        "sweep": sweep,
+    },
+    "Use": {"predict": predict, "transfer": transfer, "stability": stability, "catalogue": catalogue},
+    "Tools": {"show": show, "convert": convert, "schema": schema},
 }
-for name, command in _COMMANDS.items():
-    app.command(name)(command)
-app.add_typer(studies, name="study")
+for group, commands in _COMMANDS.items():
+    for name, command in commands.items():
+        app.command(name, rich_help_panel=group)(command)
+app.add_typer(studies, name="study", rich_help_panel="Studies")
 
 
 def _print_version(wanted: bool) -> None:
