@@ -139,6 +139,21 @@ def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
     assert "Calibration gain: the calibration of hammer or sensor is off" in verdict.summary(1000)
 
 
+def test_a_fast_diagnosis_names_no_cause() -> None:
+    """The fits are the same; what tests the cause is left out, and the answer says so."""
+    observations = make_observations(factor=1.05)
+    fast = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=FEW, held_out=True, fast=True)
+    assert fast.verdict == "suspected"
+    assert [one.id for one in fast.causes] == ["calibration_gain"]
+    assert not fast.gains
+    assert not fast.alternatives
+    assert fast.settings["fast"] is True
+    assert any("--fast" in note for note in fast.notes)
+    whole = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=FEW)
+    assert "fast" not in whole.settings
+    assert fast.causes[0].parameters == whole.causes[0].parameters
+
+
 def test_causes_of_the_chain_apply_to_frfs_only() -> None:
     frequencies = [
         MeasuredFrequencies(

@@ -604,6 +604,7 @@ class Campaign(Renderable):
         self,
         causes: Iterable[Cause | str] | None = None,
         *,
+        fast: bool = False,
         metrics: Mapping[str, Metric] | None = None,
     ) -> Verdict:
         """Test whether the model explains the measurements, and find the cause if it does not.
@@ -615,8 +616,8 @@ class Campaign(Renderable):
         ----------
         causes : sequence of Cause and str, optional
             Causes or their ids; by default all of `receptance.diagnosis.CATALOGUE`.
-        metrics : mapping of str to callable, optional
-            As in `receptance.diagnosis.diagnose`, for held-out measurements.
+        fast, metrics
+            As in `receptance.diagnosis.diagnose`; metrics are of held-out measurements as well.
 
         Raises
         ------
@@ -658,6 +659,7 @@ class Campaign(Renderable):
                 seed=settings.seed,
                 threads=self.threads,
                 held_out=not held_out,
+                fast=fast,
                 metrics=metrics,
                 progress=self.progress,
             )

@@ -40,23 +40,17 @@ __all__ = ["app", "main"]
 
 _INTERRUPTED = 130
 
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "demo": demo,
-    "new": new,
-    "example": example,
-    "check": check,
-    "show": show,
-    "identify": identify,
-    "predict": predict,
-    "transfer": transfer,
-    "diagnose": diagnose,
-    "invert": invert,
-    "next": next_measurement,
-    "sweep": sweep,
-    "stability": stability,
-    "catalogue": catalogue,
-    "convert": convert,
-    "schema": schema,
+_COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    "Start": {"demo": demo, "new": new, "check": check, "example": example},
+    "Identify": {
+        "identify": identify,
+        "diagnose": diagnose,
+        "next": next_measurement,
+        "invert": invert,
+        "sweep": sweep,
+    },
+    "Use": {"predict": predict, "transfer": transfer, "stability": stability, "catalogue": catalogue},
+    "Tools": {"show": show, "convert": convert, "schema": schema},
 }
 
 
@@ -78,21 +72,23 @@ def _root(
     del version
 
 
-def _built(commands: Mapping[str, Callable[..., None]]) -> typer.Typer:
+def _built(groups: Mapping[str, Mapping[str, Callable[..., None]]]) -> typer.Typer:
+    """Return the application with some commands, in the groups of its help."""
     built = typer.Typer(
-        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
     )
     built.callback()(_root)
-    for name, command in commands.items():
-        built.command(name)(command)
+    for group, commands in groups.items():
+        for name, command in commands.items():
+            built.command(name, rich_help_panel=group)(command)
     return built
 
 
 app = _built(_COMMANDS)
-app.add_typer(studies, name="study")
+app.add_typer(studies, name="study", rich_help_panel="Studies")
 
 
 def _needed(arguments: Sequence[str]) -> typer.Typer:
@@ -101,7 +97,10 @@ def _needed(arguments: Sequence[str]) -> typer.Typer:
     At each call typer reads the annotations of all commands, which takes a twentieth of a second.
     """
     name = arguments[0] if arguments else ""
-    return _built({name: _COMMANDS[name]}) if name in _COMMANDS else app
+    for group, commands in _COMMANDS.items():
+        if name in commands:
+            return _built({group: {name: commands[name]}})
+    return app
 
 
 def main() -> None:

@@ -287,6 +287,9 @@ def diagnose(
         list[str] | None,
         typer.Option("--metric", metavar="NAME", help="Further error on held-out data: stable_depth."),
     ] = None,
+    fast: Annotated[
+        bool, typer.Option("--fast", help="Leave out tests by held-out data and competing changes; names no cause.")
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 unless the verdict is adequate.")] = False,
 ) -> None:
     """Test whether the model explains the measurements, and why not.
@@ -299,7 +302,9 @@ def diagnose(
         from receptance.campaign.changed_lines import with_campaign_lines
         from receptance.campaign.stability import named_metrics
 
-        return with_campaign_lines(read, read.diagnose(causes or None, metrics=named_metrics(read, metrics or ())))
+        return with_campaign_lines(
+            read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
+        )
 
     read, found = run_on_campaign(campaign, targets, work)
 

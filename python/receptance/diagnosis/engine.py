@@ -44,6 +44,11 @@ from receptance.identification.unknowns import Unknowns, as_unknowns
 
 __all__ = ["diagnose"]
 
+_FAST = (
+    "fast diagnosis: configurations were not left out in turn, changes that imitate a cause were not fitted, and no "
+    "discrepancy was estimated; diagnose without --fast before you rely on the cause"
+)
+
 
 def diagnose(
     observations: Observation | Sequence[Observation],
@@ -54,6 +59,7 @@ def diagnose(
     seed: int = 0,
     threads: int | None = None,
     held_out: bool = False,
+    fast: bool = False,
     most: int = 2,
     metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
@@ -78,6 +84,9 @@ def diagnose(
     held_out : bool, optional
         Whether the improvement is measured by cross-validation, with the choice among the explanations repeated without
         each configuration.
+    fast : bool, optional
+        Whether the tests that take most of the time are left out: configurations are not left out in turn, changes of
+        the structure that imitate a cause are not fitted, and no discrepancy is estimated. No cause is named then.
     most : int, optional
         Largest number of causes that act together.
     metrics : mapping of str to callable, optional
@@ -144,10 +153,11 @@ def diagnose(
     line_notes = (*table_notes, *line_notes)
     model = model.with_witnesses()
     report = Progress(progress)
+    held_out = held_out and not fast
     report.plan("held out", count_folds(model) if held_out else 0)
-    selection = select(model, catalogue, most=most, progress=report)
+    selection = select(model, catalogue, most=most, progress=report, fast=fast)
     verdict = _verdict(selection, conclude(selection), most, line_notes, report)
-    if verdict.verdict == "unexplained" and verdict.final and verdict.alternative is None:
+    if verdict.verdict == "unexplained" and verdict.final and not fast and verdict.alternative is None:
         verdict = _beside_discrepancy(verdict, catalogue, report, model.threads)
         selection = verdict.selection
     if not held_out or not verdict.final:
@@ -273,7 +283,7 @@ def _verdict(
         candidates=tuple(_candidate(selection, one, one.steps[0]) for one in singles),
         ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
-        notes=(*judgement.notes, *_data_notes(selection), *line_notes),
+        notes=(*([_FAST] if selection.fast else []), *judgement.notes, *_data_notes(selection), *line_notes),
         settings=_settings(selection, most),
         selection=selection,
         vetoed=tuple(_candidate(selection, one, step) for one, step in _vetoed(selection, judgement.reported)),
@@ -378,4 +388,5 @@ def _settings(selection: Selection, most: int) -> dict[str, Any]:
         "regained_on_all_lines": round(max(fit.regained for fit in fits), 1),
         "model_evaluations": selection.evaluations,
         "causes": sorted({one.cause.id for one in selection.directions} | set(selection.undecidable)),
+        **({"fast": True} if selection.fast else {}),
     }

@@ -165,6 +165,8 @@ class Selection:
         Number of fits that run at the same time.
     discrepancy : Discrepancy or None
         The discrepancy of the base that all fits allow for.
+    fast : bool
+        Whether the alternatives are not fitted.
     """
 
     base: Fit
@@ -180,6 +182,7 @@ class Selection:
     interrupted: bool = False
     workers: int = 1
     discrepancy: Discrepancy | None = None
+    fast: bool = False
 
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
         """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""

@@ -174,6 +174,8 @@ def _withhold(alternative: Explanation, best: Explanation) -> str:
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
     """Yield the reasons why the only explanation is suspected and not named."""
     base, name = selection.base, one.title
+    if selection.fast:
+        yield f"{name} is suspected only: a fast diagnosis names no cause"
     if one.implausible:
         yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
     if one.evidence <= limit + MARGIN:

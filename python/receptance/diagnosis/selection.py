@@ -56,6 +56,7 @@ def select(
     most: int = 2,
     progress: Progress | None = None,
     discrepancy: Discrepancy | None = None,
+    fast: bool = False,
 ) -> Selection:
     """Return the fits of each cause, and of causes together.
 
@@ -71,6 +72,8 @@ def select(
         Reports each step. A KeyboardInterrupt ends the selection with the results so far: `Selection.interrupted`.
     discrepancy : Discrepancy, optional
         The discrepancy that all fits allow for.
+    fast : bool, optional
+        Whether the alternatives are not fitted.
     """
     report = progress or Progress()
     began = perf_counter()
@@ -87,6 +90,7 @@ def select(
         interrupted=interrupted,
         workers=_checks.worker_count(model.threads),
         discrepancy=discrepancy,
+        fast=fast,
     )
     if not interrupted:
         Search(selection, causes, most=most, progress=report).run()
@@ -142,7 +146,8 @@ class Search:
             self._report.plan("together", 0)
             self.finish_best()
             self.prune()
-            self.fit_alternatives()
+            if not self.selection.fast:
+                self.fit_alternatives()
         except KeyboardInterrupt:
             self.selection.interrupted = True
 
