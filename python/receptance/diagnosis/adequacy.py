@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance._chances import chi_square_chance, normal_quantile
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
@@ -178,7 +179,7 @@ def _strain(fit: Fit) -> Strain:
     With residuals r = J x and the rows P of J that belong to the priors, the residuals of the priors of an adequate
     model have the covariance I - P (J^T J)^-1 P^T.
     """
-    from scipy.special import chdtrc, ndtr, ndtri  # the light part of scipy.stats
+    from scipy.special import ndtr  # the light part of scipy.stats
 
     names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
     if not names:
@@ -203,10 +204,10 @@ def _strain(fit: Fit) -> Strain:
     largest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),
-        limit=float(-ndtri(0.5 * MISFIT_CHANCE / tested)),
+        limit=float(-normal_quantile(0.5 * MISFIT_CHANCE / tested)),
         together=together / count,
         together_limit=_quantile(float(count)),
-        chance=min(2.0 * tested * float(ndtr(-largest)), float(chdtrc(count, together)), 1.0),
+        chance=min(2.0 * tested * float(ndtr(-largest)), float(chi_square_chance(together, count)), 1.0),
     )
 
 

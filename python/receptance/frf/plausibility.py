@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance._chances import f_chance_4
 from receptance._peaks import local_maxima
 from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
@@ -213,8 +214,6 @@ def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) ->
 
 def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_hz: float) -> _Peak | None:
     """Fit c + R / (f - p) to the lines around a peak, linear as f d = p d + c f + e with e = R - c p."""
-    from scipy.special import fdtrc  # slow to import
-
     if values.size < _MIN_PEAK_LINES:
         return None
     x = (frequency_hz - top_hz) / np.ptp(frequency_hz)
@@ -229,7 +228,7 @@ def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_
     level = float(np.sum(np.abs(straight) ** 2))
     misfit_with_pole = float(np.sum(np.abs(d - c - residue / (x - p))[beside] ** 2)) + np.finfo(float).tiny
     freedom = int(beside.sum()) - 3
-    chance = fdtrc(4, 2 * freedom, (level - misfit_with_pole) / 2.0 / misfit_with_pole * freedom)
+    chance = f_chance_4((level - misfit_with_pole) / 2.0 / misfit_with_pole * freedom, 2 * freedom)
     near = max(abs(p.imag), 1.5 * float(np.abs(np.diff(x)).max()))
     if not (chance <= _FALSE_PEAK_RATE and abs(p.real) <= near):
         return None

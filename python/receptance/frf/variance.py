@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance._chances import chi_square_chance, normal_quantile
 from receptance.frf.validation import average_count
 
 if TYPE_CHECKING:
@@ -180,7 +181,6 @@ def _fit(
     width: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a + b |H|^2 on each line from those within `width`, with a, b >= 0, and its degrees of freedom."""
-    from scipy.special import gammaincc  # slow to import
 
     def total(terms: NDArray[np.float64]) -> NDArray[np.float64]:
         # Summed separately for each window: a running sum would lose the small terms beside a resonance.
@@ -208,7 +208,7 @@ def _fit(
     variance = alpha**2 * total(size) + 2.0 * alpha * beta * total(size * gain) + beta**2 * total(size * gain**2)
     # The freedom of the line is a lower limit, with correlated or steeply weighted neighbours as well.
     freedom = np.maximum(2.0 * power**2 / variance, line_freedom)
-    unlikely = gammaincc(line_freedom / 2.0, line_freedom / 2.0 * scatter / power) < _MIN_PROBABILITY
+    unlikely = chi_square_chance(line_freedom * scatter / power, line_freedom) < _MIN_PROBABILITY
     return np.where(unlikely, scatter, power), np.where(unlikely, line_freedom, freedom)
 
 
@@ -325,13 +325,15 @@ def interval_factor(level: float, degrees_of_freedom: ArrayLike | None) -> NDArr
     >>> interval_factor(0.95, [4.0, float("inf")]).round(3).tolist()
     [2.776, 1.96]
     """
-    from scipy.special import ndtri, stdtrit  # slow to import
-
     level = _checks.number("interval", "level", level)
     if not 0.0 < level < 1.0:
         raise ValueError(f"interval: level is {level:g}, expected between 0 and 1")
     upper = 0.5 + 0.5 * level
     freedom = np.asarray(np.inf if degrees_of_freedom is None else degrees_of_freedom, dtype=np.float64)
     estimated = np.isfinite(freedom)
-    quantile = stdtrit(np.where(estimated, freedom, 1.0), upper)
-    return np.asarray(np.where(estimated, quantile, ndtri(upper)))
+    normal = normal_quantile(upper)
+    if not estimated.any():
+        return np.full(freedom.shape, normal)
+    from scipy.special import stdtrit  # slow to import
+
+    return np.asarray(np.where(estimated, stdtrit(np.where(estimated, freedom, 1.0), upper), normal))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
+from receptance._chances import normal_quantile
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -44,13 +45,13 @@ def confidence_multiplier(level: float, degrees_of_freedom: float | None) -> flo
     degrees_of_freedom : float or None
         Of Student's t distribution; None for the normal distribution.
     """
-    from scipy.special import ndtri, stdtrit  # the light part of scipy.stats
-
     level = _checks.number("interval", "level", level)
     if not 0.0 < level < 1.0:
         raise ValueError(f"interval: level is {level:g}, expected between 0 and 1")
     if degrees_of_freedom is None:
-        return float(ndtri(0.5 + 0.5 * level))
+        return normal_quantile(0.5 + 0.5 * level)
+    from scipy.special import stdtrit  # the light part of scipy.stats
+
     return float(stdtrit(max(degrees_of_freedom, 1), 0.5 + 0.5 * level))
 
 

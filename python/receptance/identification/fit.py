@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from receptance import _checks
+from receptance._chances import chi_square_chance
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.covariance import covariance_of, variance_factor
 from receptance.identification.laws import Tolerance
@@ -395,9 +396,7 @@ def _covariance_advice(
 
 def contradicts(chi_square: float, left: float) -> bool:
     """Return whether chi-square with `left` degrees of freedom is significantly large, at the 1 % level."""
-    from scipy.special import chdtrc  # the light part of scipy.stats
-
-    return left > 0.0 and bool(chdtrc(left, chi_square) < _LARGE_PROBABILITY)
+    return left > 0.0 and bool(chi_square_chance(chi_square, left) < _LARGE_PROBABILITY)
 
 
 _DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
@@ -407,8 +406,6 @@ def _misfit_advice(
     residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int, noise_factor: float
 ) -> list[str]:
     """Compare chi-square with its expectation, one for each independent number."""
-    from scipy.special import chdtr  # the light part of scipy.stats
-
     chi_square = sum(float(np.sum(part**2)) for part in residuals)
     rms = float(np.sqrt(chi_square / independent))
     if noise_factor > 1.0:
@@ -424,7 +421,8 @@ def _misfit_advice(
         ]
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
-    if left > 0.0 and chi_square < left / _UNEXPLAINED**2 and chdtr(left, chi_square) < _SMALL_PROBABILITY:
+    small = left > 0.0 and chi_square < left / _UNEXPLAINED**2
+    if small and 1.0 - chi_square_chance(chi_square, left) < _SMALL_PROBABILITY:
         share = float(np.sqrt(chi_square / left))
         return [
             f"the rms of the residuals is only {share:.2g} standard deviations, expected about 1: the standard "

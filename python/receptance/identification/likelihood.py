@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import _checks
+from receptance._chances import chi_square_chance
 from receptance.errors import ReceptanceWarning
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import COST_TOLERANCE
@@ -139,12 +140,12 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
 
 
 def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
-    from scipy.special import chdtrc, fdtrc  # the light part of scipy.stats
-
     if np.isinf(rise):
         return 0.0
     if degrees_of_freedom is None:
-        return float(chdtrc(count, rise))
+        return float(chi_square_chance(rise, count))
+    from scipy.special import fdtrc  # the light part of scipy.stats
+
     return float(fdtrc(count, max(degrees_of_freedom, 1), rise / count))
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from receptance import _checks, units
+from receptance._chances import normal_quantile
 from receptance.model.addresses import QUANTITIES
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["CHAIN_QUANTITIES", "Bounds", "Prior", "Unknown", "Unknowns", "Variables", "as_unknowns", "covered"]
 
+_LARGEST_SHARE = 1.0 - 2.0**-53
+"""Largest share whose normal quantile is finite."""
 Scale = Literal["log", "linear"]
 
 CHAIN_QUANTITIES = {
@@ -285,8 +288,6 @@ class Variables:
         """
         if starts == 1:
             return self.start[None, :]
-        from scipy.special import ndtri
-
         low, high = self.limits
         (rng,) = np.random.default_rng(seed).spawn(1)
         share = rng.uniform(size=(starts - 1, len(self.unknowns)))
@@ -296,11 +297,12 @@ class Variables:
             rng.shuffle(rank)
         share = (ranks.T - share) / (starts - 1)
         found = low + (high - low) * share
+        normal = np.array([[normal_quantile(min(one, _LARGEST_SHARE)) for one in row] for row in share.tolist()])
         for i, unknown in enumerate(self.unknowns):
             if unknown.prior is not None:
                 scale = math.log(10.0) if unknown.scale == "log" else 1.0
                 middle = math.log10(unknown.prior.mean) if unknown.scale == "log" else unknown.prior.mean
-                found[:, i] = middle + unknown.prior.standard_deviation / scale * ndtri(share[:, i])
+                found[:, i] = middle + unknown.prior.standard_deviation / scale * normal[:, i]
         return np.vstack([self.start, np.clip(found, low, high)])
 
 
