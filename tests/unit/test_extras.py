@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from command_line import call
 from receptance import FRF, STEEL, Assembly, Part, Segment, examples
+from receptance.cli import main
 from receptance.errors import MissingExtraError
 from receptance.io import write
 from receptance.sweep import Grid, NaturalFrequencies, as_grid, open_sweep, sweep
@@ -47,5 +48,8 @@ def test_commands_end_before_their_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     examples.write("free-free", tmp_path / "mine")
-    assert call(monkeypatch, "sweep", tmp_path / "mine", "--sample", "5") == 2
+    monkeypatch.setattr(sys, "argv", ["receptance", "sweep", str(tmp_path / "mine"), "--sample", "5"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
     assert "needs xarray and zarr" in capsys.readouterr().err
