@@ -260,25 +260,3 @@ def test_imports_load_little() -> None:
     assert not model & {"scipy", "pydantic", "typer", "rich", "matplotlib", "pandas", "xarray"}
     # rich, for the help of all commands, is loaded by typer.
     assert not _loaded("import receptance.cli") & {"numpy", "pydantic", "matplotlib"}
-
-
-@pytest.mark.slow
-def test_a_command_takes_little_more_than_its_computation(tmp_path: Path) -> None:
-    """Processor time of `identify` on the smallest example over that of loading NumPy, in pairs on a shared machine.
-
-    The ratio was 20 when every command loaded the whole library and its optional packages; it is 9 now.
-    """
-    resource = pytest.importorskip("resource", reason="processor times of child processes are those of Unix")
-
-    def seconds(*command: str) -> float:
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run([sys.executable, *command], check=True, capture_output=True)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return float(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-
-    folder = str(tmp_path / "mine")
-    seconds("-m", "receptance.cli", "example", "free-free", folder)
-    identify, numpy = ("-m", "receptance.cli", "identify", folder), ("-c", "import numpy")
-    pairs = [(seconds(*identify), seconds(*numpy)) for _ in range(6)][1:]  # the first one fills the caches
-    ratios = sorted(one / other for one, other in pairs)
-    assert ratios[len(ratios) // 2] < 13.0, f"ratios {ratios}, seconds {pairs}"
