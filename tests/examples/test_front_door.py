@@ -50,7 +50,7 @@ def test_the_forgotten_sensor_is_named(tmp_path: Path) -> None:
     size = cause["parameters"]["sensor_mass.mass"]
     assert size["lower"] < 1e-3 * foreign_beam.SENSOR_G < size["upper"]
     assert size["value"] == pytest.approx(1e-3 * foreign_beam.SENSOR_G, rel=0.05)
-    assert "state the sensor in the campaign" in " ".join(text.split())
+    assert "State the sensor in the campaign" in " ".join(text.split())
     assert front_door.digest(tmp_path) == written
     assert {path.name for path in tmp_path.iterdir()} == files | {"beam", "beam.png", front_door.RESULT.name}
 

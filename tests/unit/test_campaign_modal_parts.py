@@ -290,7 +290,7 @@ def test_a_diagnosis_of_a_spindle_ends_with_a_verdict(
         main()
     assert not ended.value.code
     output = capsys.readouterr().out
-    assert "verdict: suspected" in output
+    assert re.search(r"^Verdict +suspected:", output, re.MULTILINE)
     assert "mode at 760 Hz" in output
     assert campaign.load(target).identify().rms == pytest.approx(1.0, abs=0.15)
 
