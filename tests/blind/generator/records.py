@@ -54,7 +54,8 @@ def _time_to_rest(p: Mapping[str, float], setup: Setup) -> float:
     rates = rig.poles(p).rates
     low = 2.0 * np.pi * 30.0
     inside = rates[(np.abs(rates.imag) > low) & (rates.imag < 2.0 * np.pi * 1.2 * setup.high_hz) & (rates.imag > 0.0)]
-    slowest = float(np.min(-inside.real)) + setup.decay_rate + p.get("window", 0.0)
+    # A stiff blank in a free holder may have no mode there.
+    slowest = float(np.min(-inside.real, initial=np.inf)) + setup.decay_rate + p.get("window", 0.0)
     return 0.25 * int(np.clip(np.ceil(4.0 * 13.0 / max(slowest, 1e-3)), 2, 16))
 
 
