@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -40,7 +41,7 @@ GROUPS = {
 }
 
 
-class _AboutCause(SphinxDirective):
+class _AboutCause(SphinxDirective, ABC):
     """A directive with the id of a cause, which is replaced by Markdown."""
 
     required_arguments = 1
@@ -51,9 +52,9 @@ class _AboutCause(SphinxDirective):
             raise self.error(f"there is no cause {id!r}; the catalogue has {', '.join(CATALOGUE)}")
         return self.parse_text_to_nodes(self.text(id))
 
+    @abstractmethod
     def text(self, id: str) -> str:
         """Return the Markdown about a cause."""
-        raise NotImplementedError
 
 
 class Facts(_AboutCause):

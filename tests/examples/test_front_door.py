@@ -6,12 +6,14 @@ import json
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import foreign_beam
 import front_door
+from receptance import campaign, examples
 
 MOST_COMMANDS = 5
 
@@ -62,3 +64,15 @@ def test_a_stated_sensor_is_adequate(tmp_path: Path) -> None:
     run(new.replace("--sensor none", f"--sensor '{foreign_beam.SENSOR_G} g'"), tmp_path)
     run(diagnose, tmp_path)
     assert front_door.named_cause(tmp_path) == ("adequate", None)
+
+
+@pytest.mark.slow
+def test_a_look_alike_is_not_named_in_place_of_the_sensor(tmp_path: Path) -> None:
+    """Up to 5 kHz the fit with the sensor ends in a local minimum if it starts from the base."""
+    examples.write("forgotten-sensor", tmp_path)
+    foreign_beam.write(tmp_path, beam=replace(foreign_beam.DEMO, span_hz=5000.0))
+    verdict = campaign.load(tmp_path).diagnose()
+    assert "sensor_mass" in [one.id for one in verdict.causes]
+    (sensor,) = (one for one in verdict.causes if one.id == "sensor_mass")
+    _, lower, upper = sensor.parameters["sensor_mass.mass"]
+    assert lower < 1e-3 * foreign_beam.SENSOR_G < upper

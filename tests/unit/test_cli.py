@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
+from rich.text import Text
 
 import er32_study
 import foreign_beam
@@ -213,6 +215,17 @@ def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert "demo" in output.out + output.err
     assert call(monkeypatch, "study", "er32", "--help") == 0
     assert "--json" in capsys.readouterr().out
+
+
+def test_brackets_in_help_are_text_and_no_markup() -> None:
+    texts = [
+        getattr(one, "help", None) or ""
+        for command in typer.main.get_command(command_line.app).commands.values()
+        for one in [command, *command.params]
+    ]
+    assert any("\\[" in text for text in texts)
+    for text in texts:
+        assert Text.from_markup(text).plain == text.replace("\\[", "["), text
 
 
 def test_script_runs_the_module() -> None:

@@ -749,11 +749,9 @@ def started_by_mode(
 
 def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
     """Return notes on what a diagnosis with unknown modes of a spindle can decide."""
-    from receptance.diagnosis.decidable import absorbed_causes
-
     count = sum(len(part.modes) for part in campaign.table.modal_parts.values() if part.identify)
     notes = []
-    if verdict.final and (hidden := absorbed_causes(verdict.selection)):
+    if verdict.final and (hidden := verdict.selection.absorbed):
         notes.append(
             f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
             f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"

@@ -16,16 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from receptance._text import instead_of, one_of, printable, shown
-from receptance.cli.reading import (
-    Columns,
-    FileFormat,
-    IgnoreCoherence,
-    QuantityName,
-    SampleRate,
-    Units,
-    Variables,
-    read_options,
-)
+from receptance.cli.reading import Reading, takes_reading
 from receptance.cli.running import InputError, input_errors, output
 from receptance.errors import ReceptanceWarning
 
@@ -55,11 +46,13 @@ _OPTION = 30
 _T = TypeVar("_T")
 
 
+@takes_reading("coherence")
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campaign; it is created.")],
     files: Annotated[
         list[Path], typer.Argument(metavar="FILES...", help="Files with FRFs or hammer hits, one for each overhang.")
     ],
+    reading: Reading,
     overhang: Annotated[
         list[str] | None,
         typer.Option(
@@ -121,13 +114,6 @@ def new(
         str | None, typer.Option(metavar="CHANNEL", help="Motion channel of time records, if there are several.")
     ] = None,
     title: Annotated[str | None, typer.Option(metavar="TEXT", help="Title; by default the name of DIR.")] = None,
-    quantity: QuantityName = None,
-    unit: Units = None,
-    variable: Variables = None,
-    columns: Columns = None,
-    ignore_coherence: IgnoreCoherence = False,
-    sample_rate: SampleRate = None,
-    source_format: FileFormat = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing campaign.toml.")] = False,
 ) -> None:
     """Write a commented campaign for measurement files of a tool in a holder.
@@ -138,16 +124,6 @@ def new(
     from receptance.report.terminal import print_sentences, print_table
 
     target = _target(folder, files, overwrite)
-    reading = {
-        "quantity": quantity,
-        "unit": unit,
-        "variable": variable,
-        "columns": columns,
-        "ignore_coherence": ignore_coherence,
-        "sample_rate": sample_rate,
-        "source_format": source_format,
-    }
-    reading = {key: value for key, value in reading.items() if value}
     asked: dict[str, Any] = {}
     answers = _Answers(sys.stdin.isatty())
     console = output()
@@ -372,7 +348,7 @@ def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:
 
 def _contents(
     file: Path,
-    reading: dict[str, Any],
+    reading: Reading,
     asked: dict[str, Any],
     answers: _Answers,
     force: str | None,
@@ -382,15 +358,13 @@ def _contents(
     from receptance import FRF
     from receptance.io import FileFormatError, TimeSeries, read_all
 
-    own: dict[str, Any] = {}
     while True:
-        options = read_options(**reading, **own)
         try:
-            found = read_all(file, **options)
+            found = read_all(file, **reading.keywords)
             break
         except FileFormatError as error:
             wanted = next((name for name in ("columns", "unit") if f"--{name}" in str(error)), "")
-            if not answers.interactive or not wanted or own.get(wanted) or reading.get(wanted):
+            if not answers.interactive or not wanted or getattr(reading, wanted):
                 raise
             # Files of one analyser are alike, so that an answer holds for those that need it.
             if wanted not in asked:
@@ -400,10 +374,10 @@ def _contents(
                     if wanted == "columns"
                     else answers.ask("Unit of the numbers", _units, "m/s^2/N, or hammer=N, tip=g")
                 )
-            own[wanted] = asked[wanted]
+            reading = replace(reading, **{wanted: asked[wanted]})
     frfs = [one for one in found if isinstance(one, FRF)]
     series = [one for one in found if isinstance(one, TimeSeries)]
-    keys = _reading_keys(options)
+    keys = _reading_keys(reading.keywords)
     if frfs:
         return [_frf_content(file, index, one, len(frfs), keys) for index, one in enumerate(frfs)]
     if len(series) == 1:

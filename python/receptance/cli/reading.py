@@ -2,95 +2,130 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+import inspect
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from receptance.cli.running import InputError
+from receptance.errors import ReceptanceWarning
 
-__all__ = [
-    "FORMATS",
-    "CoherenceFile",
-    "Columns",
-    "FileFormat",
-    "IgnoreCoherence",
-    "QuantityName",
-    "SampleRate",
-    "Units",
-    "Variables",
-    "named_values",
-    "read_options",
-    "units_of",
-]
+if TYPE_CHECKING:
+    from receptance.io.measurements import Measurement
+
+__all__ = ["MeasurementNumber", "Reading", "read_measurements", "takes_reading"]
 
 FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
-QuantityName = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME", help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance."
-    ),
-]
-Units = Annotated[
-    list[str] | None,
-    typer.Option(metavar="UNIT", help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel."),
-]
-Variables = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="ROLE=NAME",
-        help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
-        "CHANNEL=NAME.",
-    ),
-]
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAMES",
-        help="Header with units of a table, separated by commas, if it has none or one with other names: "
-        "'frequency [Hz],real [g/N],imag [g/N],coherence'.",
-    ),
-]
-CoherenceFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Another file with the coherence of the FRF.")]
-IgnoreCoherence = Annotated[bool, typer.Option("--ignore-coherence", help="Ignore the coherence of the FRFs.")]
-SampleRate = Annotated[
-    float | None, typer.Option(metavar="HZ", help="Sample rate of time records if the file does not state it.")
-]
-FileFormat = Annotated[
-    str | None,
-    typer.Option(
-        "--from", metavar="FORMAT", help=f"Format of the file if its ending does not determine it: {FORMATS}."
-    ),
+MeasurementNumber = Annotated[
+    int | None, typer.Option("--number", min=1, metavar="N", help="Number of the only measurement to take, from 1.")
 ]
 
 
-def read_options(
-    *,
-    quantity: str | None = None,
-    unit: Sequence[str] | None = None,
-    variable: Sequence[str] | None = None,
-    columns: str | None = None,
-    coherence: Path | None = None,
-    ignore_coherence: bool = False,
-    sample_rate: float | None = None,
-    source_format: str | None = None,
-) -> dict[str, Any]:
-    """Return the options of a command as keyword arguments of `receptance.io.read_all`."""
-    return {
-        "format": source_format,
-        "quantity": quantity,
-        "unit": units_of(unit),
-        "variables": named_values(variable, "--variable", "ROLE=NAME") or None,
-        "columns": None if columns is None else columns.split(","),
-        "coherence": coherence,
-        "ignore_coherence": ignore_coherence,
-        "sample_rate_hz": sample_rate,
-    }
+@dataclass(frozen=True)
+class Reading:
+    """The options of a command that say how to read measurement files; the fields declare them."""
+
+    quantity: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance."
+        ),
+    ] = None
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="UNIT", help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel."
+        ),
+    ] = None
+    variable: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROLE=NAME",
+            help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
+            "CHANNEL=NAME.",
+        ),
+    ] = None
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Header with units of a table, separated by commas, if it has none or one with other names: "
+            "'frequency \\[Hz],real \\[g/N],imag \\[g/N],coherence'.",
+        ),
+    ] = None
+    coherence: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Another file with the coherence of the FRF.")
+    ] = None
+    ignore_coherence: Annotated[bool, typer.Option("--ignore-coherence", help="Ignore the coherence of the FRFs.")] = (
+        False
+    )
+    sample_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Sample rate of time records if the file does not state it.")
+    ] = None
+    source_format: Annotated[
+        str | None,
+        typer.Option(
+            "--from", metavar="FORMAT", help=f"Format of the file if its ending does not determine it: {FORMATS}."
+        ),
+    ] = None
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """Keyword arguments of `receptance.io.read_all`."""
+        return {
+            "format": self.source_format,
+            "quantity": self.quantity,
+            "unit": _units_of(self.unit),
+            "variables": _named_values(self.variable, "--variable", "ROLE=NAME") or None,
+            "columns": None if self.columns is None else self.columns.split(","),
+            "coherence": self.coherence,
+            "ignore_coherence": self.ignore_coherence,
+            "sample_rate_hz": self.sample_rate,
+        }
 
 
-def named_values(given: Sequence[str] | None, option: str, form: str) -> dict[str, str]:
+def takes_reading(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of `Reading`, but for some, in place of its parameter `reading`."""
+
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
+        options = [one for one in fields(Reading) if one.name not in without]
+        own, hints = inspect.signature(command, eval_str=True), get_type_hints(Reading, include_extras=True)
+
+        @functools.wraps(command)
+        def called(**values: Any) -> None:
+            command(reading=Reading(**{one.name: values.pop(one.name) for one in options}), **values)
+
+        parameters = [one for one in own.parameters.values() if one.name != "reading"]
+        for one in options:
+            kind = inspect.Parameter.KEYWORD_ONLY
+            parameters.append(inspect.Parameter(one.name, kind, default=one.default, annotation=hints[one.name]))
+        # typer declares what the signature states.
+        called.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+        return called
+
+    return with_options
+
+
+def read_measurements(source: Path, reading: Reading, number: int | None) -> tuple[list[Measurement], list[str]]:
+    """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
+    from receptance.io import read_all
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ReceptanceWarning)
+        found = read_all(source, **reading.keywords)
+    if number is not None and number > len(found):
+        raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
+    notes = [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
+    return found if number is None else [found[number - 1]], notes
+
+
+def _named_values(given: Sequence[str] | None, option: str, form: str) -> dict[str, str]:
     """Return names and values, separated by the last =, because names may contain one and units do not."""
     found: dict[str, str] = {}
     for text in given or ():
@@ -103,10 +138,10 @@ def named_values(given: Sequence[str] | None, option: str, form: str) -> dict[st
     return found
 
 
-def units_of(given: Sequence[str] | None) -> str | dict[str, str] | None:
+def _units_of(given: Sequence[str] | None) -> str | dict[str, str] | None:
     """Return the unit of FRFs, or the units of channels."""
     if not given:
         return None
     if len(given) == 1 and "=" not in given[0]:
         return given[0]
-    return named_values(given, "--unit", "one unit, or CHANNEL=UNIT for each channel")
+    return _named_values(given, "--unit", "one unit, or CHANNEL=UNIT for each channel")

@@ -4,26 +4,13 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from receptance.cli.convert import chosen
-from receptance.cli.reading import (
-    CoherenceFile,
-    Columns,
-    FileFormat,
-    IgnoreCoherence,
-    QuantityName,
-    SampleRate,
-    Units,
-    Variables,
-    read_options,
-)
+from receptance.cli.reading import MeasurementNumber, Reading, read_measurements, takes_reading
 from receptance.cli.running import InputError, Plot, Targets, input_errors, output
-from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,56 +25,33 @@ _MOST_DRAWN = 4
 """Most measurements of one file in a figure."""
 
 
+@takes_reading()
 def show(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="File with FRFs, coherences or time records.")],
+    reading: Reading,
     plot: Plot = None,
     no_window: NoWindow = False,
-    number: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Number of the only measurement to show, from 1.")
-    ] = None,
-    quantity: QuantityName = None,
-    unit: Units = None,
-    variable: Variables = None,
-    columns: Columns = None,
-    coherence: CoherenceFile = None,
-    ignore_coherence: IgnoreCoherence = False,
-    sample_rate: SampleRate = None,
-    source_format: FileFormat = None,
+    number: MeasurementNumber = None,
 ) -> None:
     """Print what a measurement file contains, and plot it.
 
     The figure is opened in the default viewer, or saved with --plot.
     """
-    from receptance.io import read_all
     from receptance.io.files import FORMATS, file_format
     from receptance.report.terminal import print_sentences, print_table, print_title
 
     targets = Targets(None, plot)
     targets.protect(source, "the file to show")
-    options = read_options(
-        quantity=quantity,
-        unit=unit,
-        variable=variable,
-        columns=columns,
-        coherence=coherence,
-        ignore_coherence=ignore_coherence,
-        sample_rate=sample_rate,
-        source_format=source_format,
-    )
-    with warnings.catch_warnings(record=True) as caught, input_errors():
-        warnings.simplefilter("always", ReceptanceWarning)
-        found = chosen(read_all(source, **options), number)
-        read_as = source_format or file_format(source)
+    with input_errors():
+        found, warned = read_measurements(source, reading, number)
+        read_as = reading.source_format or file_format(source)
     console = output()
     for index, measurement in enumerate(found, 1):
         named = f"{index}: {measurement.title}" if len(found) > 1 else f"{source.name}: {measurement.title}"
         print_title(console, named)
         for table in measurement.tables():
             print_table(console, table)
-    notes = dict.fromkeys(
-        [*(str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning))]
-        + [note for measurement in found for note in measurement.notes]
-    )
+    notes = dict.fromkeys([*warned, *(note for measurement in found for note in measurement.notes)])
     print_sentences(console, [f"Format: {FORMATS[read_as]}", *(f"Note: {note}" for note in notes)])
     drawn = found[:_MOST_DRAWN]
     if len(drawn) < len(found):

@@ -184,6 +184,19 @@ class Selection:
     discrepancy: Discrepancy | None = None
     fast: bool = False
 
+    @property
+    def absorbed(self) -> tuple[str, ...]:
+        """Ids of causes whose typical size has too small an effect, because the other unknowns would absorb it.
+
+        To first order, that is an increase of chi-square below the threshold. A cause with several variants is absorbed
+        if all of them are.
+        """
+        largest: dict[str, float] = {}
+        for one in self.directions:
+            if (gain := one.typical_gain) is not None:
+                largest[one.cause.id] = max(largest.get(one.cause.id, 0.0), gain)
+        return tuple(id for id, gain in largest.items() if gain < self.threshold)
+
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
         """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
         own = sum(unknown.prior is None for unknown in fit.model.unknowns)

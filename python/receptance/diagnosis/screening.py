@@ -70,6 +70,15 @@ class Direction:
         return np.linalg.qr(self.slopes)[0]
 
     @property
+    def typical_gain(self) -> float | None:
+        """Increase of chi-square by the typical size; None where the effect is not linear in the parameters."""
+        own = list(self.parameters.values())
+        if not own or self.slopes.shape[1] != len(own):
+            return None
+        change = self.slopes @ np.array([0.0 if one.secondary else one.typical - one.null for one in own])
+        return float(change @ change)
+
+    @property
     def step(self) -> Step:
         """The cause and the name of its variant."""
         return Step(self.cause, self.variant.name)
