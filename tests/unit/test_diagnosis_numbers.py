@@ -19,7 +19,7 @@ from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN, MISFIT_CHANCE, MISFIT_LIMIT
-from receptance.identification import Law
+from receptance.identification import Law, Prior
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -95,12 +95,16 @@ def test_one_large_tolerance_error_is_strain(count: int) -> None:
     for size, passes in ((farthest - 0.05, True), (farthest + 0.05, False)):
         off = np.zeros(count)
         off[-1] = size
+        errors = [
+            Unknown(address=f"e{i}", lower=-9.0, upper=9.0, start=0.0, prior=Prior(mean=0.0, standard_deviation=1.0))
+            for i in range(count)
+        ]
         fit: Any = SimpleNamespace(
             task=SimpleNamespace(
-                parameters=SimpleNamespace(unknowns=[SimpleNamespace(name=f"e{i}", prior=1.0) for i in range(count)])
+                parameters=SimpleNamespace(unknowns=errors), variables=SimpleNamespace(unknowns=errors)
             ),
             residual=np.append(np.zeros(count), off),
-            jacobian=np.vstack([1e4 * np.eye(count), np.eye(count)]),
+            curvature_root=np.vstack([1e4 * np.eye(count), np.eye(count)]),
         )
         found = _strain(fit)
         assert found.worst[0] == (f"e{count - 1}", pytest.approx(size, rel=1e-6))

@@ -8,6 +8,7 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.screening import directions, in_common_basis, look_alike
 from receptance.diagnosis.tangents import slopes_of
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.laws import Power
@@ -138,3 +139,37 @@ def test_a_further_law_is_prepared_with_all_others() -> None:
     names = [one.name for one in model.plus(law).task.parameters.unknowns]
     assert "joint.c_theta ~ tool.segment[0].length" in names
     assert names[-3:] == ["modulus", "clamped", "one hit"]
+
+
+def test_a_common_basis_keeps_look_alikes_and_scalar_products() -> None:
+    fit = refit(make_model(), {})
+    causes = [CATALOGUE[id] for id in ("sensor_mass", "hammer_offset", "calibration_gain", "time_delay")]
+    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
+    small = in_common_basis(found)
+    assert max(len(one.slopes) for one in small) < len(fit.residual) / 10
+    for first, same in zip(found, small, strict=True):
+        assert (same.cause, same.score, same.estimate) == (first.cause, first.score, first.estimate)
+        for second, other in zip(found, small, strict=True):
+            np.testing.assert_allclose(
+                same.slopes.T @ other.slopes, first.slopes.T @ second.slopes, rtol=1e-9, atol=1e-6
+            )
+            assert look_alike(same, other) == pytest.approx(look_alike(first, second), abs=1e-8)
+    assert in_common_basis([]) == []
+
+
+def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
+    fit = refit(make_model(), {})
+    jacobian = fit.problem.jacobian(fit.x)
+    root = fit.curvature_root
+    assert root.shape == (fit.x.size, fit.x.size)
+    np.testing.assert_allclose(root.T @ root, jacobian.T @ jacobian, rtol=1e-9, atol=1e-6)
+    # Two errors of which the data determine the sum alone: the normal matrix has lost the difference.
+    modulus = {"tool.segment[*].youngs_modulus": 20.0}
+    twice = Model(
+        fit.model.observations,
+        fit.model.unknowns,
+        tuple(Tolerance(name=name, moves=modulus, relative=True) for name in ("modulus", "again")),
+        threads=1,
+    )
+    start = twice.task.variables.start
+    assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))

@@ -19,6 +19,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import prior_table
 from receptance.report.table import amount
 
 __all__ = ["Adequacy", "MisfitBand", "Strain", "judge", "misfit_limit"]
@@ -184,10 +185,13 @@ def _strain(fit: Fit) -> Strain:
     names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
     if not names:
         return Strain()
-    errors, slopes = fit.residual[-len(names) :], fit.jacobian
-    scale = np.linalg.norm(slopes, axis=0)
-    scaled = slopes / np.where(scale > 0.0, scale, 1.0)
-    rows = scaled[-len(names) :]
+    errors, root = fit.residual[-len(names) :], fit.curvature_root
+    scale = np.linalg.norm(root, axis=0)
+    scaled = root / np.where(scale > 0.0, scale, 1.0)
+    columns, slopes, _ = prior_table(fit.task.variables.unknowns).T
+    own = columns.astype(np.intp)
+    rows = np.zeros((len(names), scale.size))
+    rows[np.arange(len(names)), own] = slopes / scale[own]
     expected = np.eye(len(names)) - rows @ np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) @ rows.T
     variance = np.diag(expected)
     is_observable = variance > OBSERVABLE_VARIANCE

@@ -110,7 +110,7 @@ class Hypothesis:
         """Sizes of its causes and their standard errors."""
         fit = self.explanation.fit
         variables = fit.task.variables
-        inverse = np.linalg.inv(information_root(fit.jacobian, variables))
+        inverse = np.linalg.inv(information_root(fit.curvature_root, variables))
         slopes = variables.slopes(np.array(list(fit.values.values())))
         errors = dict(zip(fit.values, np.linalg.norm(inverse, axis=1) * slopes, strict=True))
         return {name: (fit.values[name], float(errors[name])) for name in self.explanation.parameters}

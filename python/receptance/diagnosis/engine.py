@@ -319,7 +319,7 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> Candidate:
         id=cause.id,
         group=cause.group,
         variant=variant,
-        parameters={name: (value, *one.fit.identification.interval(name)) for name, value in sizes.items()},
+        explanation=one,
         gain=one.gain,
         evidence=one.evidence,
         misfit=one.fit.misfit,

@@ -112,14 +112,14 @@ class Fit:
         return sums
 
     @cached_property
-    def jacobian(self) -> NDArray[np.float64]:
-        """Derivatives of the residuals with respect to the fitted variables."""
-        return self.problem.jacobian(self.x).copy()
+    def curvature_root(self) -> NDArray[np.float64]:
+        """R with R^T R = J^T J for the derivatives J of the residuals with respect to the fitted variables."""
+        return self.problem.curvature_root(self.x)
 
     @cached_property
     def basis(self) -> NDArray[np.float64]:
-        """Orthonormal columns that span these derivatives."""
-        return np.linalg.qr(self.jacobian)[0]
+        """Orthonormal columns that span the derivatives of the residuals."""
+        return np.linalg.qr(self.problem.jacobian(self.x))[0]
 
     @cached_property
     def chi_square_on_few_lines(self) -> float:

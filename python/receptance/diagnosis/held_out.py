@@ -102,7 +102,7 @@ class PosteriorPrediction:
 
     @cached_property
     def _root(self) -> NDArray[np.float64]:
-        return information_root(self.fit.jacobian, self.fit.task.variables)
+        return information_root(self.fit.curvature_root, self.fit.task.variables)
 
     @cached_property
     def _problem(self) -> Problem:

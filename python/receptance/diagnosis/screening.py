@@ -7,7 +7,7 @@ fits, the detection threshold and the look-alikes. The evidence of a cause comes
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["Direction", "detection_threshold", "directions", "list_variants", "look_alike", "rank"]
+__all__ = ["Direction", "detection_threshold", "directions", "in_common_basis", "list_variants", "look_alike", "rank"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,8 @@ class Direction:
     parameters : dict of str to Parameter
         Its parameters by the names of their unknowns.
     slopes : ndarray
-        `(n, k)` derivatives of the residuals after a refit of all other unknowns; columns that are not zero.
+        `(n, k)` derivatives of the residuals after a refit of all other unknowns; columns that are not zero. Or their
+        coordinates, see `in_common_basis`.
     one_sided : bool
         Whether it has one visible parameter, which can only move to one side of its null.
     score : float
@@ -202,6 +203,19 @@ def _estimate(
     return ends
 
 
+def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
+    """Return the directions with coordinates in a basis of all of them in place of the derivatives of all residuals.
+
+    They have the same scalar products, which is all that thresholds and look-alikes need, in as many numbers as there
+    are derivatives.
+    """
+    if not found:
+        return []
+    counts = np.cumsum([one.slopes.shape[1] for one in found])
+    coordinates = np.split(np.linalg.qr(np.hstack([one.slopes for one in found]), mode="r"), counts[:-1], axis=1)
+    return [replace(one, slopes=own) for one, own in zip(found, coordinates, strict=True)]
+
+
 def detection_threshold(
     found: Sequence[Direction],
     penalty: float,
@@ -236,17 +250,18 @@ def detection_threshold(
     matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in visible])
     gram = matrix.T @ matrix
     rng = np.random.default_rng([seed, 20])
-    noise = rng.standard_normal((CHANCE_DRAWS, len(gram))) @ square_root(gram).T
+    # One row for each derivative, so that those of a cause are contiguous.
+    noise = square_root(gram) @ rng.standard_normal((CHANCE_DRAWS, len(gram))).T
     left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
     begin = 0
     for one in visible:
         own = slice(begin, begin + one.slopes.shape[1])
         begin = own.stop
-        projected = noise[:, own]
-        gain = np.einsum("di,ij,dj->d", projected, np.linalg.pinv(gram[own, own], rcond=1e-10), projected)
+        projected = noise[own]
+        gain = np.sum(np.linalg.pinv(gram[own, own], rcond=1e-10) @ projected * projected, axis=0)
         if one.one_sided:
-            gain = np.where(projected[:, 0] > 0.0, gain, 0.0)
+            gain[projected[0] <= 0.0] = 0.0
         if deviance is not None:
             gain = deviance(left + gain) - deviance(left)
         best = np.maximum(best, gain - penalty * one.count)

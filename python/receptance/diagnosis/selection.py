@@ -26,7 +26,15 @@ from receptance.diagnosis.fitting import (
 )
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.screening import Direction, detection_threshold, directions, list_variants, look_alike, rank
+from receptance.diagnosis.screening import (
+    Direction,
+    detection_threshold,
+    directions,
+    in_common_basis,
+    list_variants,
+    look_alike,
+    rank,
+)
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, starts_from_singles, starts_of
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
@@ -155,7 +163,7 @@ class Search:
         """Screen all causes, and fit the best variants of each."""
         own, base = self.selection, self.selection.base
         variants, own.undecidable = list_variants(base, self._causes)
-        own.directions = directions(base, variants)
+        own.directions = in_common_basis(directions(base, variants))
         beside = own.discrepancy
         own.threshold = detection_threshold(
             own.directions,

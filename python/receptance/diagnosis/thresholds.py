@@ -103,7 +103,7 @@ SCREENING_LIMIT = 20.0
 EVALUATED_ON_INTERRUPT = 3
 """Causes that are evaluated on all lines when a selection is interrupted before their fits."""
 CANDIDATES_ON_INTERRUPT = 3
-"""Candidates of an answer after an interruption: each needs intervals."""
+"""Candidates of an answer after an interruption: each needs its look-alikes and intervals."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -48,8 +48,8 @@ class Candidate:
         The cause.
     variant : str
         The variant in which it acts.
-    parameters : dict of str to (float, float, float)
-        Value, lower and upper end of the 95 % interval, in SI units.
+    explanation : Explanation
+        The fit with the cause.
     gain : float
         Decrease of chi-square, of all causes together where several act.
     evidence : float
@@ -73,7 +73,7 @@ class Candidate:
     id: str
     group: str
     variant: str
-    parameters: dict[str, tuple[float, float, float]]
+    explanation: Explanation = field(repr=False)
     gain: float
     evidence: float
     misfit: float
@@ -86,6 +86,13 @@ class Candidate:
     vetoed: str = ""
     held_out: float | None = None
     declared: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def parameters(self) -> dict[str, tuple[float, float, float]]:
+        """Value, lower and upper end of the 95 % interval of each parameter, in SI units."""
+        # Most causes are far behind, and their intervals take as long as a fit.
+        found = self.explanation.fit.identification
+        return {name: (found.values[name], *found.interval(name)) for name in self.declared}
 
     @property
     def title(self) -> str:
@@ -528,6 +535,5 @@ class Verdict(Result):
 def _as_dict(one: Candidate) -> dict[str, Any]:
     names = ("value", "lower", "upper")
     found = {name: dict(zip(names, numbers, strict=True)) for name, numbers in one.parameters.items()}
-    plain = asdict(replace(one, declared={}))
-    del plain["declared"]
-    return {**plain, "parameters": found}
+    own = {each.name: getattr(one, each.name) for each in fields(one) if each.name not in ("explanation", "declared")}
+    return {**own, "parameters": found}

@@ -293,12 +293,13 @@ def calculated(
     return frequencies
 
 
-def information_root(jacobian: NDArray[np.float64], variables: Variables) -> NDArray[np.float64]:
+def information_root(root: NDArray[np.float64], variables: Variables) -> NDArray[np.float64]:
     """Return R, `(p, p)`, with R^T R the information of a fit: J^T J, and the bounds of unknowns without a prior.
 
-    Bounds count as a prior of the same variance, so that every direction has information.
+    `root` is J, or any matrix with the same J^T J. Bounds count as a prior of the same variance, so that every
+    direction has information.
     """
     low, high = variables.limits
     free = [unknown.prior is None for unknown in variables.unknowns]
     spans = np.diag(np.where(free, math.sqrt(12.0) / (high - low), 0.0))
-    return np.asarray(np.linalg.qr(np.vstack([jacobian, spans]), mode="r"), dtype=np.float64)
+    return np.asarray(np.linalg.qr(np.vstack([root, spans]), mode="r"), dtype=np.float64)

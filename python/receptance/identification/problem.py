@@ -45,6 +45,8 @@ __all__ = [
 
 COST_TOLERANCE = 1e-6
 """Decrease of the cost at which a fit has converged whose cost is compared with that of another fit."""
+_LEAST_SQUARE = 1e-8
+"""Smallest ratio of two squared singular values that a normal matrix of columns of unit length tells to six digits."""
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
 _STATUS = {
@@ -167,6 +169,7 @@ class Problem:
         self._at: NDArray[np.float64] | None = None
         self._rows: _Rows = np.empty(0), np.empty((0, 0))
         self._end: End | None = None
+        self._smoothing = smoothing
 
     def named(self, x: NDArray[np.float64]) -> dict[str, float]:
         """Return the values in SI units by name."""
@@ -203,13 +206,19 @@ class Problem:
     def curvature_root(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a matrix R with R^T R = J^T J at a point.
 
-        Where all observations are reduced to a joint and a fit has ended there, R follows from the normal matrix of
-        that fit: it is small, and the derivatives of thousands of lines are not formed. Elsewhere it is J, whose
-        singular values keep all digits.
+        R follows from the normal matrix, which is small: derivatives of thousands of lines are not formed. Where the
+        squares of its singular values would lose digits, R is J itself. So it is with a smoothing, which weighs the
+        rows of the normal matrix. Where the model has no value, R is zero. Where all observations are reduced to a
+        joint and a fit has ended there, its normal matrix is used, which is close enough.
         """
+        if self._smoothing is not None:
+            return self.jacobian(x)
         if self._end is not None and self._added.reduced == len(self._observed) and np.array_equal(self._end.x, x):
-            return _root(self._end.normal)[:, :-1]
-        return self.jacobian(x)
+            normal = self._end.normal
+        else:
+            normal = self.core.normal_matrix(np.ascontiguousarray(x))
+        root = _root(normal[:-1, :-1])
+        return self.jacobian(x) if root is None else root
 
     def thinned(self, lines: int) -> Problem | None:
         """Return the same problem with about so many lines of each receptance, for fits; None if it has no more."""
@@ -536,12 +545,14 @@ def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
-def _root(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return R with R^T R = N for a positive semidefinite N, singular ones included."""
-    if not np.isfinite(normal).all():
-        return np.full_like(normal, np.inf)
-    scale = np.sqrt(np.diag(normal))
-    divisor = np.where(scale > 0.0, scale, 1.0)
-    squares, vectors = np.linalg.eigh(normal / np.outer(divisor, divisor))
-    root: NDArray[np.float64] = np.sqrt(np.maximum(squares, 0.0))[:, None] * vectors.T * scale
+def _root(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return R with R^T R = N for a positive definite N; None where it has too few digits, or no value."""
+    diagonal = np.diag(normal)
+    if not (np.isfinite(normal).all() and np.all(diagonal > 0.0)):
+        return None
+    scale = np.sqrt(diagonal)
+    squares, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
+    if squares[0] < _LEAST_SQUARE * squares[-1]:
+        return None
+    root: NDArray[np.float64] = np.sqrt(squares)[:, None] * vectors.T * scale
     return root
