@@ -239,6 +239,7 @@ def _mode_table(title: str, before: Sequence[ModeResidual], after: Sequence[Mode
     for one in before:
         found = other.get((one.label, one.mode))
         cells = [_change(getattr(one, field), getattr(found, field, math.nan), form) for _, field, form in quantities]
+        cells[0] = cells[0] or "not in the model"
         rows.append([one.label, one.mode, one.measured_hz, *cells])
     columns: tuple[Column | str, ...] = (
         "configuration",
