@@ -20,7 +20,7 @@ import er32_study
 import foreign_beam
 from campaign_text import write
 from command_line import call, interrupted
-from receptance import _files
+from receptance import FRF, _files, io
 from receptance._files import check_target, write_whole
 from receptance.campaign import Campaign
 from receptance.cli import app as command_line
@@ -215,6 +215,45 @@ def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert "demo" in output.out + output.err
     assert call(monkeypatch, "study", "er32", "--help") == 0
     assert "--json" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "identify er32",
+        "check er32 --no-window",
+        "predict er32",
+        "show data.uff --no-window",
+        "convert data.uff data.csv",
+    ],
+)
+def test_quiet_prints_nothing_and_writes_files(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    assert call(monkeypatch, "example", "er32", "--quiet") == 0
+    frf = FRF(frequency_hz=[10.0, 20.0, 30.0], values=[1e-6, 2e-6, 1e-6], coherence=[0.9, 0.2, 0.9])
+    io.write("data.uff", [frf])
+    assert call(monkeypatch, *command.split(), "-q") == 0
+    assert capsys.readouterr() == ("", "")
+    assert Path("data.csv").is_file() == command.startswith("convert")
+    if command.startswith("identify"):
+        assert call(monkeypatch, *command.split(), "--quiet", "--json", "-") == 0
+        out, err = capsys.readouterr()
+        assert isinstance(json.loads(out), dict)
+        assert err == ""
+    # Errors are printed, and the next command in the same process is not quiet.
+    assert call(monkeypatch, "identify", "absent.toml", "-q") == 2
+    assert "absent.toml" in capsys.readouterr().err
+    assert call(monkeypatch, "example", "--list") == 0
+    assert "er32" in capsys.readouterr().out
+
+
+def test_every_command_takes_quiet() -> None:
+    commands = typer.main.get_command(command_line.app).commands
+    studies = commands.pop("study").commands
+    del commands["schema"]
+    for command in [*commands.values(), *studies.values()]:
+        assert any("--quiet" in one.opts for one in command.params), command.name
 
 
 def test_brackets_in_help_are_text_and_no_markup() -> None:

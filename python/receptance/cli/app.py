@@ -30,7 +30,7 @@ from receptance.cli.catalogue import catalogue
 from receptance.cli.convert import convert
 from receptance.cli.demo import demo
 from receptance.cli.new import new
-from receptance.cli.running import InputError, InterruptedAnswer
+from receptance.cli.running import InputError, InterruptedAnswer, takes_quiet
 from receptance.cli.show import show
 from receptance.cli.studies import studies
 from receptance.cli.sweep import sweep
@@ -83,7 +83,8 @@ def _built(groups: Mapping[str, Mapping[str, Callable[..., None]]]) -> typer.Typ
     built.callback()(_root)
     for group, commands in groups.items():
         for name, command in commands.items():
-            built.command(name, rich_help_panel=group)(command)
+            # The text of `schema` is all that it does.
+            built.command(name, rich_help_panel=group)(command if command is schema else takes_quiet(command))
     return built
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import warnings
 from collections.abc import Callable, Sequence
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from receptance.cli.running import InputError
+from receptance.cli.running import InputError, with_parameters
 from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -95,19 +94,14 @@ def takes_reading(*without: str) -> Callable[[Callable[..., None]], Callable[...
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:
         options = [one for one in fields(Reading) if one.name not in without]
-        own, hints = inspect.signature(command, eval_str=True), get_type_hints(Reading, include_extras=True)
+        hints = get_type_hints(Reading, include_extras=True)
 
-        @functools.wraps(command)
         def called(**values: Any) -> None:
             command(reading=Reading(**{one.name: values.pop(one.name) for one in options}), **values)
 
-        parameters = [one for one in own.parameters.values() if one.name != "reading"]
-        for one in options:
-            kind = inspect.Parameter.KEYWORD_ONLY
-            parameters.append(inspect.Parameter(one.name, kind, default=one.default, annotation=hints[one.name]))
-        # typer declares what the signature states.
-        called.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
-        return called
+        kind = inspect.Parameter.KEYWORD_ONLY
+        added = [inspect.Parameter(one.name, kind, default=one.default, annotation=hints[one.name]) for one in options]
+        return with_parameters(command, called, added, without="reading")
 
     return with_options
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from threading import Event, Lock, Thread
 from time import perf_counter
@@ -35,6 +38,8 @@ __all__ = [
     "Targets",
     "input_errors",
     "output",
+    "takes_quiet",
+    "with_parameters",
     "with_progress",
 ]
 
@@ -60,6 +65,7 @@ Plot = Annotated[
 Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of random numbers.")]
 
 
+_is_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 _STANDARD_OUTPUT = Path("-")
 PROFILES = "profiles"
 """End of the name of the figure with profiles."""
@@ -71,6 +77,35 @@ class InputError(Exception):
 
 class InterruptedAnswer(Exception):  # noqa: N818
     """An interruption after which a preliminary result was printed."""
+
+
+def with_parameters(
+    command: Callable[..., None], called: Callable[..., None], added: Sequence[inspect.Parameter], without: str = ""
+) -> Callable[..., None]:
+    """Return a function with the name and the help of a command, and its parameters but one and some more.
+
+    Typer declares the options of a command from its signature.
+    """
+    own = inspect.signature(command, eval_str=True)
+    kept = [one for one in own.parameters.values() if one.name != without]
+    functools.update_wrapper(called, command)
+    called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
+    return called
+
+
+def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the option --quiet: neither text nor progress, but for errors and the JSON of `--json -`."""
+
+    def called(*, quiet: bool, **values: Any) -> None:
+        before = _is_quiet.set(quiet)
+        try:
+            command(**values)
+        finally:
+            _is_quiet.reset(before)
+
+    option = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only; files are written all the same.")]
+    quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+    return with_parameters(command, called, [quiet])
 
 
 @contextmanager
@@ -170,7 +205,7 @@ class Targets:
         with input_errors():
             write_whole(contents)
         if self.json_to_output:
-            output().out(document, end="", highlight=False)
+            output(quiet=False).out(document, end="", highlight=False)
 
     def show(
         self,
@@ -253,13 +288,18 @@ class _Output(Console):
         raise SystemExit(0)
 
 
-def output(*, stderr: bool = False) -> Console:
-    """Return standard output or standard error; to a pipe without colour, with the width COLUMNS."""
-    console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr)
+def output(*, stderr: bool = False, quiet: bool | None = None) -> Console:
+    """Return standard output or standard error; to a pipe without colour, with the width COLUMNS.
+
+    Nothing is printed to it if it is quiet, by default as the option --quiet says.
+    """
+    quiet = _is_quiet.get() if quiet is None else quiet
+    options: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False, "stderr": stderr, "quiet": quiet}
+    console = _Output(**options)
     if not console.is_terminal:
         columns = os.environ.get("COLUMNS", "")
         width = int(columns) if columns.isdecimal() and int(columns) > 0 else _PIPE_WIDTH
-        console = _Output(highlight=False, markup=False, emoji=False, stderr=stderr, width=width, no_color=True)
+        console = _Output(**options, width=width, no_color=True)
     # A narrower terminal wraps the lines itself.
     console.width = max(console.width, LEAST_WIDTH)
     return console
@@ -300,6 +340,8 @@ def _printed_progress() -> Iterator[Callable[[str], None]]:
 
 def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
     """Run long work and show its progress on standard error: live on a terminal, else a line every few seconds."""
+    if _is_quiet.get():
+        return work(lambda text: None)
     console = Console(stderr=True)
     if not console.is_terminal:
         with _printed_progress() as say:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, takes_quiet, with_progress
 from receptance.report.terminal import print_sentences, print_table, print_title
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ Step = Annotated[int, typer.Option("--step", metavar="KN", min=1, max=2, help="S
 
 
 @studies.command()
+@takes_quiet
 def er32(
     json_file: Json = None,
     plot: Plot = None,
@@ -69,6 +70,7 @@ def er32(
 
 
 @studies.command()
+@takes_quiet
 def bt50(json_file: Json = None, plot: Plot = None, step: Step = 1, seed: Seed = 0) -> None:
     """BT50 taper over drawbar force, Xu et al. 2012, on a virtual rig."""
     targets = Targets(json_file, plot)

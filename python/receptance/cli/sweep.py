@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from receptance.cli.campaigns import CampaignFile, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, with_progress
+from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def sweep(
                 )
             raise
     for one in caught:
-        print(f"receptance: {one.message}", file=sys.stderr)
+        output(stderr=True).print(f"receptance: {one.message}", soft_wrap=True)
     targets.show(found)
     if store is not None:
         targets.console().print(f"Store: {store}", soft_wrap=True)
