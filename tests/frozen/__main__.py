@@ -32,7 +32,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
 
-EXAMPLES = ("er32", "free-free", "hammer", "machine", "taper")
+EXAMPLES = ("er32", "forgotten-sensor", "free-free", "hammer", "machine", "taper")
 COMMANDS = ("identify", "predict", "transfer", "invert", "next", "stability")
 STUDIES = ("er32", "bt50")
 SCRIPTS = ("clamped-rods", "table3", "clamping", "machines")
@@ -76,7 +76,7 @@ def cases() -> list[Run]:
         script = str(REPOSITORY / "docs" / "studies" / f"{name.replace('-', '_')}.py")
         runs.append(Run(f"study-{name}", (script, "--json", "out.json"), ("out.json",)))
     # The taper is left out: its 26 levels take many minutes, and the study bt50 diagnoses the same data.
-    for name in ("er32", "hammer", "free-free", "machine"):
+    for name in ("er32", "forgotten-sensor", "hammer", "free-free", "machine"):
         runs.append(Run(f"diagnose-{name}", (*cli, "diagnose", name, "--json", "out.json"), ("out.json",)))
     for first in range(0, BLIND_CASES, BLIND_BLOCK):
         script = str(HERE / "blind_cases.py")

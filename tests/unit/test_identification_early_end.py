@@ -119,7 +119,9 @@ def test_residuals_of_truncated_records_are_those_of_the_plain_sum(lines: np.nda
 
 def test_early_end_is_detected_and_named(records: list[MeasuredFRF]) -> None:
     end = truncation_time(records)
-    assert end == pytest.approx(END_AT, abs=1.5e-3)
+    print(f"{1e3 * (end - END_AT):+.3f} ms")
+    # A start that is late may end in another optimum.
+    assert -4e-4 < end - END_AT <= 0.0
     tolerance = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)
     verdict = diagnose(
         records, JOINT, tolerances=[tolerance], causes=["coarse_resolution", "exponential_window"], most=1

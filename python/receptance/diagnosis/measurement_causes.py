@@ -284,7 +284,12 @@ def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
         step = float(before / after) / decay
         if step > largest:
             largest, at = step, i
-    return at / TRUNCATION_POINTS * periods[0] if largest > TRUNCATION_STEP else None
+    if largest <= TRUNCATION_STEP:
+        return None
+    # The window over the band spreads the response by 2 / band, so that it seems to end that much later. A fit that
+    # starts late ends in another optimum: over a period of a mode the phase of its end turns once.
+    spread = 2.0 / min(float(np.ptp(one.frequency_hz.real)) for one in records)
+    return at / TRUNCATION_POINTS * periods[0] - spread
 
 
 def _power(one: MeasuredFRF) -> tuple[float, NDArray[np.float64]] | None:
