@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from receptance.cli.reading import MeasurementNumber, Reading, read_measurements, takes_reading
+from receptance.cli.reading import MeasurementNumber, Reading, collected_warnings, read_measurements, takes_reading
 from receptance.cli.running import InputError, input_errors, output
-from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
     from receptance import FRF
@@ -40,16 +38,14 @@ def convert(
 
     if target.exists() and source.exists() and target.resolve() == source.resolve():
         raise InputError(f"IN and OUT are both {source}; give two files")
-    with warnings.catch_warnings(), input_errors():
+    with input_errors(), collected_warnings() as further:
         found, notes = read_measurements(source, reading, number)
-        # The same values in another form give the same warnings again.
-        warnings.simplefilter("ignore", ReceptanceWarning)
         written = [_as_form(thing, form) for thing in found]
         write(target, written, format=target_format)
     console = output()
     for thing in written:
         console.print(f"{thing!r}", soft_wrap=True)
-    for note in dict.fromkeys([*notes, *(note for thing in written for note in thing.notes)]):
+    for note in dict.fromkeys([*notes, *further, *(note for thing in written for note in thing.notes)]):
         console.print(f"Note: {note}", soft_wrap=True)
     console.print(f"Written: {target}", soft_wrap=True)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -17,7 +18,7 @@ from receptance.errors import ReceptanceWarning
 if TYPE_CHECKING:
     from receptance.io.measurements import Measurement
 
-__all__ = ["MeasurementNumber", "Reading", "read_measurements", "takes_reading"]
+__all__ = ["MeasurementNumber", "Reading", "collected_warnings", "read_measurements", "takes_reading"]
 
 FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
@@ -106,16 +107,24 @@ def takes_reading(*without: str) -> Callable[[Callable[..., None]], Callable[...
     return with_options
 
 
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of the warnings of readers and writers, in place of showing them."""
+    notes: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ReceptanceWarning)
+        yield notes
+    notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
+
+
 def read_measurements(source: Path, reading: Reading, number: int | None) -> tuple[list[Measurement], list[str]]:
     """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
     from receptance.io import read_all
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ReceptanceWarning)
+    with collected_warnings() as notes:
         found = read_all(source, **reading.keywords)
     if number is not None and number > len(found):
         raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
-    notes = [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
     return found if number is None else [found[number - 1]], notes
 
 
