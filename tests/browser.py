@@ -28,7 +28,8 @@ _MEASURE = """(() => {
     const box = inside(element);
     if (!box) continue;
     const name = element.tagName + ': ' + element.textContent.slice(0, 60);
-    if (box.right > width + 1 || box.left < -1) found.push('outside: ' + name);
+    const scrolls = element.closest('.wide') && getComputedStyle(element.closest('.wide')).overflowX === 'auto';
+    if (!scrolls && (box.right > width + 1 || box.left < -1)) found.push('outside: ' + name);
     const svg = element.closest('svg'), frame = svg && svg.getBoundingClientRect();
     if (frame && (box.right > frame.right + 1 || box.left < frame.left - 1 || box.bottom > frame.bottom + 1))
       found.push('outside of its figure: ' + name);

@@ -311,6 +311,21 @@ def test_confirmation_declined(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert call(monkeypatch, "identify", "er32") == 0
 
 
+def test_seed_of_the_command_replaces_that_of_the_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Drawn starts and drawn cutting coefficients depend on the seed; without the option it is that of the file."""
+    assert call(monkeypatch, "example", "machine") == 0
+    found = {}
+    for seed in ((), ("--seed", "0"), ("--seed", "5")):
+        assert call(monkeypatch, "stability", "machine", *seed, "--json", "found.json") == 0
+        found[seed] = json.loads(Path("found.json").read_text(encoding="utf-8"))
+    assert found["--seed", "0"] == found[()] != found["--seed", "5"]
+    assert call(monkeypatch, "identify", "machine", "--seed", "5", "--json", "found.json") == 0
+    assert json.loads(Path("found.json").read_text(encoding="utf-8"))["seed"] == 5
+    assert call(monkeypatch, "identify", "machine", "--seed", "-1") == 2
+
+
 def test_examples_are_listed_and_not_written_over(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import html
 import importlib
 import json
 import re
@@ -22,6 +23,7 @@ _WIDE = 1000
 _STEPS = ("identify", "predict", "transfer", "diagnose", "invert", "next_measurement", "stability")
 
 COMMANDS = {
+    "check": ("--no-window",),
     "identify": (),
     "predict": (),
     "transfer": (),
@@ -41,6 +43,8 @@ NO_ANSWER = {
     "taper": ("invert", "next", "stability", "catalogue"),
 }
 """Examples without the tables of a command, which then reports that there is nothing to do."""
+WITHOUT_FIGURE = {("er32", "sweep"), ("taper", "sweep")}
+"""Sweeps of more parameters than a figure shows, which has no report."""
 FEW_LEVELS = {"transfer", "diagnose"}
 """Commands that fit all levels of the taper many times; with a few levels they print the same tables."""
 SLOW = {
@@ -107,8 +111,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 
 def _numbers(text: str) -> Counter[str]:
-    # The time that the work took is another one every time.
-    return Counter(_NUMBER.findall(re.sub(r"in [\d.]+ s$", "", text, flags=re.MULTILINE)))
+    # The time that the work took is another one every time, and not part of the result.
+    return Counter(_NUMBER.findall(re.sub(r"(\d+ tools )?in [\d.]+ s$", "", text, flags=re.MULTILINE)))
 
 
 @pytest.mark.usefixtures("calculated_once")
@@ -121,8 +125,9 @@ def test_no_number_is_cut(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Every number that is printed on a line as long as it likes is there, whole, at any width."""
+    """Every number that is printed without a limit of width is printed at any width, and is in the report."""
     monkeypatch.chdir(tmp_path)
+    report = () if arguments[1::-1] in WITHOUT_FIGURE else ("--report", "report.html")
     if arguments[0] in COMMANDS:
         folder = folders(arguments[1])
         if arguments[1] == "taper" and arguments[0] in FEW_LEVELS:
@@ -134,7 +139,7 @@ def test_no_number_is_cut(
             folder.write_text(few)
         arguments = (arguments[0], str(folder), *arguments[2:])
     monkeypatch.setenv("COLUMNS", str(_WIDE))
-    assert call(monkeypatch, *arguments, "--json", "results.json") == code, capsys.readouterr().err
+    assert call(monkeypatch, *arguments, "--json", "results.json", *report) == code, capsys.readouterr().err
     output = capsys.readouterr()
     if code:
         assert output.err.startswith("receptance: ")
@@ -142,6 +147,11 @@ def test_no_number_is_cut(
     assert json.loads(Path("results.json").read_text(encoding="utf-8"))
     wide = _numbers(output.out)
     assert wide
+    if report:
+        page = html.unescape(
+            re.sub(r"<(style|svg).*?</\1>|<[^>]*>", " ", Path("report.html").read_text("utf-8"), flags=re.S)
+        )
+        assert not (lost := wide - _numbers(page)), f"these numbers are not in the report: {dict(lost)}"
     for columns in ("40", "80", "100", "120", None):
         if columns is None:
             monkeypatch.delenv("COLUMNS")

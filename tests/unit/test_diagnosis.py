@@ -31,7 +31,6 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
-from receptance.diagnosis.report import diagnosis_html
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
@@ -273,7 +272,7 @@ def test_an_unusual_size_is_suspected_and_shown() -> None:
     note = f"with an unusual size: {size}; check the drawing or the stated value"
     assert note in verdict.summary(1000)
     assert verdict.to_dict()["causes"][0]["vetoed"] == size
-    assert note in html.unescape(diagnosis_html(verdict))
+    assert note in html.unescape(verdict.to_html())
     # The reported model counts in predictions, with a finite error.
     _, errors = verdict.predict_natural_frequencies(make_assembly(0.06), 6000.0)
     assert (errors < 50.0).all()
@@ -422,7 +421,7 @@ def test_interruption_returns_a_preliminary_result(what: str, times: int, tried:
     written = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
     assert written["final"] is False
     assert written["settings"]["interrupted"]["step"] == len(lines)
-    assert "not final" in diagnosis_html(verdict)
+    assert "not final" in verdict.to_html()
     assert diagnose(make_observations(), JOINT, causes=["sensor_mass"], most=1).final
 
 

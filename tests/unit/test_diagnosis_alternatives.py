@@ -27,7 +27,6 @@ from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import select_without
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.report import diagnosis_html
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.identification import Tolerance
 
@@ -97,7 +96,7 @@ def test_a_better_alternative_is_reported() -> None:
     facts = {fact.label: fact.texts[0] for fact in verdict.facts()}
     assert facts["Place"].startswith("A mass at 30 % of tool explains the data; it is not a known cause")
     assert facts["Size"].startswith("mass 0.4")
-    assert facts["Place"] in diagnosis_html(verdict)
+    assert facts["Place"] in verdict.to_html()
     assert verdict.to_dict()["alternative"]["id"] == "mass_somewhere"
     assert "no cause is named" in note
 

@@ -27,9 +27,9 @@ from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
 from receptance.diagnosis.adequacy import Strain
 from receptance.diagnosis.discrepancy import Discrepancy, fit_discrepancy, resonant
 from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES
-from receptance.diagnosis.verdict import Improvement
 from receptance.identification import Tolerance, Unknown
 
 LINES = np.linspace(200.0, 8000.0, 1000)

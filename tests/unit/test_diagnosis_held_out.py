@@ -22,6 +22,7 @@ from receptance.diagnosis.held_out import (
     FREQUENCIES,
     SCORE,
     SPECTRAL,
+    Gain,
     PosteriorPrediction,
     _Fold,
     _measure,
@@ -34,7 +35,6 @@ from receptance.diagnosis.held_out import (
 )
 from receptance.diagnosis.judgement import conclude, doubt_prediction
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.verdict import Gain
 from receptance.diagnosis.wording import sizes
 from receptance.identification import Move, Tolerance
 

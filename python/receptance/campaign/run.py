@@ -228,6 +228,12 @@ class Campaign(Renderable):
         """Title, or else the name of the file."""
         return self.table.title or self.file.name
 
+    def with_seed(self, seed: int) -> Campaign:
+        """Return the campaign with another seed of the starts of fits and of the draws of stability."""
+        settings = self.table.settings.model_copy(update={"seed": seed})
+        stability = self.table.stability.model_copy(update={"seed": seed})
+        return replace(self, table=self.table.model_copy(update={"settings": settings, "stability": stability}))
+
     def provenance(self, *, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Provenance:
         """Return the provenance of results of this campaign."""
         return Provenance(

@@ -13,11 +13,11 @@ import typer
 from receptance.cli.running import (
     InputError,
     InterruptedAnswer,
-    Json,
-    Plot,
+    NewSeed,
     Targets,
     input_errors,
     output,
+    takes_targets,
     with_progress,
 )
 from receptance.cli.show import NoWindow, open_figure
@@ -43,8 +43,6 @@ __all__ = [
     "transfer",
 ]
 
-_NO = 3
-"""Exit code for a negative result of --strict or --at-most."""
 _MOST_FILES = 6
 _Found = TypeVar("_Found")
 
@@ -66,7 +64,9 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     return found
 
 
-def run_on_campaign(path: Path, targets: Targets, work: Callable[[Campaign], _Found]) -> tuple[Campaign, _Found]:
+def run_on_campaign(
+    path: Path, targets: Targets, work: Callable[[Campaign], _Found], seed: int | None = None
+) -> tuple[Campaign, _Found]:
     """Read a campaign and analyse it, with a progress display; mistakes in the input become `InputError`.
 
     Warnings are not shown, because they are among the notes of the result.
@@ -75,6 +75,7 @@ def run_on_campaign(path: Path, targets: Targets, work: Callable[[Campaign], _Fo
 
     def run(say: Callable[[str], None]) -> tuple[Campaign, _Found]:
         read = load_campaign(path, targets, say)
+        read = read if seed is None else read.with_seed(seed)
         return read, work(read)
 
     with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
@@ -109,14 +110,11 @@ def example(
     console.print(f"Next: receptance identify {files[0]}", soft_wrap=True)
 
 
+@takes_targets("if identify or diagnose cannot run, or something is missing")
 def check(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     no_window: NoWindow = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 3 if identify or diagnose cannot run, or something is missing.")
-    ] = False,
 ) -> None:
     """Say what a campaign contains and lacks, and draw its assemblies.
 
@@ -124,13 +122,11 @@ def check(
     """
     from receptance.campaign import CampaignCheck
 
-    targets = Targets(json_file, plot)
     _, found = run_on_campaign(campaign, targets, CampaignCheck)
     targets.show(found)
-    if plot is None and not no_window and json_file is None:
+    if not no_window and not targets.asked:
         open_figure(targets.console(), found.plot, "check")
-    if strict and (found.missing["identify"] or found.missing["diagnose"] or found.warnings()):
-        raise typer.Exit(_NO)
+    targets.require(not (found.missing["identify"] or found.missing["diagnose"] or found.warnings()))
 
 
 def schema(
@@ -143,26 +139,22 @@ def schema(
     output().out(text, end="", highlight=False)
 
 
+@takes_targets("if the fit has not converged or has advice")
 def identify(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 3 if the fit has not converged or has advice.")
-    ] = False,
+    targets: Targets,
+    seed: NewSeed = None,
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
-    targets = Targets(json_file, plot)
-    read, found = run_on_campaign(campaign, targets, lambda read: read.identify())
+    read, found = run_on_campaign(campaign, targets, lambda read: read.identify(), seed)
     targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
-    if strict and (found.advice or not found.converged):
-        raise typer.Exit(_NO)
+    targets.require(found.converged and not found.advice)
 
 
+@takes_targets("if the fit has advice")
 def predict(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     at_most: Annotated[
         float | None,
         typer.Option(
@@ -172,16 +164,16 @@ def predict(
             help="Exit with 3 if the error of a held-out natural frequency or peak is larger.",
         ),
     ] = None,
+    seed: NewSeed = None,
 ) -> None:
     """Predict held-out measurements and unmeasured assemblies."""
-    targets = Targets(json_file, plot)
 
     def work(read: Campaign) -> Prediction:
         if at_most is not None and not read.held_out:
             raise InputError("--at-most needs held-out measurements, and the campaign has none")
         return read.predict()
 
-    read, found = run_on_campaign(campaign, targets, work)
+    read, found = run_on_campaign(campaign, targets, work, seed)
     targets.show(found)
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
@@ -192,33 +184,34 @@ def predict(
         lost += f", {failed} measurements could not be predicted" if failed else ""
         answer = "no" if no else "yes"
         targets.console().print(f"At most {at_most:g} %: {answer}, the largest error is {worst:.2f} %{lost}")
-        if no:
-            raise typer.Exit(_NO)
+        targets.require(not no, always=True)
+    targets.require(not found.warnings())
 
 
+@takes_targets("if the fits have advice or an assembly is not predicted")
 def transfer(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     splits: Annotated[
         str, typer.Option("--splits", help="leave-one-out: each assembly from all others; one-for-all: all from each.")
     ] = "leave-one-out",
+    seed: NewSeed = None,
 ) -> None:
     """Predict every measured assembly of a campaign from the others."""
-    targets = Targets(json_file, plot)
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
     way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
-    _, found = run_on_campaign(campaign, targets, lambda read: read.transfer(splits=way))
-    if plot is not None and not found.modes and not found.frfs:
+    _, found = run_on_campaign(campaign, targets, lambda read: read.transfer(splits=way), seed)
+    if targets.draws and not found.modes and not found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
     targets.show(found)
+    targets.require(not found.warnings() and not found.not_predicted)
 
 
+@takes_targets()
 def invert(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     joint: Annotated[
         str | None,
         typer.Option("--joint", metavar="NAME", help="Joint; by default all joints with unknown stiffness."),
@@ -231,15 +224,14 @@ def invert(
     ] = 20.0,
 ) -> None:
     """Compute joint stiffness on each line by inverse coupling."""
-    targets = Targets(json_file, plot)
     _, found = run_on_campaign(campaign, targets, lambda read: read.invert(joint, limit=limit / 100.0))
     targets.show(found)
 
 
+@takes_targets()
 def next_measurement(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     target: Annotated[
         list[str] | None,
         typer.Option(
@@ -248,36 +240,33 @@ def next_measurement(
             help="Unknown, or assembly for its natural frequencies, whose uncertainty counts; may be repeated.",
         ),
     ] = None,
+    seed: NewSeed = None,
 ) -> None:
     """Rank candidate measurements by their expected benefit."""
-    targets = Targets(json_file, plot)
-    _, found = run_on_campaign(campaign, targets, lambda read: read.next_measurement(targets=target or ()))
+    _, found = run_on_campaign(campaign, targets, lambda read: read.next_measurement(targets=target or ()), seed)
     targets.show(found)
 
 
+@takes_targets()
 def stability(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     cut: Annotated[
         list[str] | None, typer.Option("--cut", metavar="NAME", help="Only this cut; may be repeated.")
     ] = None,
+    seed: NewSeed = None,
 ) -> None:
     """Compute stable depths of cut and recommended spindle speeds."""
-    targets = Targets(json_file, plot)
-    _, found = run_on_campaign(campaign, targets, lambda read: read.stability(cuts=cut or ()))
+    _, found = run_on_campaign(campaign, targets, lambda read: read.stability(cuts=cut or ()), seed)
     targets.show(found)
 
 
+@takes_targets("unless the verdict is adequate")
 def diagnose(
     campaign: CampaignFile,
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     causes: Annotated[
         list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be repeated.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE.html", help="Write the report as one HTML file.")
     ] = None,
     extended: Annotated[
         Path | None,
@@ -290,13 +279,13 @@ def diagnose(
     fast: Annotated[
         bool, typer.Option("--fast", help="Leave out tests by held-out data and competing changes; names no cause.")
     ] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 unless the verdict is adequate.")] = False,
+    seed: NewSeed = None,
 ) -> None:
     """Test whether the model explains the measurements, and why not.
 
     Ctrl-C stops with a preliminary result and exit code 130.
     """
-    targets = Targets(json_file, plot, report, extended)
+    targets.add_extended(extended)
 
     def work(read: Campaign) -> Verdict:
         from receptance.campaign.changed_lines import with_campaign_lines
@@ -306,21 +295,14 @@ def diagnose(
             read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
         )
 
-    read, found = run_on_campaign(campaign, targets, work)
-
-    def page() -> str:
-        from receptance.diagnosis.report import diagnosis_html
-
-        return diagnosis_html(found, title=read.title)
-
+    read, found = run_on_campaign(campaign, targets, work, seed)
     text, why_not = _extended(read, found, extended)
-    targets.show(found, report=page, extended=text)
+    targets.show(found, extended=text)
     if why_not:
         targets.console().print(f"{extended} was not written: {why_not}", soft_wrap=True)
     if not found.final:
         raise InterruptedAnswer("interrupted, the result is preliminary")
-    if strict and found.verdict != "adequate":
-        raise typer.Exit(_NO)
+    targets.require(found.verdict == "adequate")
 
 
 def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[str | None, str]:

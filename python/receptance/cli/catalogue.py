@@ -13,7 +13,7 @@ from rich.text import Text
 
 from receptance._files import check_target, write_whole
 from receptance.cli.campaigns import CampaignFile, run_on_campaign
-from receptance.cli.running import InputError, Json, Plot, Targets, input_errors
+from receptance.cli.running import InputError, NewSeed, Targets, input_errors, takes_targets
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
@@ -27,8 +27,10 @@ _DRAWS = 60
 """Number of draws for the bands of figures without a cut."""
 
 
+@takes_targets()
 def catalogue(
     campaign: CampaignFile,
+    targets: Targets,
     tools: Annotated[
         Path | None, typer.Argument(metavar="TOOLS.csv", help="Tools; by default the file the campaign names.")
     ] = None,
@@ -39,8 +41,6 @@ def catalogue(
         Path | None,
         typer.Option("--holders", metavar="FILE.csv", help="Holders; by default the file the campaign names."),
     ] = None,
-    json_file: Json = None,
-    plot: Plot = None,
     figures: Annotated[
         Path | None, typer.Option("--figures", metavar="FOLDER", help="Write a figure of each tool, NAME.png.")
     ] = None,
@@ -54,9 +54,9 @@ def catalogue(
     frfs: Annotated[
         Path | None, typer.Option("--frfs", metavar="FOLDER", help="Write the receptance of each tool, NAME.csv.")
     ] = None,
+    seed: NewSeed = None,
 ) -> None:
     """Predict the tips of all tools of a catalogue in a machine."""
-    targets = Targets(json_file, plot)
     wanted = _Wanted(tools, holders, out, depths, cut, figures, frfs)
     wanted.check(targets)
     begun = time.perf_counter()
@@ -65,7 +65,7 @@ def catalogue(
         wanted.protect_inputs(read, targets)
         return _run(read, wanted)
 
-    _, found = run_on_campaign(campaign, targets, work)
+    _, found = run_on_campaign(campaign, targets, work, seed)
     targets.show(found)
     console = targets.console()
     for name, path in (("Modes", out), ("Depths", depths), ("Figures", figures), ("Receptances", frfs)):

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receptance.cli.running import Json, Plot, Targets, input_errors, with_progress
+from receptance.cli.running import Targets, input_errors, takes_targets, with_progress
 from receptance.report.terminal import print_sentences, print_title
 
 if TYPE_CHECKING:
@@ -25,16 +25,14 @@ FIGURE = Path("receptance-demo.png")
 REPORT = Path("receptance-demo.html")
 
 
-def demo(json_file: Json = None, plot: Plot = None) -> None:
+@takes_targets(plot=FIGURE, report=REPORT)
+def demo(targets: Targets) -> None:
     """Find the cause of a wrong prediction: a hammer test with a forgotten sensor.
 
     Writes receptance-demo.png and receptance-demo.html into the current folder.
     """
-    from receptance.diagnosis.report import diagnosis_html
-
-    targets = Targets(json_file, plot or FIGURE, REPORT)
     found = with_progress(_diagnose)
-    targets.write(found.to_dict, lambda: _draw(found), report=lambda: diagnosis_html(found))
+    targets.write(found.to_dict, lambda: _draw(found), report=found.to_html)
     console = targets.console()
     print_title(console, "Hammer test of a 12 mm carbide blank in a holder, at three overhangs")
     print_sentences(console, [" ".join(texts) for texts in _story(found)])

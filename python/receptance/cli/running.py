@@ -32,13 +32,14 @@ if TYPE_CHECKING:
 __all__ = [
     "InputError",
     "InterruptedAnswer",
-    "Json",
+    "NewSeed",
     "Plot",
     "Seed",
     "Targets",
     "input_errors",
     "output",
     "takes_quiet",
+    "takes_targets",
     "with_parameters",
     "with_progress",
 ]
@@ -50,7 +51,7 @@ _SOON = 0.05
 """Shortest interval in seconds at which the time without output is checked."""
 _Result = TypeVar("_Result")
 
-Json = Annotated[
+_Json = Annotated[
     Path | None,
     typer.Option(
         "--json",
@@ -62,11 +63,19 @@ Plot = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Save the figure; its ending is the format: png, pdf, svg."),
 ]
+_Report = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE.html", help="Write the results with figures as one HTML file.")
+]
 Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of random numbers.")]
+NewSeed = Annotated[
+    int | None, typer.Option("--seed", metavar="N", min=0, help="Seed of random numbers; by default that of the file.")
+]
 
 
 _is_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 _STANDARD_OUTPUT = Path("-")
+_NO = 3
+"""Exit code for a negative result of --strict or --at-most."""
 PROFILES = "profiles"
 """End of the name of the figure with profiles."""
 
@@ -108,6 +117,37 @@ def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
     return with_parameters(command, called, [quiet])
 
 
+def takes_targets(
+    strict: str = "", *, plot: Path | None = None, report: Path | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of its output files, and pass these as `targets`.
+
+    Parameters
+    ----------
+    strict : str, optional
+        Results for which the option --strict, which is then there, ends with exit code 3.
+    plot, report : Path, optional
+        Default files.
+    """
+
+    def given(command: Callable[..., None]) -> Callable[..., None]:
+        def called(
+            *, json_file: Path | None, plot: Path | None, report: Path | None, strict: bool = False, **values: Any
+        ) -> None:
+            command(targets=Targets(json_file, plot, report, strict=strict), **values)
+
+        added: list[tuple[str, Any, Any]] = [("json_file", _Json, None), ("plot", Plot, plot)]
+        added.append(("report", _Report, report))
+        if strict:
+            option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.")
+            added.append(("strict", Annotated[bool, option], False))
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        parameters = [inspect.Parameter(name, keyword, default=own, annotation=kind) for name, kind, own in added]
+        return with_parameters(command, called, parameters, without="targets")
+
+    return given
+
+
 @contextmanager
 def input_errors(*kinds: type[Exception]) -> Iterator[None]:
     """Convert errors to `InputError`; by default ValueError, TypeError and OSError."""
@@ -128,27 +168,46 @@ class Targets:
     """Figure of profiles, written beside --plot."""
 
     def __init__(
-        self, json_file: Path | None, plot: Path | None, report: Path | None = None, extended: Path | None = None
+        self, json_file: Path | None, plot: Path | None, report: Path | None = None, *, strict: bool = False
     ) -> None:
+        self._strict = strict
         self.json_to_output = json_file == _STANDARD_OUTPUT
         self.json_file, self.plot = None if self.json_to_output else json_file, plot
-        self.report, self.extended = report, extended
+        self.report = report
+        self.extended: Path | None = None
+        if report is not None and report.suffix.lower() not in (".html", ".htm"):
+            raise InputError(f"cannot write {report}: a report is one HTML file, expected an ending .html")
+        self._check()
+        self.kind = "" if plot is None else _image_kind(plot)
+
+    def add_extended(self, extended: Path | None) -> None:
+        """Add the file of an extended campaign."""
+        self.extended = extended
+        if extended is not None and extended.suffix.lower() != ".toml":
+            raise InputError(f"cannot write {extended}: a campaign is a TOML file, expected an ending .toml")
+        self._check()
+
+    def _check(self) -> None:
         given: dict[Path, str] = {}
-        for option, path in self._asked:
+        for option, path in self._files:
             if path.resolve() in given:
                 raise InputError(f"{given[path.resolve()]} and {option} both name {path}; give two files")
             given[path.resolve()] = option
-        if report is not None and report.suffix.lower() not in (".html", ".htm"):
-            raise InputError(f"cannot write {report}: a report is one HTML file, expected an ending .html")
-        if extended is not None and extended.suffix.lower() != ".toml":
-            raise InputError(f"cannot write {extended}: a campaign is a TOML file, expected an ending .toml")
-        for _, path in self._asked:
             with input_errors():
                 check_target(path)
-        self.kind = "" if plot is None else _image_kind(plot)
 
     @property
-    def _asked(self) -> list[tuple[str, Path]]:
+    def asked(self) -> bool:
+        """Whether any output beside the text was asked for."""
+        return bool(self._files) or self.json_to_output
+
+    @property
+    def draws(self) -> bool:
+        """Whether a figure is written, alone or in the report."""
+        return self.plot is not None or self.report is not None
+
+    @property
+    def _files(self) -> list[tuple[str, Path]]:
         """Options and their output files."""
         every = (
             ("--json", self.json_file),
@@ -161,7 +220,7 @@ class Targets:
     def protect(self, path: Path, what: str) -> None:
         """Raise `InputError` if an output file is a file that is read."""
         second = [] if self.plot is None else [("--plot", _beside(self.plot, PROFILES))]
-        for option, target in (*self._asked, *second):
+        for option, target in (*self._files, *second):
             if target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
@@ -183,14 +242,16 @@ class Targets:
         if self.json_file is not None:
             contents[self.json_file] = document.encode()
         if self.report is not None and report is not None:
-            contents[self.report] = report().encode()
+            with input_errors():  # some results have no figure, such as sweeps of many parameters
+                contents[self.report] = report().encode()
         if self.extended is not None and extended is not None:
             contents[self.extended] = extended.encode()
         if self.plot is not None and draw is not None:
             from receptance.report.figure import as_image
 
             try:
-                contents[self.plot] = as_image(draw(), self.kind)
+                with input_errors():
+                    contents[self.plot] = as_image(draw(), self.kind)
                 if profiles is not None:
                     self.profile_plot = _beside(self.plot, PROFILES)
                     contents[self.profile_plot] = as_image(profiles(), self.kind)
@@ -213,16 +274,20 @@ class Targets:
         measured: Sequence[Table] = (),
         *,
         profiles: Callable[[], Figure] | None = None,
-        report: Callable[[], str] | None = None,
         extended: str | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
         from receptance.report.terminal import print_result
 
-        self.write(result.to_dict, result.plot, profiles, report, extended)
+        self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), extended)
         console = self.console()
         print_result(console, result, measured)
         self.print_names(console)
+
+    def require(self, good: bool, *, always: bool = False) -> None:
+        """End with the exit code of a negative result if --strict was given and the result is not good."""
+        if not good and (self._strict or always):
+            raise typer.Exit(_NO)
 
     def console(self) -> Console:
         """Return the console for text: standard output, unless the JSON goes there."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, takes_quiet, with_progress
+from receptance.cli.running import InputError, Seed, Targets, input_errors, takes_quiet, takes_targets, with_progress
 from receptance.report.terminal import print_sentences, print_table, print_title
 
 if TYPE_CHECKING:
@@ -43,9 +43,9 @@ Step = Annotated[int, typer.Option("--step", metavar="KN", min=1, max=2, help="S
 
 @studies.command()
 @takes_quiet
+@takes_targets()
 def er32(
-    json_file: Json = None,
-    plot: Plot = None,
+    targets: Targets,
     resolution: Resolution = 1.0,
     overhang_error: Overhang = 0.1,
     draws: Draws = 300,
@@ -55,7 +55,6 @@ def er32(
 
     doi 10.1016/j.cirpj.2016.02.005
     """
-    targets = Targets(json_file, plot)
     from receptance.studies import er32 as study
 
     with input_errors():
@@ -71,9 +70,9 @@ def er32(
 
 @studies.command()
 @takes_quiet
-def bt50(json_file: Json = None, plot: Plot = None, step: Step = 1, seed: Seed = 0) -> None:
+@takes_targets()
+def bt50(targets: Targets, step: Step = 1, seed: Seed = 0) -> None:
     """BT50 taper over drawbar force, Xu et al. 2012, on a virtual rig."""
-    targets = Targets(json_file, plot)
     from receptance.studies import bt50 as study
 
     found = with_progress(lambda say: study.run(step, seed, progress=say))
@@ -82,13 +81,30 @@ def bt50(json_file: Json = None, plot: Plot = None, step: Step = 1, seed: Seed =
 
 def _report(targets: Targets, found: dict[str, Any], sections: Sequence[Section], draw: Callable[[], Figure]) -> None:
     """Write the files, print the sections of a study and name the files."""
-    targets.write(lambda: found, draw)
+    targets.write(lambda: found, draw, report=lambda: _page(found, sections, draw()))
     console = targets.console()
     for section in sections:
         print_title(console, section.title)
         for table in section.tables:
             print_table(console, table)
         print_sentences(console, section.sentences)
-    versions = ", ".join(f"{name} {value}" for name, value in found["versions"].items())
-    print_sentences(console, [f"seed {found['settings']['seed']}; {versions}"])
+    print_sentences(console, [_origin(found)])
     targets.print_names(console)
+
+
+def _origin(found: dict[str, Any]) -> str:
+    versions = ", ".join(f"{name} {value}" for name, value in found["versions"].items())
+    return f"seed {found['settings']['seed']}; {versions}"
+
+
+def _page(found: dict[str, Any], sections: Sequence[Section], figure: Figure) -> str:
+    """Return the sections of a study as an HTML page."""
+    from receptance.report.html import shown, table_html
+    from receptance.report.page import html_page, wide_figure
+
+    heading = sections[0].title
+    parts = [f"<header><h1>{shown(heading)}</h1></header>", wide_figure(figure, heading)]
+    for section in sections:
+        parts += [f"<h2>{shown(section.title)}</h2>", *map(table_html, section.tables)]
+        parts += [f"<p>{shown(text)}</p>" for text in section.sentences]
+    return html_page(heading, [*parts, f"<p><small>{shown(_origin(found))}</small></p>"])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from receptance.cli.campaigns import CampaignFile, load_campaign
-from receptance.cli.running import InputError, Json, Plot, Seed, Targets, input_errors, output, with_progress
+from receptance.cli.running import InputError, Seed, Targets, input_errors, output, takes_targets, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -29,8 +29,10 @@ _LOGARITHMIC = 10.0
 """Ratio of the ends of a range from which its values are spaced logarithmically."""
 
 
+@takes_targets("if no candidate agrees with the measurements")
 def sweep(
     campaign: CampaignFile,
+    targets: Targets,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -62,18 +64,17 @@ def sweep(
             "--store", metavar="FOLDER", help="Zarr store of all results; an interrupted run resumes from it."
         ),
     ] = None,
-    json_file: Json = None,
-    plot: Plot = None,
     seed: Seed = 0,
 ) -> None:
     """Compare many values of parameters with the measurements."""
-    targets = Targets(json_file, plot)
     with warnings.catch_warnings(record=True) as caught, input_errors(ReceptanceError, ValueError, OSError):
         warnings.simplefilter("always", ReceptanceWarning)
         read = with_progress(lambda say: load_campaign(campaign, targets, say))
         caught.clear()  # warnings on measurements are shown by the commands that fit them
         given = _fixed_values(at or [])
         candidates = _candidates(read, vary or [], points, sample, seed, given)
+        if targets.draws:
+            _check_figure(candidates)
         try:
             found = with_progress(lambda say: replace(read, progress=say).compare(candidates, given=given, store=store))
         except (KeyboardInterrupt, OSError):
@@ -89,6 +90,19 @@ def sweep(
     targets.show(found)
     if store is not None:
         targets.console().print(f"Store: {store}", soft_wrap=True)
+    targets.require(found.agrees in (None, True))
+
+
+def _check_figure(candidates: Candidates) -> None:
+    """Raise `InputError` if more parameters are varied than a figure shows."""
+    from receptance.sweep.figure import LARGEST_COUNT
+
+    count = len(candidates.addresses)
+    if count > LARGEST_COUNT:
+        raise InputError(
+            f"a figure shows at most {LARGEST_COUNT} parameters, and {count} are varied; name some with --vary, or "
+            "leave out --plot and --report"
+        )
 
 
 def _fixed_values(at: list[str]) -> dict[str, float]:

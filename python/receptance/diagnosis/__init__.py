@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from receptance.diagnosis.catalogue import CATALOGUE
     from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant
     from receptance.diagnosis.engine import diagnose
-    from receptance.diagnosis.held_out import HeldOut, Metric
+    from receptance.diagnosis.held_out import Gain, HeldOut, Metric
     from receptance.diagnosis.model import Model
-    from receptance.diagnosis.verdict import Candidate, Gain, ProposedMeasurement, Verdict
+    from receptance.diagnosis.verdict import Candidate, ProposedMeasurement, Verdict
 
 __all__ = [
     "CATALOGUE",
@@ -47,9 +47,9 @@ _NAMES = {
     "catalogue": ["CATALOGUE"],
     "causes": ["Cause", "Parameter", "Step", "UndecidableError", "Variant"],
     "engine": ["diagnose"],
-    "held_out": ["HeldOut", "Metric"],
+    "held_out": ["Gain", "HeldOut", "Metric"],
     "model": ["Model"],
-    "verdict": ["Candidate", "Gain", "ProposedMeasurement", "Verdict"],
+    "verdict": ["Candidate", "ProposedMeasurement", "Verdict"],
 }
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names

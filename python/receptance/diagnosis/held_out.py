@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
-from receptance.diagnosis.verdict import Gain, Improvement
 from receptance.errors import ReceptanceError
 from receptance.identification.laws import Tolerance
 from receptance.identification.new_observations import NewObservations, information_root
@@ -35,7 +34,9 @@ __all__ = [
     "FREQUENCIES",
     "SCORE",
     "SPECTRAL",
+    "Gain",
     "HeldOut",
+    "Improvement",
     "Metric",
     "PosteriorPrediction",
     "count_folds",
@@ -49,6 +50,68 @@ __all__ = [
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"
 SCORE = "predictive log score in nats"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """Improvement by the extended model on held-out data.
+
+    Attributes
+    ----------
+    metric : str
+        Name of the metric.
+    held_out_before, held_out_after : float
+        The metric over all folds: root mean square of errors, mean of scores and user-defined metrics.
+    interval : (float, float)
+        95 % interval of the improvement, positive where the extended model is better; infinite where one configuration
+        was held out, zero where no cause was added.
+    folds : tuple of dict
+        By configuration: verdict and causes without it, and the metric before and after.
+    better : int
+        Number of folds in which it improves the prediction.
+    units : int
+        Number of units that the interval rests on.
+    unit : str
+        What they are: modes, records, or whole folds.
+    correlation : float
+        Correlation of their improvements within a fold, from 0 to 1.
+    """
+
+    metric: str
+    held_out_before: float
+    held_out_after: float
+    interval: tuple[float, float]
+    folds: tuple[dict[str, Any], ...] = ()
+    better: int = 0
+    units: int = 0
+    unit: str = "folds"
+    correlation: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """Improvement by the extended model on held-out data, in all metrics.
+
+    Attributes
+    ----------
+    gains : tuple of Gain
+        By metric, that of the quantity that was measured most first.
+    singles : dict of str to float
+        First metric with one cause alone, by id, whatever the verdict.
+    modes, modes_after : tuple of ModeResidual
+        Held-out modes, measured less predicted, before and after.
+    slenderness : dict of str to float
+        Ratio of overhang and diameter of the held-out configurations.
+    complete : bool
+        Whether all folds were completed.
+    """
+
+    gains: tuple[Gain, ...] = ()
+    singles: Mapping[str, float] = field(default_factory=dict)
+    modes: tuple[ModeResidual, ...] = ()
+    modes_after: tuple[ModeResidual, ...] = ()
+    slenderness: Mapping[str, float] = field(default_factory=dict)
+    complete: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,8 @@ from receptance.diagnosis.thresholds import (
 from receptance.diagnosis.wording import implausible, names, odds
 
 if TYPE_CHECKING:
-    from receptance.diagnosis.verdict import Answer, Gain
+    from receptance.diagnosis.held_out import Gain
+    from receptance.diagnosis.verdict import Answer
 
 __all__ = ["Judgement", "conclude", "doubt_prediction"]
 

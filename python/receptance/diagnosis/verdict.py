@@ -25,12 +25,13 @@ if TYPE_CHECKING:
     from receptance.diagnosis.discrepancy import Discrepancy
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.diagnosis.fitting import Fit
+    from receptance.diagnosis.held_out import Gain, Improvement
     from receptance.diagnosis.model import Model
     from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
     from receptance.model.assembly import Assembly
 
-__all__ = ["Answer", "Candidate", "Gain", "Improvement", "ProposedMeasurement", "Verdict"]
+__all__ = ["Answer", "Candidate", "ProposedMeasurement", "Verdict"]
 
 _SHOWN = 6
 """Natural frequencies in the table; `to_dict` has all of them."""
@@ -98,68 +99,6 @@ class Candidate:
     def title(self) -> str:
         """Name of the cause in texts and figures."""
         return wording.title_of(self.id)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gain:
-    """Improvement by the extended model on held-out data.
-
-    Attributes
-    ----------
-    metric : str
-        Name of the metric.
-    held_out_before, held_out_after : float
-        The metric over all folds: root mean square of errors, mean of scores and user-defined metrics.
-    interval : (float, float)
-        95 % interval of the improvement, positive where the extended model is better; infinite where one configuration
-        was held out, zero where no cause was added.
-    folds : tuple of dict
-        By configuration: verdict and causes without it, and the metric before and after.
-    better : int
-        Number of folds in which it improves the prediction.
-    units : int
-        Number of units that the interval rests on.
-    unit : str
-        What they are: modes, records, or whole folds.
-    correlation : float
-        Correlation of their improvements within a fold, from 0 to 1.
-    """
-
-    metric: str
-    held_out_before: float
-    held_out_after: float
-    interval: tuple[float, float]
-    folds: tuple[dict[str, Any], ...] = ()
-    better: int = 0
-    units: int = 0
-    unit: str = "folds"
-    correlation: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Improvement:
-    """Improvement by the extended model on held-out data, in all metrics.
-
-    Attributes
-    ----------
-    gains : tuple of Gain
-        By metric, that of the quantity that was measured most first.
-    singles : dict of str to float
-        First metric with one cause alone, by id, whatever the verdict.
-    modes, modes_after : tuple of ModeResidual
-        Held-out modes, measured less predicted, before and after.
-    slenderness : dict of str to float
-        Ratio of overhang and diameter of the held-out configurations.
-    complete : bool
-        Whether all folds were completed.
-    """
-
-    gains: tuple[Gain, ...] = ()
-    singles: Mapping[str, float] = field(default_factory=dict)
-    modes: tuple[ModeResidual, ...] = ()
-    modes_after: tuple[ModeResidual, ...] = ()
-    slenderness: Mapping[str, float] = field(default_factory=dict)
-    complete: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -512,6 +451,12 @@ class Verdict(Result):
         from receptance.diagnosis.figure import draw_diagnosis
 
         return draw_diagnosis(self, ax)
+
+    def to_html(self, title: str = "", *, measured: Sequence[Table] = ()) -> str:
+        """Return the report: key figures, the answer, held-out data before and after, all causes; see `Result`."""
+        from receptance.diagnosis.page import diagnosis_page
+
+        return diagnosis_page(self, title, measured)
 
     def _frequency_table(self) -> Table:
         errors = sorted(self.frequency_errors(), key=lambda row: -abs(row["before"]))[:_SHOWN]

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from receptance.diagnosis.causes import Parameter
-    from receptance.diagnosis.verdict import Candidate, Gain, Verdict
+    from receptance.diagnosis.held_out import Gain
+    from receptance.diagnosis.verdict import Candidate, Verdict
 
 __all__ = [
     "capital",

@@ -20,26 +20,31 @@ if TYPE_CHECKING:
 
 _CODE = re.compile("`([^`]+)`")
 
-__all__ = ["as_html", "facts_html", "shown", "table_html"]
+__all__ = ["as_html", "content_html", "facts_html", "shown", "table_html"]
 
 
 def as_html(content: Renderable, figure: Figure | None = None) -> str:
     """Return a result or another renderable as an HTML fragment, with a figure below its title."""
-    texts = [*filter(None, [content.description]), *content.sentences()]
     parts = [f"<p><b>{shown(content.title)}</b></p>"]
     if figure is not None:
         # In an image of its own: names inside several drawings of one page must not meet.
         drawing = base64.b64encode(as_image(figure, "svg")).decode()
         alternative = escape(printable(content.title), quote=True)
         parts.append(f'<img alt="{alternative}" style="max-width: 100%" src="data:image/svg+xml;base64,{drawing}">')
-    parts += _list("Advice", content.warnings())
+    return "\n".join([*parts, *content_html(content)])
+
+
+def content_html(content: Renderable) -> list[str]:
+    """Return warnings, findings, tables, next step and notes as parts of a page."""
+    texts = [*filter(None, [content.description]), *content.sentences()]
+    parts = _list("Advice", content.warnings())
     parts += facts_html(content.facts()), *(f"<p>{shown(text)}</p>" for text in texts)
     parts += [table_html(table) for table in content.tables()]
     parts += [f"<p><b>Next step</b>: {shown(content.next_step)}</p>"] if content.next_step else []
     parts += _list("Notes", content.grouped_notes())
     if content.origin:
         parts.append(f"<p><small>{shown(content.origin)}</small></p>")
-    return "\n".join(filter(None, parts))
+    return list(filter(None, parts))
 
 
 def facts_html(facts: Sequence[Fact]) -> str:
@@ -75,7 +80,11 @@ def _cell(tag: str, text: str, side: str, heading: str = "") -> str:
 
 
 def _list(title: str, texts: Iterable[str]) -> list[str]:
-    items = "".join(f"<li>{shown(text)}</li>" for text in texts)
+    # Indented texts belong to the one above.
+    items = "".join(
+        f'<li style="margin-left: 1.5em">{shown(text[2:])}</li>' if text.startswith("  ") else f"<li>{shown(text)}</li>"
+        for text in texts
+    )
     return [f"<p>{title}</p><ul>{items}</ul>"] if items else []
 
 

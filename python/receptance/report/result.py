@@ -163,6 +163,25 @@ class Result(Renderable):
             The figure; save it with `savefig`.
         """
 
+    def to_html(self, title: str = "", *, measured: Sequence[Table] = ()) -> str:
+        """Return the result as one HTML page without scripts, which needs no network.
+
+        Parameters
+        ----------
+        title : str, optional
+            Heading, by default that of the result.
+        measured : sequence of Table, optional
+            Tables of the data, such as `Campaign.tables()`, shown below the result.
+
+        Returns
+        -------
+        str
+            The page; write it to a file with the ending `.html`, encoded as UTF-8.
+        """
+        from receptance.report.page import result_page
+
+        return result_page(self, title, measured)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result as values that JSON supports; a number that is not finite is None."""
         origin = self.provenance

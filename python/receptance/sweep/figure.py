@@ -22,7 +22,7 @@ _BINS = 30
 """Number of bins for a parameter with more than twice as many values."""
 _LOGARITHMIC = 10.0
 """Ratio of the ends of a range from which the axis is logarithmic."""
-_LARGEST_COUNT = 4
+LARGEST_COUNT = 4
 """Largest number of parameters in a figure."""
 
 
@@ -64,8 +64,8 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit", ax: Axes | None =
     """
     feasible = results["valid"].values & np.isfinite(results[variable].values)
     names = json.loads(results.attrs["addresses"])
-    if len(names) > _LARGEST_COUNT:
-        raise ValueError(f"draw_misfit: {len(names)} parameters were varied, a figure shows at most {_LARGEST_COUNT}")
+    if len(names) > LARGEST_COUNT:
+        raise ValueError(f"draw_misfit: {len(names)} parameters were varied, a figure shows at most {LARGEST_COUNT}")
     if not feasible.any():
         raise ValueError("draw_misfit: no candidate is feasible")
     columns = [results[name].values[feasible] for name in names]

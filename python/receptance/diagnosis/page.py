@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from datetime import date
-from importlib import resources
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from receptance import _files
 from receptance.diagnosis import card
 from receptance.diagnosis.by_mode import Curve, ModeResidual, curves
 from receptance.diagnosis.figure import curve_figure, evidence_figure, frequencies_figure
@@ -21,74 +17,32 @@ from receptance.identification.observations import MeasuredFRF
 from receptance.report import Column, Table
 from receptance.report.figure import as_svg
 from receptance.report.html import facts_html, shown, table_html
+from receptance.report.page import html_page, meta
 from receptance.report.table import amount
 
 if TYPE_CHECKING:
-    import os
-
     from receptance.diagnosis import Verdict
     from receptance.report.table import Cell
 
-__all__ = ["diagnosis_html", "write_diagnosis"]
+__all__ = ["diagnosis_page"]
 
 _RECORDS = 12
 """Number of records that are drawn, those with the largest residuals first: a page of about 1 MB at most."""
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def diagnosis_html(verdict: Verdict, *, title: str = "") -> str:
-    """Return a diagnosis as one HTML page without scripts, which needs no network.
+def diagnosis_page(verdict: Verdict, title: str = "", measured: Sequence[Table] = ()) -> str:
+    """Return a diagnosis as one HTML page: `Verdict.to_html`.
 
-    Parameters
-    ----------
-    verdict : Verdict
-        Result of `diagnose`.
-    title : str, optional
-        Heading, by default that of the verdict; special characters are escaped.
-
-    Returns
-    -------
-    str
-        Key figures, the answer, its effect, held-out and fitted records before and after with their ratio in decibels,
-        all causes with their odds, residuals by mode, notes, settings and versions. The page is legible on a phone, on
-        paper and on a dark background.
+    Key figures, the answer, its effect, held-out and fitted records before and after with their ratio in decibels, all
+    causes with their odds, residuals by mode, notes, settings and versions.
     """
     heading = title or verdict.title
-    head = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n<title>{shown(heading)}</title>\n'
-        f"<style>\n{resources.files(__package__).joinpath('style.css').read_text(encoding='utf-8')}</style>\n</head>\n"
-    )
     parts = [*_header(verdict, heading), *_answer(verdict), *_held_out(verdict), *_records(verdict), *_causes(verdict)]
-    parts += [*_details(verdict), *_notes(verdict)]
-    return f"{head}<body>\n" + "\n".join(filter(None, parts)) + "\n</body>\n</html>\n"
-
-
-def write_diagnosis(path: str | os.PathLike[str], verdict: Verdict, *, title: str = "") -> Path:
-    """Write the report of a diagnosis, whole or not at all.
-
-    Parameters
-    ----------
-    path : path-like
-        Where to.
-    verdict, title
-        As for `diagnosis_html`.
-
-    Returns
-    -------
-    Path
-        The file.
-    """
-    target = Path(path)
-    text = diagnosis_html(verdict, title=title)
-    _files.write_whole({target: text.encode("utf-8")})
-    return target
+    parts += [*_details(verdict), *(table_html(table) for table in measured), *_notes(verdict)]
+    return html_page(heading, parts)
 
 
 def _header(verdict: Verdict, heading: str) -> Iterable[str]:
-    origin = verdict.provenance
-    about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
     tiles = [
         f'<div class="tile"><b>{shown(value)}</b><span>{shown(name)}</span></div>'
         for name, value in card.key_figures(verdict)
@@ -97,7 +51,7 @@ def _header(verdict: Verdict, heading: str) -> Iterable[str]:
     state = "" if verdict.final else " so far, not final"
     yield f'<p><span class="badge {verdict.verdict}">{verdict.verdict}</span>{state}</p>'
     yield f'<p class="lead">{shown(sentence(verdict))}</p>'
-    yield f'<p class="meta">{shown(" · ".join([*about, _data(verdict)]))}</p>'
+    yield meta(verdict, _data(verdict))
     if verdict.description:
         yield f'<p class="meta">{shown(verdict.description)}</p>'
     yield f'<div class="tiles">{"".join(tiles)}</div></header>'
