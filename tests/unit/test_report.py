@@ -151,8 +151,8 @@ def test_text_and_html_show_findings_notes_and_campaign_path() -> None:
     for words in (
         "  made up",
         "  all is well\n    in detail",
-        "  a:\n    first\n    second",
-        "  alone: here",
+        "  - a:\n    - first\n    - second",
+        "  - alone: here",
         "seed 3;",
     ):
         assert words in text, words

@@ -521,8 +521,17 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
                 # What belongs to the measurement does not act in assemblies that are only predicted.
                 unknown = replace(unknown, configurations=tuple(measured))
             tables[key] = unknown_table(unknown, values[unknown.name])
+            _write_found(data, key, tables[key].get("start"))
     # Unknowns that no measurement depends on remain unchanged.
     data["unknowns"] = {**written, **tables}
+
+
+def _write_found(data: dict[str, Any], address: str, value: Any) -> None:
+    """Write the value of a new unknown into the table of its sensor or attachment, in place of a mass of zero."""
+    name, _, key = address.rpartition(".")
+    for section in _OTHER:
+        if key in data.get(section, {}).get(name, {}):
+            data[section][name][key] = value
 
 
 def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float]) -> dict[str, Any]:

@@ -65,18 +65,18 @@ def _story(found: Verdict) -> Iterator[tuple[str, ...]]:
         "the tip, and the campaign does not state it. Overhangs of 40 and 55 mm are fitted, 70 mm is held out.",
     )
     yield ("1. Joint without the sensor:", *_joint(found.base))
-    yield (f"   {_residuals(found.adequacy.misfit)}; {_prediction(found, after=False)}",)
+    yield (f"   {_residuals(found.adequacy.misfit)}. {_prediction(found, after=False)}",)
     if found.extended is None or found.adequacy_after is None:
         yield (f"2. {found.verdict}: no cause was found.",)
         return
     names = " and ".join(one.title for one in found.causes)
     yield (f"2. Verdict: {found.verdict}: {names}: {'; '.join(sizes(one) for one in found.causes)}",)
     yield ("3. Joint with the cause:", *_joint(found.extended))
-    yield (f"   {_residuals(found.adequacy_after.misfit)}; {_prediction(found, after=True)}",)
+    yield (f"   {_residuals(found.adequacy_after.misfit)}. {_prediction(found, after=True)}",)
 
 
 def _residuals(misfit: float) -> str:
-    return f"residuals {math.sqrt(misfit):.2g} times the noise"
+    return f"Residuals {math.sqrt(misfit):.2g} times the noise"
 
 
 def _joint(fit: Identification) -> Iterator[str]:
@@ -96,7 +96,7 @@ def _prediction(found: Verdict, *, after: bool) -> str:
         name, scale, unit = metric(gain.metric)
         value = scale * (gain.held_out_after if after else gain.held_out_before)
         texts.append(f"{name} {amount(value, unit, 2)}")
-    return f"prediction of 70 mm: {', '.join(texts)}"
+    return f"Prediction of 70 mm: {'; '.join(texts)}."
 
 
 def _draw(found: Verdict) -> Figure:

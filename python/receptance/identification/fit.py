@@ -298,10 +298,10 @@ def conclude(
         residuals=parts,
         converged=best.converged,
         advice=[
+            *(_misfit_advice(parts, task.independent_values, count, task.noise_factor) if known else ()),
             *_start_advice(runs, best, same, elsewhere),
             *_bound_advice(best.variables, variables, task.parameters.errors),
             *_covariance_advice(inverse, correlation, variables.names),
-            *(_misfit_advice(parts, task.independent_values, count, task.noise_factor) if known else ()),
             *_copy_advice(observed),
         ],
         notes=notes,

@@ -67,7 +67,14 @@ def print_result(console: Console, content: Renderable, measured: Sequence[Table
 def _print_list(console: Console, title: str, texts: Sequence[str]) -> None:
     if texts:
         console.print(Text(title, style="bold"))
-        print_sentences(console, texts)
+        for text in texts:
+            indent = len(text) - len(text.lstrip(" "))
+            grid = rich.table.Table.grid(padding=(0, 1, 0, 0))
+            grid.add_column(width=1)
+            grid.add_column(overflow="fold")
+            grid.add_row(Text("-"), Text(text.lstrip(" ")))
+            console.print(Padding(grid, (0, 0, 0, 2 + indent), expand=False))
+        console.print()
 
 
 def print_facts(console: Console, facts: Sequence[Fact]) -> None:
