@@ -267,7 +267,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     assert "there are no spindle speeds" in capsys.readouterr().err
     Path("c.toml").write_text(TEXT)
     assert call(monkeypatch, "stability", "c.toml") == 2
-    assert "there is no cut, expected [cuts.NAME]" in capsys.readouterr().err
+    assert "there is no cut; write one, such as" in capsys.readouterr().err
 
 
 def test_stability_has_the_threads_of_the_campaign(tmp_path: Path, given_threads: set[object]) -> None:

@@ -138,7 +138,7 @@ def test_mistakes_in_candidates(tmp_path, old, new, output):
 
 def test_no_candidates_and_no_frf(tmp_path):
     read = load(tmp_path, TEXT)
-    with pytest.raises(CampaignError, match="no candidates to rank, expected `candidates`"):
+    with pytest.raises(CampaignError, match="no candidates to rank; write a table"):
         read.next_measurement()
     with pytest.raises(CampaignError, match="no point joint with unknown stiffnesses was measured with an FRF"):
         read.invert()

@@ -72,6 +72,22 @@ __all__ = ["Campaign", "fit_options", "load", "observed_unknowns", "weighted_tol
 
 _MOST_DRAWN = 3
 """Most assemblies that a notebook shows."""
+_NO_CANDIDATES = """no candidates to rank; write a table for each measurement that you could take, such as
+  [candidates."another overhang"]
+  kind = "frf"
+  assembly = "long"
+  step = "4 Hz"
+  upper = "6 kHz"
+  standard_deviation = "1 %"
+where the assembly is one of this file, measured or not"""
+_NO_CUT = """there is no cut; write one, such as
+  [cuts.slot]
+  kind = "milling"
+  teeth = 4
+  k_t = "800 MPa"
+  k_n = "250 MPa"
+  x = { assembly = "long" }
+where the assembly is one of this file, measured or not"""
 _MODE_OF = re.compile(r"mode\[(\d+)\]")
 _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 """Number of spindle speeds by default, by `stability.method`."""
@@ -293,7 +309,7 @@ class Campaign(Renderable):
             There are no cuts, or there is no such cut.
         """
         if not self.cuts:
-            raise CampaignError.about(self.file, "there is no cut, expected [cuts.NAME]")
+            raise CampaignError.about(self.file, _NO_CUT)
         for name in names:
             if name not in self.cuts:
                 raise CampaignError.about(self.file, f'there is no cut "{name}"{instead_of(name, self.cuts)}')
@@ -507,7 +523,7 @@ class Campaign(Renderable):
             There are no candidates, a target does not exist, or as in `identify`.
         """
         if not self.candidates:
-            raise CampaignError.about(self.file, "no candidates to rank, expected `candidates`")
+            raise CampaignError.about(self.file, _NO_CANDIDATES)
         known = identified or self.identify()
         chosen = [_target(name, self, known) for name in targets]
         with errors_about(self.file):

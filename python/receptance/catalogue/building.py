@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Catalogue", "ToolAssembly", "errors_of"]
 
+_NO_CATALOGUE = """there is no [catalogue]; write one, such as
+  [catalogue]
+  machine = ["taper", "spindle"]
+  joint = "collet"
+  tools = "tools.csv"
+with the joint and the part behind the holders, and the joint of the tools; see `receptance example machine`"""
 _TOOL = "tool"
 _SHORTEST = 1e-9
 """Length in m below which the fluted part or the shank of a tool is left out."""
@@ -84,7 +90,7 @@ class Catalogue:
     ) -> None:
         table = campaign.table.catalogue
         if table is None:
-            raise CampaignError.about(campaign.file, "there is no [catalogue], expected one with the `machine`")
+            raise CampaignError.about(campaign.file, _NO_CATALOGUE)
         self.campaign, self.table = campaign, table
         self.spindle = spindle if spindle is not None or table.spindle is None else _spindle(table.spindle, campaign)
         self.errors = errors or {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Split", "Transfer", "groups_of", "transfer"]
 
 Splits = Literal["leave-one-out", "one-for-all"]
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 _MISFIT = 1.5
 """Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
 
@@ -108,9 +110,10 @@ class Transfer(Result):
 
     @property
     def advice(self) -> dict[str, int]:
-        """Advice of the fits, with the number of splits."""
+        """Advice of the fits with the number of splits; texts that differ in numbers alone count as the first."""
         texts = [text for split in self.splits if split.identified is not None for text in split.identified.advice]
-        return {text: texts.count(text) for text in dict.fromkeys(texts)}
+        alike = [_NUMBER.sub("", text) for text in texts]
+        return {texts[alike.index(one)]: alike.count(one) for one in dict.fromkeys(alike)}
 
     @property
     def narrow(self) -> tuple[str, ...]:
