@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from receptance import _checks
+from receptance._threads import one_blas_thread
 from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import resolve_causes
@@ -50,6 +51,7 @@ _FAST = (
 )
 
 
+@one_blas_thread()
 def diagnose(
     observations: Observation | Sequence[Observation],
     unknowns: Unknowns,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance import _checks
+from receptance._threads import one_blas_thread
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.fit import identify
@@ -266,6 +267,7 @@ class Transfer(Result):
         return ", ".join(parts)
 
 
+@one_blas_thread()
 def transfer(
     observations: Observation | Sequence[Observation],
     unknowns: Unknowns,
