@@ -198,6 +198,7 @@ def test_reversed_polarity_is_named_and_turned_in_the_extended_campaign(
     assert "adequate: noise" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_partly_explained_with_all_outputs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A mass at the tip is added exactly to receptances whose axis and level are bent, as no model can match them."""
     simulated(1.0)

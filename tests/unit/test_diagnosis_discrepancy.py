@@ -270,7 +270,7 @@ def test_antiresonances_are_left_out():
             assert np.min(np.abs(few.frequency_hz - peak)) < 20.0
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     sensor = PointMass(mass=6e-3, part="tool", position=0.0)
     hidden = diagnose(
