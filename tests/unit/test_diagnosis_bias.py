@@ -12,8 +12,7 @@ NAN = float("nan")
 
 
 def residual(configuration: str, mode: int, percent: float) -> ModeResidual:
-    """Measured less modelled, as residuals by mode have it."""
-    return ModeResidual(configuration, configuration, mode, 1000.0, -percent, NAN, NAN, NAN)
+    return ModeResidual(configuration, configuration, mode, 1000.0, percent, NAN, NAN, NAN)
 
 
 def test_the_long_tools_first_mode() -> None:

@@ -521,17 +521,36 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
                 # What belongs to the measurement does not act in assemblies that are only predicted.
                 unknown = replace(unknown, configurations=tuple(measured))
             tables[key] = unknown_table(unknown, values[unknown.name])
-            _write_found(data, key, tables[key].get("start"))
+            _write_found(data, key, tables[key].get("start"), unknown.configurations)
     # Unknowns that no measurement depends on remain unchanged.
     data["unknowns"] = {**written, **tables}
 
 
-def _write_found(data: dict[str, Any], address: str, value: Any) -> None:
-    """Write the value of a new unknown into the table of its sensor or attachment, in place of a mass of zero."""
+def _write_found(data: dict[str, Any], address: str, value: Any, acts_in: Iterable[str] | None) -> None:
+    """Write the value of a new unknown into the table of the sensor or attachment that a cause has added.
+
+    The table has the value wherever the unknown does not act, so assemblies and measurements without it lose the
+    attachment, which was there without effect.
+    """
     name, _, key = address.rpartition(".")
     for section in _OTHER:
-        if key in data.get(section, {}).get(name, {}):
+        if name.startswith("cause_") and key in data.get(section, {}).get(name, {}):
             data[section][name][key] = value
+            if acts_in is None:
+                continue
+            for title, table in data["assemblies"].items():
+                _detach(table, name, title in acts_in)
+            for table in data["measurements"].values():
+                _detach(table, name, table["assembly"] in acts_in)
+
+
+def _detach(table: dict[str, Any], name: str, kept: bool) -> None:
+    if kept:
+        return
+    if table.get("sensor") == name:
+        del table["sensor"]
+    if name in table.get("attachments", []):
+        table["attachments"] = [one for one in table["attachments"] if one != name]
 
 
 def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float]) -> dict[str, Any]:

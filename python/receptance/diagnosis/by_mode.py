@@ -66,7 +66,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class ModeResidual:
-    """Residual of one mode of one observation: measured less modelled.
+    """Error of one mode of one observation: modelled less measured, as everywhere in results.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class ModeResidual:
     measured_hz : float
         The measured natural frequency.
     frequency_percent, damping_percent : float
-        In percent of the measured frequency and of the modelled damping ratio; NaN where the lines do not show it.
+        In percent of the measured frequency and damping ratio; NaN where the lines do not show it.
     level_db, phase_deg : float
         At the peaks of both; NaN for natural frequencies.
     """
@@ -139,10 +139,11 @@ def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual
     missing = float("nan")
     damping = np.full(measured.size, missing)
     if one.damping_ratio is not None and curve.damping_ratio is not None:
-        damping = 100.0 * (one.damping_ratio / curve.damping_ratio - 1.0)
+        given = np.where(one.damping_ratio > 0.0, one.damping_ratio, missing)
+        damping = 100.0 * (curve.damping_ratio / given - 1.0)
     return [
         ModeResidual(
-            curve.label, curve.configuration, mode, float(f), float(100.0 * (f - g) / f), float(d), missing, missing
+            curve.label, curve.configuration, mode, float(f), float(100.0 * (g - f) / f), float(d), missing, missing
         )
         for mode, f, g, d in zip(one.modes, measured, modelled, damping, strict=True)
     ]
@@ -226,10 +227,10 @@ def _compare(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate |
         configuration=curve.configuration,
         mode=number,
         measured_hz=mode.frequency_hz,
-        frequency_percent=100.0 * (mode.frequency_hz - near.frequency_hz) / mode.frequency_hz,
-        damping_percent=100.0 * (mode.damping_ratio / near.damping_ratio - 1.0),
-        level_db=float(20.0 * np.log10(abs(own / other))),
-        phase_deg=float(np.degrees(np.angle(own / other))),
+        frequency_percent=100.0 * (near.frequency_hz - mode.frequency_hz) / mode.frequency_hz,
+        damping_percent=100.0 * (near.damping_ratio / mode.damping_ratio - 1.0),
+        level_db=float(20.0 * np.log10(abs(other / own))),
+        phase_deg=float(np.degrees(np.angle(other / own))),
     )
 
 
@@ -256,7 +257,7 @@ class Bias:
     configurations : tuple of str
         The group.
     mean_percent : float
-        Mean of calculated less measured, in percent of measured.
+        Mean of modelled less measured, in percent of measured.
     deviation_percent : float
         Standard deviation of a single error.
     """
@@ -304,8 +305,7 @@ def bias_of(modes: Sequence[ModeResidual], slenderness: Mapping[str, float]) -> 
     groups = [tuple(map(str, part)) for count in (1, 2, 3) for part in np.array_split(names, count)]
     tried: list[tuple[float, Bias]] = []
     for number in sorted({one.mode for one in known}):
-        # A ModeResidual is measured less modelled.
-        errors = {one.configuration: -one.frequency_percent for one in known if one.mode == number}
+        errors = {one.configuration: one.frequency_percent for one in known if one.mode == number}
         for group in groups:
             own = {name: errors[name] for name in group if name in errors}
             if len(own) >= BIAS_CONFIGURATIONS:

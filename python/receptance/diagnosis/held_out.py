@@ -99,7 +99,7 @@ class Improvement:
     singles : dict of str to float
         First metric with one cause alone, by id, whatever the verdict.
     modes, modes_after : tuple of ModeResidual
-        Held-out modes, measured less predicted, before and after.
+        Held-out modes, predicted less measured, before and after.
     slenderness : dict of str to float
         Ratio of overhang and diameter of the held-out configurations.
     complete : bool

@@ -95,7 +95,7 @@ def _held_out(verdict: Verdict) -> Iterable[str]:
     if verdict.bias is not None:
         yield f"<p>With the model as it is, {shown(str(verdict.bias))}.</p>"
     yield _folds(verdict)
-    yield _mode_table("Held-out modes, measured less predicted", verdict.held_out_modes, verdict.held_out_modes_after)
+    yield _mode_table("Held-out modes, predicted less measured", verdict.held_out_modes, verdict.held_out_modes_after)
 
 
 def _folds(verdict: Verdict) -> str:
@@ -131,7 +131,7 @@ def _records(verdict: Verdict) -> Iterable[str]:
     if len(receptances) > len(largest):
         yield f'<p class="small">The {len(largest)} of {len(receptances)} records with the largest residuals.</p>'
     yield _figures(drawn)
-    yield _mode_table("Residuals at each mode, measured less modelled", verdict.modes, verdict.modes_after)
+    yield _mode_table("Residuals at each mode, modelled less measured", verdict.modes, verdict.modes_after)
 
 
 def _figures(drawn: Sequence[tuple[str, Any]]) -> str:

@@ -165,7 +165,7 @@ class Verdict(Result):
     bias : Bias or None
         Held-out natural frequencies in which the errors of the base have a common sign.
     held_out_modes, held_out_modes_after : tuple of ModeResidual
-        Held-out modes, measured less predicted.
+        Held-out modes, predicted less measured.
     next_measurement : ProposedMeasurement or None
         The measurement that is proposed next.
     held_out : Model or None
@@ -344,7 +344,7 @@ class Verdict(Result):
         return Ensemble(self.selection, self.explanation)
 
     def frequency_errors(self) -> list[dict[str, Any]]:
-        """Return calculated less measured natural frequencies in percent, before and after, by mode."""
+        """Return modelled less measured natural frequencies in percent, before and after, by mode."""
         rows = []
         for index, one in enumerate(self.selection.base.model.observations):
             if not isinstance(one, MeasuredFrequencies):
@@ -468,7 +468,7 @@ class Verdict(Result):
             Column("before" if after else "fitted", "%", "+.2f"),
             Column("after", "%", "+.2f"),
         )
-        title = "Natural frequencies with the largest errors, calculated less measured"
+        title = "Natural frequencies with the largest errors, modelled less measured"
         return Table(title, columns, rows).without_empty()
 
     def __repr__(self) -> str:
