@@ -16,8 +16,6 @@ from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.options import SI, ReadOptions, resolve_frf
 
-__all__ = ["measurements_of", "named_items", "requested_names"]
-
 _FRF_KEYS = (
     "frequency_hz",
     "values",

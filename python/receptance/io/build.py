@@ -19,16 +19,6 @@ from receptance.model.coordinates import Coordinate
 if TYPE_CHECKING:
     from receptance.units import Form
 
-__all__ = [
-    "complex_values",
-    "file_coherence",
-    "make",
-    "make_frf",
-    "missing_phase_notes",
-    "sampling",
-    "to_si",
-]
-
 _Measurement = TypeVar("_Measurement", bound=Measurement)
 
 _RATE_TOLERANCE = 1e-4

@@ -20,8 +20,6 @@ from receptance.io.options import SI, ReadOptions, Resolved, resolve_frf
 from receptance.io.table import EXAMPLE, MARK, PARTS, QUALITY_NAMES, Table, column_in_unit, column_unit, read_table
 from receptance.io.text import check_ascending
 
-__all__ = ["csv_bytes", "read_csv"]
-
 
 def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
     """Return the FRF, coherence or time records in a table of numbers.

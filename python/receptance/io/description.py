@@ -23,18 +23,6 @@ from receptance.io.options import SI, ReadOptions
 from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import parse_unit
 
-__all__ = [
-    "ABOUT",
-    "QUALITY",
-    "about_text",
-    "arrays_of",
-    "coordinate_from_list",
-    "coordinate_to_list",
-    "kind_of",
-    "measurement_of",
-    "parse_about",
-]
-
 ABOUT = "about"
 QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
 """Fields of an FRF, beside its coherence, that are stored as arrays."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["FileFormatError", "error_location"]
-
 
 class FileFormatError(ValueError):
     """A file that cannot be read; the message names the place, the finding and the expectation.

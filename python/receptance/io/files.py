@@ -29,8 +29,6 @@ from receptance.io.uff.write import uff_bytes
 if TYPE_CHECKING:
     from os import PathLike
 
-__all__ = ["ENDINGS", "FORMATS", "file_format", "read", "read_all", "read_frf", "read_time_series", "write"]
-
 FORMATS = {
     "uff": "universal file (data set 58)",
     "csv": "table with a header",

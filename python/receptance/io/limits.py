@@ -13,16 +13,6 @@ from contextvars import ContextVar
 from receptance._files import LARGEST
 from receptance.io.errors import FileFormatError
 
-__all__ = [
-    "LARGEST",
-    "allowed_seconds",
-    "check_count",
-    "check_size",
-    "check_time",
-    "decompress",
-    "time_limit",
-]
-
 MAX_LINES = 1 << 24
 """Most lines of a text; each takes at least 100 bytes of memory."""
 MAX_NUMBERS = 1 << 26

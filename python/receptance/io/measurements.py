@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_notes"]
-
 _LOW_COHERENCE = 0.5
 """Below, more of the response is unexplained than explained."""
 

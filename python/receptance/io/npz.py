@@ -18,8 +18,6 @@ from receptance.io.limits import check_size, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.options import ReadOptions
 
-__all__ = ["arrays_in", "is_npz", "npz_bytes", "read_npz"]
-
 _KINDS = "biufcU"
 _BROKEN = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, RuntimeError, ValueError, IndexError)
 

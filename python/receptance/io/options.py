@@ -12,8 +12,6 @@ from receptance.io.errors import FileFormatError
 from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
-__all__ = ["SI", "ReadKeywords", "ReadOptions", "Resolved", "resolve_frf"]
-
 SI = "SI"
 _GIVE_UNIT = (
     "give it, for example unit='m/s^2/N' (on the command line --unit m/s^2/N), or unit='SI' and quantity='accelerance'"

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from receptance.io.measurements import Coherence, TimeSeries
 
-__all__ = ["coherence_table", "draw_coherence", "draw_series", "series_tables"]
-
 _MAX_PANELS = 8
 """Most channels drawn; the title states how many there are."""
 _MAX_NAMED = 8

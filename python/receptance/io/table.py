@@ -19,19 +19,6 @@ from receptance.io.options import ReadOptions
 from receptance.io.text import check_row_count, decode, number, numbered_lines, parse_rows, truncation_notes
 from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, frf_kind, parse_unit
 
-__all__ = [
-    "EXAMPLE",
-    "MARK",
-    "PARTS",
-    "QUALITY_NAMES",
-    "Column",
-    "Table",
-    "column_in_unit",
-    "column_unit",
-    "parse_column",
-    "read_table",
-]
-
 QUALITY_NAMES = {field: field.replace("_", " ") for field in QUALITY}
 """Names of the columns of further fields of an FRF."""
 PARTS = {

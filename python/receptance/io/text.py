@@ -13,18 +13,6 @@ from receptance.errors import warn_user
 from receptance.io.errors import FileFormatError
 from receptance.io.limits import check_time
 
-__all__ = [
-    "check_ascending",
-    "check_row_count",
-    "decode",
-    "ends_with_line",
-    "excerpt",
-    "number",
-    "numbered_lines",
-    "parse_rows",
-    "truncation_notes",
-]
-
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
 )

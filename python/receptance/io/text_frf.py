@@ -19,8 +19,6 @@ from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
 from receptance.units import UnitError, parse_unit
 
-__all__ = ["cutpro_bytes", "dataphysics_bytes", "is_dataphysics", "read_cutpro", "read_dataphysics"]
-
 _COLUMNS = ("the frequency", "the real part", "the imaginary part")
 _CUTPRO_ROWS = re.compile(r"(?P<label>.*?) ?\[(?P<rows>[0-9]{1,9}) rows\]\s*")
 """Label with the number of rows, as written by this library."""

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from receptance.measurement.windows import Windows
 
-__all__ = ["Truncation", "estimate_truncation", "force_noise_power", "force_outside_window"]
-
 _MAX_SAMPLES = 1024
 """Most samples of a transformed stretch of silence; enough to resolve hum."""
 _MIN_SAMPLES = 16

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CLEAR", "Contact", "clipped_samples", "find_contacts", "noise_level", "second_contact"]
-
 CLEAR = 2
 """Samples left out before a contact, whose rise begins before the detected edge."""
 _MAD = 1.4826

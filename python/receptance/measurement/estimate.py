@@ -19,8 +19,6 @@ from receptance.units import FORMS
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-__all__ = ["estimate_frf"]
-
 _WARNING_SHARE = 0.01
 """Share of excluded lines in the band of the force above which a warning is issued."""
 _DECAYED = 0.1

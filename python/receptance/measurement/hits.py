@@ -23,8 +23,6 @@ from receptance.measurement.contacts import (
 from receptance.measurement.records import HammerRecords
 from receptance.report import Column, Renderable, Table
 
-__all__ = ["Hit", "Hits", "find_hits", "single_records"]
-
 
 @dataclass(frozen=True)
 class Hit:

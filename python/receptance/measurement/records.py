@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from receptance.io.measurements import TimeSeries
     from receptance.model.coordinates import Side
 
-__all__ = ["HammerRecords", "Quantity"]
-
 Quantity = Literal["displacement", "velocity", "acceleration"]
 """Quantity of the response channels."""
 _SMALLEST = 1e-30

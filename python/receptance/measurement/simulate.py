@@ -13,8 +13,6 @@ from receptance import _checks
 from receptance.measurement.records import HammerRecords, Quantity
 from receptance.model.coordinates import Coordinate, as_coordinates
 
-__all__ = ["simulate_hits"]
-
 _LENGTH_FACTOR = 2
 """Length of the computed blocks relative to the recorded ones, so that the wrap-around is outside."""
 _WRAP_AROUND = 1e-5

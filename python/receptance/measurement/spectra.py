@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from receptance.measurement.hits import Hits
     from receptance.measurement.windows import Windows
 
-__all__ = ["Channel", "Estimator", "Exclusions", "Limits", "Reason", "Spectra", "force_band"]
-
 BIAS_SHARE = 0.25
 """Largest known error of a usable line, in standard deviations; the variance is increased by its square."""
 NEGLIGIBLE = 1e-3

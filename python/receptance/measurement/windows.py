@@ -13,8 +13,6 @@ from receptance import _checks
 if TYPE_CHECKING:
     from receptance.measurement.hits import Hits
 
-__all__ = ["ExponentialOn", "Windows", "correlated_lines", "make_windows", "noncircularity"]
-
 ExponentialOn = Literal["both", "response"]
 _PLATEAU = 1.0
 """Length of the force window's plateau before and after a contact, relative to the contact,"""

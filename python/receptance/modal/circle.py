@@ -17,8 +17,6 @@ from receptance.modal.estimate import ModeEstimate, constants, joint_with_residu
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-__all__ = ["CircleFit", "circle_fit"]
-
 _MIN_LINES = 5
 _MIN_ARC = np.pi
 """Least arc in radians without a warning; the radius of shorter arcs is dominated by noise."""

@@ -13,8 +13,6 @@ from receptance.frf.variance import interval_factor
 if TYPE_CHECKING:
     from receptance.modal._least_squares import PoleFit
 
-__all__ = ["ModeEstimate"]
-
 Method = Literal["peak", "half-power", "circle", "global"]
 
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from receptance.modal import ModalFit, RingDown
 
-__all__ = ["draw_modal_fit", "draw_ring_down"]
-
 _LABEL_WIDTH = 0.04
 """Least distance of the labels of two modes, as a share of the band."""
 

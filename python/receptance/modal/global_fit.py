@@ -21,8 +21,6 @@ from receptance.modal.modal_fit import ModalFit, make_modal_fit
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-__all__ = ["fit_modes"]
-
 Background = Literal["both", "above", "below", "none"]
 _TERMS: dict[Background, tuple[int, ...]] = {
     "both": (-2, 0),

@@ -18,8 +18,6 @@ from receptance.modal.estimate import ModeEstimate
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-__all__ = ["half_power"]
-
 _MIN_LINES = 5.0
 """Least number of lines in the half-power band without a warning of bias."""
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from receptance.modal._least_squares import PoleFit
     from receptance.modal._lines import Lines
 
-__all__ = ["ModalFit"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ModalFit(Result):

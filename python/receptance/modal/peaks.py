@@ -17,8 +17,6 @@ from receptance.modal.estimate import ModeEstimate
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-__all__ = ["find_peaks"]
-
 _SHARE = 0.5
 _LEAST, _MOST = 5, 25
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["RingDown", "ring_down"]
-
 TAPS_PER_WIDTH = 4.0
 """Length of the filter times the width of the band: half of the amplitude passes at the ends of the band."""
 PER_BLOCK = 8.0

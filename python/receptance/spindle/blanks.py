@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import MeasuredFRF
     from receptance.model.assembly import Assembly
 
-__all__ = ["blank_equations", "check_bands", "check_blanks", "plane_of"]
-
 
 def plane_of(assembly: Assembly) -> tuple[Coordinate, Coordinate]:
     """Return the coordinates y and theta at the connection plane, the far end of the last part."""

@@ -18,8 +18,6 @@ from receptance.spindle.blanks import blank_equations, check_bands, check_blanks
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
 
-__all__ = ["CrossedSpindle", "identify_crossed_spindle"]
-
 _AXES = ("xx", "yy", "xy", "yx")
 # Unknowns of X = (G + Y)^-1 over (x, theta_x, y, theta_y): three in each plane, four between the planes.
 _ENTRIES = {

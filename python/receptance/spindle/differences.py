@@ -18,8 +18,6 @@ from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 if TYPE_CHECKING:
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["rotations"]
-
 _TERMS = ("y/F", "theta/F", "theta/M")
 _SAME = 1e-6
 """Largest relative difference of two equal distances."""

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from receptance.model.terminals import ModalPart
     from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["draw_spindle"]
-
 _TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 
 

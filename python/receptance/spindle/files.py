@@ -19,8 +19,6 @@ from receptance.model.terminals import ENTRIES, MeasuredPart
 if TYPE_CHECKING:
     from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["read_spindle", "write_spindle"]
-
 _FORMAT = "receptance spindle 1"
 _REQUIRED = ("frequency_hz", "matrix", "decay_rate")
 

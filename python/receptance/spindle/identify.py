@@ -19,8 +19,6 @@ from receptance.model.terminals import ENTRIES
 from receptance.spindle.blanks import blank_equations, check_bands, check_blanks
 from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["identify_spindle"]
-
 
 def identify_spindle(
     observations: MeasuredFRF | Sequence[MeasuredFRF],

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import Observation, Unit
     from receptance.identification.problem import Problem
 
-__all__ = ["bounds_of_modes", "start_modes"]
-
 _DAMPING = (1e-3, 0.03, 0.3)
 """Lower bound, start and upper bound of damping ratios."""
 _FREQUENCY = 2.0

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from receptance.stability import Lobes, Stability, StableCut
 
-__all__ = ["draw_lobes", "draw_several_lobes"]
-
 _SPEED = "spindle speed (1000 rpm)"
 _LARGEST_COUNT = 8
 """Largest number of diagrams in a figure."""

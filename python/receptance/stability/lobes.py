@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Lobes", "Stability", "StableCut", "ensemble", "stability_lobes", "with_draws"]
-
 _Cut = TypeVar("_Cut", Milling, Turning, Milling | Turning)
 _Tip = TypeVar("_Tip")
 

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from receptance.stability.cutting import Milling, Turning
 
-__all__ = ["critical_depths", "limit_over_speed"]
-
 _SHARES = (0.5, 0.2, 0.05)
 """Thresholds as shares of the largest 1/depth: segments above them are processed first."""
 

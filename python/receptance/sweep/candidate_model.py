@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["CandidateModel", "Residual", "candidate_model"]
-
 Residual = Literal["logarithm", "complex"]
 """Residual on each line: weight ln(measured / H), as in fits, or weight (measured - H)."""
 

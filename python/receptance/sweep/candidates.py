@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 
-__all__ = ["Candidates", "Distribution", "Grid", "Listed", "Sampled"]
-
 Method = Literal["random", "sobol", "latin hypercube"]
 
 MOST_BYTES = 2 * 2**30

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     Model = Assembly | Mapping[str, Assembly] | Campaign
 
-__all__ = ["CANDIDATE", "VALID", "Block", "Definition"]
-
 CANDIDATE = "candidate"
 VALID = "valid"
 """Name of the variable that marks feasible candidates."""

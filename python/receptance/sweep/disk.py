@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Chunks", "Lock", "SweepError", "fault", "flush", "renamed"]
-
 
 class SweepError(ValueError):
     """An unsuitable or damaged store, or results that do not fit into memory."""

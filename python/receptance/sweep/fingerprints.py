@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["digest"]
-
 _FIXED = frozenset({"numpy", "receptance", "scipy", *sys.stdlib_module_names})
 """Packages whose functions are identified by their names."""
 _INSTALLED = ("/site-packages/", "/dist-packages/")

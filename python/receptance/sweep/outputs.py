@@ -25,17 +25,6 @@ from receptance.sweep.candidate_model import CandidateModel, candidate_model
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "Evaluated",
-    "Evaluation",
-    "FrequencyResponse",
-    "Misfit",
-    "NaturalFrequencies",
-    "Output",
-    "StableDepth",
-    "Variable",
-]
-
 _LINE_S, _MODES_S = 5e-9, 2e-4
 """Approximate time in s for one line of a joint, and for the natural frequencies of a model."""
 _DEPTH_S, _SPEED_S = 6e-4, 3e-5

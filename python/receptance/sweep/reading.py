@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest
     from zarr.core.buffer import Buffer, BufferPrototype
 
-__all__ = ["CheckedStore"]
-
 
 class CheckedStore(LocalStore):
     """The folder of a sweep, opened for reading.

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from receptance.sweep.candidates import Candidates
     from receptance.sweep.outputs import Output
 
-__all__ = ["PendingBlocks", "SweepProgress", "sweep"]
-
 
 def sweep(
     model: Assembly | Mapping[str, Assembly] | Campaign,

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from receptance.sweep.outputs import Variable
 
-__all__ = ["Memory", "Store", "as_grid", "destination", "open_sweep"]
-
 _RECORD = "receptance_sweep"
 _FORMAT = 2
 _SAME = 1e-9

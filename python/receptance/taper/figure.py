@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from receptance.taper import ForceSeries
 
-__all__ = ["draw_force_series", "draw_over_levels", "draw_with_law"]
-
 _SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
 _LAWS = {"constant": "constant", "linear": "K0 + a F", "power": "K0 + a F^n"}
 

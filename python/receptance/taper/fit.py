@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from receptance.measurement import Hits
     from receptance.model.assembly import Assembly
 
-__all__ = ["TaperFit", "fit_axial", "fit_radial", "without_each"]
-
 _AXIAL = {"k_z1": "taper.k_y", "c_z1": "taper.c_y"}
 _RADIAL = {"k_x1": "big_end.k_y", "k_x2": "small_end.k_y", "c_x1": "big_end.c_y", "c_x2": "small_end.c_y"}
 """Addresses of the parameters by their symbols in the paper."""

@@ -19,16 +19,6 @@ from receptance import _checks
 from receptance.identification.covariance import confidence_multiplier
 from receptance.taper.rigid import AxialJoint, Body, RadialJoint
 
-__all__ = [
-    "AxialSolution",
-    "RadialSolution",
-    "RadialSolutions",
-    "Shape",
-    "axial_from_mode",
-    "radial_from_modes",
-    "rotation_alone",
-]
-
 Interval = tuple[float, float]
 
 

@@ -12,8 +12,6 @@ from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring
 from receptance.taper.rigid import Body, as_rigid, body_of
 
-__all__ = ["BodyModel", "Contact", "Holder"]
-
 BodyModel = Literal["elastic", "rigid"]
 Contact = Literal["spread", "fading", "ends"]
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.model.beams import Part
 
-__all__ = ["AxialJoint", "Body", "RadialJoint", "RigidModes", "as_rigid", "body_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class RigidModes:

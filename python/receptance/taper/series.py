@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from receptance.report.table import Cell
 
-__all__ = ["ForceLaw", "ForceSeries", "Trend", "fit_laws"]
-
 Direction = Literal["rises", "falls", "not determined"]
 LawName = Literal["constant", "linear", "power"]
 

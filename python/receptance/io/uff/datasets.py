@@ -26,23 +26,6 @@ from receptance.io.errors import FileFormatError, error_location
 from receptance.io.limits import check_time
 from receptance.io.text import excerpt
 
-__all__ = [
-    "Axis",
-    "Cursor",
-    "Function",
-    "Line",
-    "Other",
-    "Point",
-    "UnitSystem",
-    "columns_of_text",
-    "data_sets",
-    "integer",
-    "is_delimiter",
-    "is_uff",
-    "real",
-    "text_values",
-]
-
 _INTEGER = re.compile(rb"[+-]?[0-9]{1,18}")
 _REAL = re.compile(rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]?([+-]?[0-9]{1,4}))?")
 _DOUBLE_EXPONENT = bytes.maketrans(b"Dd", b"EE")

@@ -33,22 +33,6 @@ from receptance.units import (
     parse_unit,
 )
 
-__all__ = [
-    "LOADS",
-    "MOTION_CODES",
-    "QUANTITIES",
-    "channel_unit",
-    "code_of",
-    "coordinates_line",
-    "declared_form",
-    "declared_unit",
-    "directions",
-    "expect_abscissa",
-    "stored_coordinates",
-    "stored_values",
-    "values_line",
-]
-
 _MARK = "receptance "
 WIDTH = 80
 

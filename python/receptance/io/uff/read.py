@@ -29,8 +29,6 @@ from receptance.io.uff.header import (
 if TYPE_CHECKING:
     from receptance.units import Form
 
-__all__ = ["read_uff"]
-
 _TIME, _FRF, _COHERENCE = 1, 4, 6
 _FUNCTIONS = {
     0: "general function",

@@ -20,8 +20,6 @@ from receptance.io.uff.datasets import Axis, Function, Point
 from receptance.io.uff.header import MOTION_CODES, WIDTH, code_of, coordinates_line, values_line
 from receptance.model.coordinates import Coordinate, UnknownPosition
 
-__all__ = ["uff_bytes"]
-
 _POINT = re.compile(r"(?:(?P<name>\S(?:.{0,8}\S)?) )?(?P<node>[0-9]{1,10})(?::(?P<direction>[+-][1-6]))?")
 _EXACT_TOLERANCE = 1e-9
 """Largest relative error of an abscissa that is not reported."""
