@@ -2,22 +2,234 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement, low_coherence_notes
-from receptance.io.options import ReadOptions
-from receptance.model.coordinates import Coordinate
+from receptance.model.coordinates import Coordinate, as_coordinates
+from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
-if TYPE_CHECKING:
-    from receptance.units import Form
+SI = "SI"
+_GIVE_UNIT = (
+    "give it, for example unit='m/s^2/N' (on the command line --unit m/s^2/N), or unit='SI' and quantity='accelerance'"
+)
+
+
+class ReadKeywords(TypedDict, total=False):
+    """Keyword arguments of `read`."""
+
+    quantity: str | None
+    unit: str | Mapping[str, str] | None
+    responses: Coordinate | Sequence[Coordinate] | None
+    excitations: Coordinate | Sequence[Coordinate] | None
+    coherence: str | PathLike[str] | None
+    ignore_coherence: bool
+    variables: Mapping[str, str] | None
+    columns: Sequence[str] | None
+    sample_rate_hz: float | None
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Validated options of `read`; None for those not given."""
+
+    quantity: Form | None = None
+    unit: str | Mapping[str, str] | None = None
+    responses: tuple[Coordinate, ...] | None = None
+    excitations: tuple[Coordinate, ...] | None = None
+    ignore_coherence: bool = False
+    variables: Mapping[str, str] | None = None
+    columns: Sequence[str] | None = None
+    sample_rate_hz: float | None = None
+
+    @staticmethod
+    def checked(given: Mapping[str, Any]) -> ReadOptions:
+        """Return the options, or raise a TypeError or ValueError that names the invalid one."""
+        names = {field.name for field in fields(ReadOptions)}
+        unknown = sorted(set(given) - names)
+        if unknown:
+            raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
+        options = dict(given)
+        if options.get("quantity") is not None:
+            options["quantity"] = form_name(options["quantity"])
+        for side in ("responses", "excitations"):
+            if options.get(side) is not None:
+                options[side] = as_coordinates(options[side])
+        unit = options.get("unit")
+        if unit is not None and not isinstance(unit, (str, Mapping)):
+            raise TypeError(f"unit is {unit!r}, expected a text, or a mapping from channel to text")
+        for text in unit.values() if isinstance(unit, Mapping) else [unit] if unit is not None else []:
+            if text != SI:
+                parse_unit(text)
+        for name in ("variables", "unit"):
+            mapping = options.get(name)
+            if isinstance(mapping, Mapping) and not all(isinstance(v, str) for pair in mapping.items() for v in pair):
+                raise TypeError(f"{name} is {mapping!r}, expected texts for texts")
+        if options.get("variables") is not None and not isinstance(options["variables"], Mapping):
+            raise TypeError(f"variables is {options['variables']!r}, expected a mapping such as {{'values': 'H'}}")
+        columns = options.get("columns")
+        if columns is not None:
+            if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
+                raise TypeError(f"columns is {columns!r}, expected a list of texts such as 'frequency [Hz]'")
+            options["columns"] = tuple(columns)
+        if options.get("sample_rate_hz") is not None:
+            options["sample_rate_hz"] = _checks.positive("read", "sample_rate_hz", options["sample_rate_hz"], unit="Hz")
+        options["ignore_coherence"] = bool(options.get("ignore_coherence", False))
+        return ReadOptions(**options)
+
+    def channel_units(self, names: Sequence[str]) -> list[str | None]:
+        """Return the given unit of each channel of a time series, or None.
+
+        Raises
+        ------
+        FileFormatError
+            One unit for several channels, or the unit of an FRF.
+        """
+        if isinstance(self.unit, str) and self.unit != SI and len(names) > 1:
+            example = ", ".join(f"{name!r}: {self.unit!r}" for name in names[:2])
+            raise FileFormatError(
+                f"a single unit, {self.unit!r}, was given for {len(names)} channels; give a unit for each: "
+                f"unit={{{example}}}"
+            )
+        units = [self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit for name in names]
+        for name, unit in zip(names, units, strict=True):
+            if unit is not None and unit != SI and frf_kind(parse_unit(unit)) is not None:
+                raise FileFormatError(f"{unit!r} is the unit of an FRF, but channel {name!r} is a time record")
+        return units
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Kind of an FRF, factor to SI, and notes."""
+
+    kind: FRFKind
+    factor: float
+    notes: tuple[str, ...] = ()
+
+
+def resolve_frf(
+    options: ReadOptions,
+    *,
+    declared: Unit | None,
+    form: Form | None,
+    directions: tuple[str, str] | None,
+    undeclared: str = "the file does not state the unit of its FRF",
+) -> Resolved:
+    """Return kind and unit of an FRF from the file and the options.
+
+    Parameters
+    ----------
+    options : ReadOptions
+        Options of `read`.
+    declared : Unit, optional
+        Unit stated in the file.
+    form : str, optional
+        Form stated in the file otherwise than by the unit.
+    directions : pair of {"y", "theta"}, optional
+        Directions of response and excitation stated in the file.
+    undeclared : str, optional
+        Message for a missing unit.
+
+    Raises
+    ------
+    FileFormatError
+        No unit, or a contradiction between file, unit and quantity.
+    """
+    given = _unit_of_options(options, form, directions, declared)
+    unit = given or declared
+    if unit is None:
+        raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
+    kind = frf_kind(unit)
+    if kind is None:
+        raise FileFormatError(
+            f"{unit.text!r} is not the unit of a receptance, mobility or accelerance, such as 'm/N' or 'm/s^2/N'"
+            + ("" if given else "; if it is wrong, give the right one with unit= and quantity=")
+        )
+    if options.quantity is not None and kind.form != options.quantity:
+        raise FileFormatError(
+            f"quantity is {options.quantity!r}, but {unit.text!r}{'' if given else ', stated in the file,'} is the "
+            f"unit of {_with_article(kind.form)}; give a matching quantity= and unit="
+        )
+    contradiction = _contradiction(kind, form, directions, declared if given else None)
+    directed = options.responses is not None and options.excitations is not None
+    if given and directions not in (None, (kind.response, kind.excitation)) and not directed:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_with_article(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{_describe_directions(directions)}; give unit='SI' if all of the file is in SI, or responses= and "
+            "excitations= as well to override the directions"
+        )
+    if contradiction and given is None:
+        raise FileFormatError(
+            f"the file contradicts itself: {contradiction}, but its unit {unit.text!r} is that of "
+            f"{_with_article(kind.form)} in {frf_unit(kind)}; find out which is correct and give quantity= and unit="
+        )
+    if contradiction and options.quantity is None:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_with_article(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{contradiction}; to override the file give quantity= as well"
+        )
+    notes = [f"overridden by the options: {contradiction}"] if contradiction else []
+    if given and declared and declared != unit:
+        notes.append(f"the unit in the file, {declared.text!r}, was overridden by {unit.text!r}")
+    return Resolved(kind, unit.factor, tuple(notes))
+
+
+def _unit_of_options(
+    options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
+) -> Unit | None:
+    """Return the unit of the options; for "SI" that of the form."""
+    if options.unit is None:
+        return None
+    if not isinstance(options.unit, str):
+        raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
+    if options.unit != SI:
+        return parse_unit(options.unit)
+    declared_kind = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (declared_kind.form if declared_kind is not None else None)
+    if directions is None and declared_kind is not None:
+        directions = (declared_kind.response, declared_kind.excitation)
+    if form is None:
+        raise FileFormatError(
+            "unit is 'SI', but neither the file nor quantity= states the form, receptance, mobility or accelerance"
+        )
+    if directions is None:
+        sides = (options.responses or (Coordinate(),), options.excitations or (Coordinate(),))
+        directions = (sides[0][0].direction, sides[1][0].direction)
+    return parse_unit(frf_unit(FRFKind(form, *directions)))
+
+
+def _contradiction(kind: FRFKind, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None) -> str:
+    """Return the statement of the file that contradicts this kind of FRF, or an empty text."""
+    if form is not None and form != kind.form:
+        return f"it is declared as {_with_article(form)}"
+    if directions not in (None, (kind.response, kind.excitation)):
+        return _describe_directions(directions)
+    if declared is not None and (declared_kind := frf_kind(declared)) is not None and declared_kind != kind:
+        return f"the unit is {declared.text!r}, that of {_with_article(declared_kind.form)}"
+    return ""
+
+
+def _describe_directions(directions: tuple[str, str] | None) -> str:
+    motion, load = directions or ("y", "y")
+    return (
+        f"the directions are those of {'a translation' if motion == 'y' else 'a rotation'} per "
+        f"{'force' if load == 'y' else 'moment'}"
+    )
+
+
+def _with_article(form: Form) -> str:
+    return f"an {form}" if form.startswith("a") else f"a {form}"
+
 
 _Measurement = TypeVar("_Measurement", bound=Measurement)
 

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.frf.plausibility import DRIVE_POINT_NOTE
-from receptance.io.build import file_coherence
+from receptance.io.build import SI, ReadOptions, file_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import SI, ReadOptions
 from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import parse_unit
 

@@ -14,13 +14,12 @@ from receptance import _checks
 from receptance._files import open_file, read_whole, write_whole
 from receptance.errors import warn_user
 from receptance.frf import FRF
+from receptance.io.arrays import is_npz, npz_bytes, read_npz
+from receptance.io.build import ReadKeywords, ReadOptions
 from receptance.io.csv_files import csv_bytes, read_csv
-from receptance.io.errors import FileFormatError, error_location
-from receptance.io.limits import MAX_LINES, check_count, decompress, time_limit
+from receptance.io.errors import MAX_LINES, FileFormatError, check_count, decompress, error_location, time_limit
 from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
 from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
-from receptance.io.npz import is_npz, npz_bytes, read_npz
-from receptance.io.options import ReadKeywords, ReadOptions
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
 from receptance.io.uff.datasets import is_uff
 from receptance.io.uff.read import read_uff

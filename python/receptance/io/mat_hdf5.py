@@ -27,10 +27,9 @@ import numpy as np
 from receptance._extras import require
 from receptance._files import LARGEST, open_file
 from receptance.io.arrays import measurements_of, named_items, requested_names
-from receptance.io.errors import FileFormatError
-from receptance.io.limits import BYTES_PER_SECOND, allowed_seconds, check_size
+from receptance.io.build import ReadOptions
+from receptance.io.errors import BYTES_PER_SECOND, FileFormatError, allowed_seconds, check_size
 from receptance.io.measurements import Measurement
-from receptance.io.options import ReadOptions
 
 _WAIT_SECONDS = 60.0
 """Wall-clock seconds added to the limit of processor time, for a busy machine."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.errors import warn_user
-from receptance.io.errors import FileFormatError
-from receptance.io.limits import check_time
+from receptance.io.errors import FileFormatError, check_time
 
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.io.build import complex_values, make_frf, to_si
+from receptance.io.build import ReadOptions, Resolved, complex_values, make_frf, resolve_frf, to_si
 from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Measurement
-from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
 from receptance.units import UnitError, parse_unit
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
-from receptance.io.npz import arrays_in
+from receptance.io.arrays import arrays_in
 from receptance.model.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.io.build import complex_values
-from receptance.io.errors import FileFormatError, error_location
-from receptance.io.limits import check_time
+from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.text import excerpt
 
 _INTEGER = re.compile(rb"[+-]?[0-9]{1,18}")

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from receptance.io.build import SI, ReadOptions
 from receptance.io.description import coordinate_from_list, coordinate_to_list
 from receptance.io.errors import FileFormatError
-from receptance.io.options import SI, ReadOptions
 from receptance.io.uff.datasets import Function
 from receptance.model.coordinates import Coordinate
 from receptance.units import (

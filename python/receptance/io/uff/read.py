@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.io.build import make, make_frf, missing_phase_notes, sampling, to_si
+from receptance.io.build import ReadOptions, make, make_frf, missing_phase_notes, resolve_frf, sampling, to_si
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import ReadOptions, resolve_frf
 from receptance.io.uff.datasets import Function, Other, Point, data_sets
 from receptance.io.uff.header import (
     channel_unit,
