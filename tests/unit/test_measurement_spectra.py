@@ -5,10 +5,9 @@ import pytest
 
 import hammer
 from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.bias import estimate_truncation, force_noise_power
-from receptance.measurement.contacts import Contact, clipped_samples, find_contacts, second_contact
 from receptance.measurement.estimate import usable_band_notes
-from receptance.measurement.spectra import Reason, force_band
+from receptance.measurement.hits import Contact, clipped_samples, find_contacts, second_contact
+from receptance.measurement.spectra import Reason, estimate_truncation, force_band, force_noise_power
 from receptance.measurement.windows import correlated_lines, make_windows
 
 RATE = 25600.0

@@ -216,8 +216,8 @@ def read_all(
     path = Path(path)
     coherence_file = options.pop("coherence", None)
     checked = ReadOptions.checked(options)
-    if format is not None and format not in FORMATS:
-        raise ValueError(f"format is {format!r}, expected one of {', '.join(FORMATS)}")
+    if format is not None:
+        _checks.one_of("", "format", format, FORMATS)
     with error_location(file=path.name):
         measurements = _read(path, format, checked)
         if coherence_file is not None:

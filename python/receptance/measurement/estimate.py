@@ -124,10 +124,8 @@ def estimate_frf(
     >>> frf.form, frf.averages
     ('mobility', 3)
     """
-    if estimator not in get_args(Estimator):
-        raise ValueError(f"estimate_frf: estimator is {estimator!r}, expected one of {', '.join(get_args(Estimator))}")
-    if exponential_on not in get_args(ExponentialOn):
-        raise ValueError(f"estimate_frf: exponential_on is {exponential_on!r}, expected one of both, response")
+    _checks.one_of("estimate_frf", "estimator", estimator, Estimator)
+    _checks.one_of("estimate_frf", "exponential_on", exponential_on, ExponentialOn)
     decay_rate = _checks.not_negative("estimate_frf", "decay_rate", decay_rate, unit="1/s")
     limits = Limits(
         _checks.positive("estimate_frf", "force_drop_db", force_drop_db, unit="dB"),

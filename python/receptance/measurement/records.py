@@ -119,8 +119,7 @@ class HammerRecords:
         notes: Sequence[str] = (),
     ) -> None:
         owner = f"HammerRecords {label!r}" if label else "HammerRecords"
-        if quantity not in get_args(Quantity):
-            raise ValueError(f"{owner}: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
+        _checks.one_of(owner, "quantity", quantity, Quantity)
         hammer, motion = _matched_shapes(owner, _samples(owner, "force", force), _samples(owner, "response", response))
         (hit,) = measured_coordinates(owner, "excitations", excitation, 1)
         sensors = measured_coordinates(owner, "responses", responses, motion.shape[2])

@@ -120,8 +120,7 @@ def simulate_hits(
     """
     if not callable(getattr(assembly, "receptance", None)):
         raise TypeError(f"simulate_hits: assembly is {assembly!r}, expected an Assembly")
-    if quantity not in get_args(Quantity):
-        raise ValueError(f"simulate_hits: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
+    _checks.one_of("simulate_hits", "quantity", quantity, Quantity)
     _checks.whole_number("simulate_hits", "hits", hits)
     for number in (*double_hits, *overloads):
         if not 1 <= number <= hits:

@@ -132,31 +132,6 @@ def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | No
     return Lines(part, lines, s, values, FORMS.index(part.form), relative, freedom, correlated_lines, notes)
 
 
-def select_lines_of_single_entry(
-    owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int
-) -> tuple[Lines, NDArray[np.complex128]]:
-    """Return the lines of `select_lines` and the mobility `(n,)` on real lines, with an exponential window as damping.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `select_lines`, and an FRF with several responses or excitations.
-    """
-    lines = select_lines(owner, frf, low_hz, high_hz, least)
-    entries = lines.values.shape[1]
-    if entries != 1:
-        raise ValueError(
-            f"{owner}: the FRF has {entries} entries, expected one response and one excitation; "
-            "select one with frf.select(responses=..., excitations=...), or use fit_modes for all entries"
-        )
-    return lines, mobility(lines)
-
-
-def mobility(lines: Lines) -> NDArray[np.complex128]:
-    """Return the mobility `(n,)` of the only entry on real lines, with an exponential window as part of the damping."""
-    return lines.receptance[:, 0] * (2j * np.pi * lines.frequency_hz)
-
-
 def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
     if part.log_variance is None:
         return None, ()

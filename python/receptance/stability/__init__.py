@@ -6,14 +6,13 @@ from receptance._lazy import lazily
 
 if TYPE_CHECKING:
     from receptance.stability.cutting import Milling, Turning
-    from receptance.stability.lobes import Lobes, Stability, StableCut, stability_lobes
+    from receptance.stability.lobes import Lobes, Stability, StableCut, critical_depths, stability_lobes
     from receptance.stability.semi_discretisation import (
         floquet_multiplier,
         semi_discretised_limit,
         semi_discretised_lobes,
     )
     from receptance.stability.tip import TipModes, receptance_draws, receptance_matrix
-    from receptance.stability.zeroth_order import critical_depths
 
 __all__ = [
     "Lobes",
@@ -33,10 +32,9 @@ __all__ = [
 
 _NAMES = {
     "cutting": ["Milling", "Turning"],
-    "lobes": ["Lobes", "Stability", "StableCut", "stability_lobes"],
+    "lobes": ["Lobes", "Stability", "StableCut", "critical_depths", "stability_lobes"],
     "semi_discretisation": ["floquet_multiplier", "semi_discretised_limit", "semi_discretised_lobes"],
     "tip": ["TipModes", "receptance_draws", "receptance_matrix"],
-    "zeroth_order": ["critical_depths"],
 }
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names

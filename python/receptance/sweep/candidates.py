@@ -8,7 +8,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -203,8 +203,7 @@ class Sampled(Candidates):
                 )
         number = _checks.whole_number("Sampled", "count", count)
         seed = _checks.whole_number("Sampled", "seed", seed, least=0)
-        if method not in get_args(Method):
-            raise ValueError(f"Sampled: method is {method!r}, expected one of {', '.join(map(repr, get_args(Method)))}")
+        _checks.one_of("Sampled", "method", method, Method)
         if method == "latin hypercube" and 8 * number * len(by_address) > MOST_BYTES:
             raise ValueError(
                 f"Sampled: a Latin hypercube of {number:,} candidates of {len(by_address)} parameters takes "

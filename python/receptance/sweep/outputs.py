@@ -19,7 +19,7 @@ from receptance.identification.problem import Observed, Unit, residuals_at
 from receptance.identification.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
-from receptance.stability.zeroth_order import limit_over_speed
+from receptance.stability.lobes import limit_over_speed
 from receptance.sweep.candidate_model import CandidateModel, candidate_model
 
 if TYPE_CHECKING:
@@ -262,8 +262,7 @@ class StableDepth(Output):
         object.__setattr__(self, "frequency_hz", lines)
         if not isinstance(self.cut, (Milling, Turning)):
             raise TypeError(f"StableDepth: cut is {self.cut!r}, expected Milling or Turning")
-        if self.directions not in ("x", "y", "both"):
-            raise ValueError(f"StableDepth: directions is {self.directions!r}, expected 'x', 'y' or 'both'")
+        _checks.one_of("StableDepth", "directions", self.directions, ("x", "y", "both"))
         if self.speeds_rpm is not None:
             speeds = np.atleast_1d(np.asarray(self.speeds_rpm, np.float64))
             if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():

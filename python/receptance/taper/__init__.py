@@ -6,21 +6,23 @@ from receptance._lazy import lazily
 
 if TYPE_CHECKING:
     from receptance.taper.fit import TaperFit, fit_axial, fit_radial, without_each
-    from receptance.taper.from_modes import (
+    from receptance.taper.holder import Holder
+    from receptance.taper.rigid import (
         AxialSolution,
+        Body,
+        RadialJoint,
         RadialSolution,
         RadialSolutions,
+        RigidModes,
         Shape,
+        as_rigid,
         axial_from_mode,
+        body_of,
         radial_from_modes,
-        rotation_alone,
     )
-    from receptance.taper.holder import Holder
-    from receptance.taper.rigid import AxialJoint, Body, RadialJoint, RigidModes, as_rigid, body_of
     from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
 
 __all__ = [
-    "AxialJoint",
     "AxialSolution",
     "Body",
     "ForceLaw",
@@ -40,23 +42,25 @@ __all__ = [
     "fit_laws",
     "fit_radial",
     "radial_from_modes",
-    "rotation_alone",
     "without_each",
 ]
 
 _NAMES = {
     "fit": ["TaperFit", "fit_axial", "fit_radial", "without_each"],
-    "from_modes": [
+    "holder": ["Holder"],
+    "rigid": [
         "AxialSolution",
+        "Body",
+        "RadialJoint",
         "RadialSolution",
         "RadialSolutions",
+        "RigidModes",
         "Shape",
+        "as_rigid",
         "axial_from_mode",
+        "body_of",
         "radial_from_modes",
-        "rotation_alone",
     ],
-    "holder": ["Holder"],
-    "rigid": ["AxialJoint", "Body", "RadialJoint", "RigidModes", "as_rigid", "body_of"],
     "series": ["ForceLaw", "ForceSeries", "Trend", "fit_laws"],
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal
 
 from receptance import _checks
 from receptance.model.assembly import Assembly
@@ -97,7 +97,8 @@ class Holder:
             Uniform along the taper; concentrated at both ends, as the paper infers from wear; or at the big end only,
             as in figure 3 of the paper.
         """
-        length = 0.0 if _checked("contact", contact, Contact) == "ends" else self.small_end - self.big_end
+        _checks.one_of("Holder", "contact", contact, Contact)
+        length = 0.0 if contact == "ends" else self.small_end - self.big_end
         weights = [1.0] * _POINTS if contact != "fading" else [a + b for a, b in zip(*_FADING, strict=True)]
         spring = GroundSpring(
             k_y=k_z1,
@@ -134,7 +135,8 @@ class Holder:
             Each spring uniform over its half of the taper, as in figure 15 of the paper; over the whole taper, weighted
             with the square of the distance from the other end; or at the end only.
         """
-        share = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[_checked("contact", contact, Contact)]
+        _checks.one_of("Holder", "contact", contact, Contact)
+        share = {"spread": 0.5, "fading": 1.0, "ends": 0.0}[contact]
         length = share * (self.small_end - self.big_end)
         # Fading springs share their points; the other two divide the points between them.
         count = _POINTS if contact == "fading" else _POINTS // 2
@@ -160,10 +162,5 @@ class Holder:
 
     def _part(self, body: BodyModel) -> Part:
         named = Part(self.part.segments, name=self._name)
-        return as_rigid(named) if _checked("body", body, BodyModel) == "rigid" else named
-
-
-def _checked(name: str, value: str, kinds: object) -> str:
-    if value not in get_args(kinds):
-        raise ValueError(f"Holder: {name} is {value!r}, expected one of {', '.join(get_args(kinds))}")
-    return value
+        _checks.one_of("Holder", "body", body, BodyModel)
+        return as_rigid(named) if body == "rigid" else named
