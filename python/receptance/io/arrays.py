@@ -63,21 +63,9 @@ def measurements_of(
 ) -> list[Measurement]:
     """Return the measurements stored under `named_items`, else that of the variables in the options.
 
-    Parameters
-    ----------
-    items : mapping
-        Arrays and texts by name.
-    options : ReadOptions
-        Options of `read`.
-    separator : str
-        Separator between the name of a measurement and the names of its arrays.
-    listed : mapping, optional
-        Shape and type of all variables in the file, if not all of them are in `items`.
-
-    Raises
-    ------
-    FileFormatError
-        No measurement; the message lists the variables and the options that identify them.
+    `separator` is between the name of a measurement and those of its arrays. `listed` gives shape and type of all
+    variables in the file, if not all are in `items`. Without a measurement the FileFormatError lists the variables and
+    the options that identify them.
     """
     arrays = {name: array for name, array in items.items() if isinstance(array, np.ndarray)}
     measurements = _stored_measurements(items, arrays, options, separator) if options.variables is None else []
@@ -300,24 +288,12 @@ def npz_bytes(measurements: Sequence[Measurement]) -> bytes:
 
 
 def read_npz(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the measurements in an NPZ file: those written by this library, else the arrays of the options.
-
-    Raises
-    ------
-    FileFormatError
-        A file that is damaged or holds Python objects, or arrays that are not a measurement.
-    """
+    """Return the measurements in an NPZ file: those written by this library, else the arrays of the options."""
     return measurements_of(arrays_in(data), options, separator=".")
 
 
 def arrays_in(data: bytes) -> dict[str, Any]:
-    """Return the arrays of an NPZ file by name, texts as str.
-
-    Raises
-    ------
-    FileFormatError
-        A file that is damaged, too large, or holds Python objects.
-    """
+    """Return the arrays of an NPZ file by name, texts as str; damaged files and Python objects raise."""
     arrays: dict[str, Any] = {}
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

@@ -88,13 +88,7 @@ class ReadOptions:
         return ReadOptions(**options)
 
     def channel_units(self, names: Sequence[str]) -> list[str | None]:
-        """Return the given unit of each channel of a time series, or None.
-
-        Raises
-        ------
-        FileFormatError
-            One unit for several channels, or the unit of an FRF.
-        """
+        """Return the given unit of each channel of a time series, or None; one unit for several channels raises."""
         if isinstance(self.unit, str) and self.unit != SI and len(names) > 1:
             example = ", ".join(f"{name!r}: {self.unit!r}" for name in names[:2])
             raise FileFormatError(
@@ -127,23 +121,9 @@ def resolve_frf(
 ) -> Resolved:
     """Return kind and unit of an FRF from the file and the options.
 
-    Parameters
-    ----------
-    options : ReadOptions
-        Options of `read`.
-    declared : Unit, optional
-        Unit stated in the file.
-    form : str, optional
-        Form stated in the file otherwise than by the unit.
-    directions : pair of {"y", "theta"}, optional
-        Directions of response and excitation stated in the file.
-    undeclared : str, optional
-        Message for a missing unit.
-
-    Raises
-    ------
-    FileFormatError
-        No unit, or a contradiction between file, unit and quantity.
+    The file states `declared`, a unit, `form` otherwise than by the unit, and the `directions` ("y" or "theta") of
+    response and excitation, or None. A missing unit, with the message `undeclared`, and a contradiction between file,
+    unit and quantity raise a FileFormatError.
     """
     given = _unit_of_options(options, form, directions, declared)
     unit = given or declared
@@ -252,15 +232,7 @@ def make_frf(
     notes: Sequence[str] = (),
     **fields: Any,
 ) -> FRF:
-    """Return an FRF of SI values with the coordinates of the options and further fields.
-
-    A low coherence is noted, with a warning.
-
-    Raises
-    ------
-    FileFormatError
-        Values that are not those of an FRF, or coordinates that contradict the directions of the file.
-    """
+    """Return an FRF of SI values with the coordinates of the options and further fields; a low coherence warns."""
     notes = list(notes)
     if coherence is not None and options.ignore_coherence:
         coherence = None
@@ -291,13 +263,7 @@ def make(kind: type[_Measurement], **fields: Any) -> _Measurement:
 
 
 def file_coherence(frequency_hz: NDArray[np.float64], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coherence `(n, ...)` of an FRF in a file, limited to 0 to 1.
-
-    Raises
-    ------
-    FileFormatError
-        A coherence outside 0 to 1, with the option that ignores it.
-    """
+    """Return the coherence `(n, ...)` of an FRF in a file; the error names the option that ignores it."""
     try:
         return check_coherence("FRF", coherence, frequency_hz)[0]
     except ValueError as error:
@@ -335,21 +301,10 @@ def _check_directions(name: str, given: tuple[Coordinate, ...], side: Sequence[s
 
 
 def sampling(seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
-    """Return sample rate and start of evenly spaced sample times.
+    """Return sample rate and start of evenly spaced sample times `(n,)` in s.
 
-    Parameters
-    ----------
-    seconds : ndarray
-        `(n,)` in s.
-    options : ReadOptions
-        A given sample rate is used if it agrees with the file.
-    step : float, optional
-        Time step stated in the file, which is more exact than that of the times.
-
-    Raises
-    ------
-    FileFormatError
-        Uneven times, or a given sample rate that contradicts the file.
+    A sample rate in the options is used if it agrees with the file, else it raises a FileFormatError, as do uneven
+    times. `step`, stated in the file, is more exact than that of the times.
     """
     start, count = float(seconds[0]), seconds.size
     if step is None:

@@ -456,13 +456,7 @@ def _header_option(table: CsvTable) -> str:
 
 
 def read_csv(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the FRF, coherence or time records in a table of numbers.
-
-    Raises
-    ------
-    FileFormatError
-        A header without quantities or units, or rows that are not numbers; the message names the line.
-    """
+    """Return the FRF, coherence or time records in a table of numbers; errors name the line."""
     table = _read_table(data, options)
     frequency, time = table.indices("frequency"), table.indices("time")
     with error_location(line=table.header or None):

@@ -80,13 +80,7 @@ def coordinate_to_list(coordinate: Coordinate) -> list[Any]:
 
 
 def parse_about(text: Any) -> dict[str, Any] | None:
-    """Return the fields written by `about_text`, or None for another text.
-
-    Raises
-    ------
-    FileFormatError
-        A damaged text, or one of a later version of this library.
-    """
+    """Return the fields written by `about_text`, None for another text; damaged ones and later versions raise."""
     if not isinstance(text, str) or not text.lstrip().startswith('{"receptance"'):
         return None
     try:
@@ -105,13 +99,7 @@ def parse_about(text: Any) -> dict[str, Any] | None:
 
 
 def measurement_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> Measurement:
-    """Return the measurement with these arrays and fields.
-
-    Raises
-    ------
-    FileFormatError
-        Missing or invalid fields, or a contradiction to the options.
-    """
+    """Return the measurement with these arrays and fields; invalid or contradicting ones raise a FileFormatError."""
     kind = about["receptance"]
     try:
         if kind == "frf":

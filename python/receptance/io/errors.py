@@ -63,16 +63,7 @@ class FileFormatError(ValueError):
 def error_location(
     *, file: str = "", line: int | None = None, byte: int | None = None, place: str = ""
 ) -> Iterator[None]:
-    """Add a file name to the errors raised in the block, and line, byte or place to errors without any of these.
-
-    Examples
-    --------
-    >>> from receptance.io.errors import FileFormatError, error_location
-    >>> with error_location(file="hit.uff", line=9):
-    ...     raise FileFormatError("the spacing is 3, expected 0 or 1")
-    Traceback (most recent call last):
-    receptance.io.errors.FileFormatError: hit.uff, line 9: the spacing is 3, expected 0 or 1
-    """
+    """Add a file name to the errors raised in the block, and line, byte or place to errors without any of these."""
     try:
         yield
     except FileFormatError as error:
@@ -142,13 +133,7 @@ def check_time() -> None:
 
 
 def decompress(data: bytes) -> bytes:
-    """Return the expanded contents of all members of a gzip file, at most `LARGEST` bytes.
-
-    Raises
-    ------
-    FileFormatError
-        A damaged or truncated file, trailing data, or contents that are too large.
-    """
+    """Return the expanded contents of all members of a gzip file, at most `LARGEST` bytes."""
     pieces: list[bytes] = []
     size = 0
     try:

@@ -255,13 +255,7 @@ def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurem
 
 
 def file_format(path: str | PathLike[str]) -> str:
-    """Return the format of a file, a key of `FORMATS`, from its contents or its extension.
-
-    Raises
-    ------
-    FileFormatError
-        The format is recognised by neither.
-    """
+    """Return the format of a file, a key of `FORMATS`, from its contents, else its extension."""
     path = Path(path)
     with open_file(path) as file:
         start = file.read(_START)

@@ -339,15 +339,7 @@ Measurement: TypeAlias = FRF | TimeSeries | Coherence
 
 
 def low_coherence_notes(coherence: NDArray[np.float64]) -> list[str]:
-    """Warn of a coherence with a median below one half, and return the note; an empty list for others.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from receptance.io.measurements import low_coherence_notes
-    >>> low_coherence_notes(np.full(100, 0.91))
-    []
-    """
+    """Warn of a coherence with a median below one half, and return the note; an empty list for others."""
     median = float(np.nanmedian(coherence))
     if median >= _LOW_COHERENCE:
         return []

@@ -46,13 +46,7 @@ def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
 
 
 def read_cutpro(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row.
-
-    Raises
-    ------
-    FileFormatError
-        A row that is not three numbers, or frequencies that do not ascend; the message names the line.
-    """
+    """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row."""
     text = decode(data)
     lines = numbered_lines(text)
     if not lines:
@@ -99,14 +93,7 @@ def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
 
 
 def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the FRF in an export.
-
-    Raises
-    ------
-    FileFormatError
-        A header other than that of an FRF in real and imaginary part, or a row that is not three numbers; the message
-        names the line.
-    """
+    """Return the FRF, in real and imaginary part, in an export; errors name the line."""
     if not is_dataphysics(data):
         # The contents are not quoted, because the file may be anything.
         raise FileFormatError(

@@ -119,21 +119,9 @@ def _stretches_above(force: NDArray[np.float64], trigger: float, noise: float) -
 def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, share: float) -> tuple[int, float] | None:
     """Return the largest pulse after a contact with its shape, by a matched filter without the ringing frequencies.
 
-    Parameters
-    ----------
-    force : ndarray
-        `(n,)` without offset, pulses positive.
-    contact : Contact
-        The first contact.
-    stop : int
-        End of the search.
-    share : float
-        Smallest peak, relative to the first contact.
-
-    Returns
-    -------
-    tuple or None
-        First sample of the pulse, and its peak relative to the first contact.
+    The force `(n,)` is without offset, pulses positive; it is searched up to sample `stop` for peaks of at least
+    `share` of that of the contact. Returned are the first sample of the pulse and its peak relative to the contact, or
+    None.
     """
     ends = int(4.0 * _SMOOTH)
     shape = np.pad(force[contact.onset : contact.release] / contact.peak, ends)

@@ -70,18 +70,10 @@ class Channel:
 
 
 class Spectra:
-    """Windowed spectra of all kept hits.
+    """Windowed spectra of all kept hits on lines `(n_lines,)` without 0 Hz and half the sampling rate.
 
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        `(n_lines,)` without 0 Hz and half the sampling rate.
-    force : ndarray
-        `(n_hits, n_lines)`.
-    response : ndarray
-        `(n_hits, n_lines, n_channels)`.
-    noise_share : ndarray or None
-        `(n_lines,)` share of noise in the power of the force; None if it could not be estimated.
+    `force` is `(n_hits, n_lines)`, `response` `(n_hits, n_lines, n_channels)`; `noise_share` `(n_lines,)` is the share
+    of noise in the power of the force, None if it could not be estimated.
     """
 
     def __init__(self, hits: Hits, windows: Windows, low_hz: float | None, high_hz: float | None) -> None:
@@ -300,27 +292,12 @@ _PADDING = 4
 def force_noise_power(
     force: NDArray[np.float64], windows: Windows, frequency_hz: NDArray[np.float64], sample_rate_hz: float
 ) -> NDArray[np.float64] | None:
-    """Return the power |M|^2 of the noise in the force spectrum, per unit of the window energy sum w^2.
+    """Return the power |M|^2 `(n_lines,)` of the noise in the force spectrum, per unit of the window energy sum w^2.
 
-    Stretches of silence of the length of the force window are transformed through it, so that coloured noise is spread
-    over the lines as in the spectra. The median over the stretches excludes bounces. Noise that occurs only during the
-    contact is not included.
-
-    Parameters
-    ----------
-    force : ndarray
-        `(n_hits, n_samples)` without offset and windows.
-    windows : Windows
-        Windows of the force.
-    frequency_hz : ndarray
-        `(n_lines,)` in Hz.
-    sample_rate_hz : float
-        Samples per second.
-
-    Returns
-    -------
-    ndarray or None
-        `(n_lines,)`; None if there is too little silence, or exact zeros from a force window of the recorder.
+    The force is `(n_hits, n_samples)` without offset and windows. Stretches of silence of the length of the force
+    window are transformed through it, so that coloured noise is spread over the lines as in the spectra. The median
+    over the stretches excludes bounces. Noise that occurs only during the contact is not included. The result is None
+    if there is too little silence, or exact zeros from a force window of the recorder.
     """
     from scipy.fft import next_fast_len, rfft, rfftfreq
     from scipy.signal.windows import hann
@@ -372,21 +349,13 @@ def estimate_truncation(
 ) -> Truncation:
     """Return the amplitude of a response at the end of its block, and the error of the FRF from its truncation.
 
+    The response is `(n_hits, n_samples)` after the windows, the spectra of the windowed force `(n_hits, n_samples // 2
+    + 1)`; contacts begin at the sample `onset` and have ended at `first`.
+
     A block of length T truncates the response. For a mode at w_m the truncated part is A(T) / (i (w - w_m) + a), with A
     the amplitude. Relative to the mode it is A(T) / A(0), but it may exceed the FRF far from w_m, where that is small.
     Amplitudes are estimated at the beginning and in the middle of the block, where they exceed the noise, and
     extrapolated to the end.
-
-    Parameters
-    ----------
-    response : ndarray
-        `(n_hits, n_samples)` after the windows.
-    spectra : ndarray
-        `(n_hits, n_samples // 2 + 1)` of the windowed force.
-    first : int
-        First sample after all contacts.
-    onset : int
-        Sample at which the contacts begin.
     """
     from scipy.fft import irfft, rfft
     from scipy.signal.windows import hann
@@ -420,16 +389,9 @@ def force_outside_window(
 ) -> NDArray[np.float64]:
     """Return the force removed by the force window relative to the rest, `(n_lines,)`; 0 where it is noise.
 
-    A bounce or the ringing of a sensor has a broad spectrum, so neighbouring lines are averaged.
-
-    Parameters
-    ----------
-    unwindowed, spectra : ndarray
-        `(n_hits, n_lines)` of the force without and with its window.
-    noise : ndarray
-        `(n_lines,)` power of the noise in the removed part.
-    correlated : float
-        Number of neighbouring lines per independent value of that noise.
+    The force without and with its window is `(n_hits, n_lines)`. `noise` is the power of the noise in the removed part,
+    with `correlated` neighbouring lines per independent value. A bounce or the ringing of a sensor has a broad
+    spectrum, so neighbouring lines are averaged.
     """
     from scipy.special import chdtri
 

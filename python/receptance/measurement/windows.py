@@ -38,15 +38,10 @@ class Windows:
     """Samples of each block outside contacts."""
 
     def correlated_lines(self, force_share: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the number of neighbouring lines per independent value, `(n_lines,)`.
+        """Return the number of neighbouring lines per independent value, `(n_lines,)`, by the share of force noise.
 
         This is the sum of |R|^2 over all lags of the correlation R between lines. R is the transform of the
         distribution g(t) of the noise energy in time, with sum 1, so that the sum is N sum g^2.
-
-        Parameters
-        ----------
-        force_share : ndarray
-            `(n_lines,)` share of noise on the force in the scatter.
         """
         x, f = (np.mean(weights**2, axis=0) for weights in (self.response, self.force))
         x, f = x / np.sum(x), f / np.sum(f)

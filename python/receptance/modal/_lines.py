@@ -25,14 +25,10 @@ class Lines:
     ----------
     frf : FRF
         The FRF on these lines.
-    frequency_hz : ndarray
-        `(n,)` real.
-    s : ndarray
-        `(n,)` complex, i (w - i sigma), to the right of the imaginary axis under an exponential window.
+    frequency_hz, s : ndarray
+        `(n,)` real lines, and complex ones i (w - i sigma), to the right of the imaginary axis under a window.
     values : ndarray
-        `(n, m)` in the measured form, in which the noise is simplest.
-    power : int
-        The receptance times s to this power is the measured form.
+        `(n, m)` in the measured form, in which the noise is simplest: the receptance times s to the `power`.
     relative : ndarray or None
         `(n, m)` standard deviation of real and imaginary part of the logarithm; may be infinite.
     freedom : float
@@ -96,13 +92,7 @@ class Lines:
 
 
 def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int) -> Lines:
-    """Return the usable lines between two frequencies, both included, without 0 Hz.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Not an FRF, an invalid band, or fewer than `least` lines in it.
-    """
+    """Return the usable lines between two frequencies, both included, without 0 Hz; at least `least` or raise."""
     from receptance.frf import FRF
 
     if not isinstance(frf, FRF):

@@ -33,17 +33,7 @@ _LABEL_WIDTH = 0.04
 
 
 def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax: Axes | None = None) -> Figure:
-    """Draw measured and fitted values of one entry, its residuals, and the poles among their candidates.
-
-    Parameters
-    ----------
-    fit : ModalFit
-        The fit.
-    response, excitation : int, optional
-        The entry.
-    ax : Axes, optional
-        As in `Result.plot`.
-    """
+    """Draw measured and fitted values of one entry, its residuals, and the poles among their candidates."""
     figure = surface(ax, 11.0, 7.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0), width_ratios=(1.45, 1.0))
     magnitude = figure.add_subplot(grid[0, 0])

@@ -249,22 +249,10 @@ def stabilisation(
     Products of two powers depend on their difference only, so that the normal equations follow from sums over the lines
     for 2 `order` + 1 differences: the time is proportional to the lines times the entries.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray
-        `(n,)` real lines, in any spacing.
-    values : ndarray
-        `(n, n_out, n_in)` FRF in any form with few excitations, see `reduce_references`.
-    weights : ndarray
-        `(n, n_out)` weight of each line of each response.
-    order : int
-        The highest order.
-
-    Returns
-    -------
-    list of ndarray
-        For each order from 1, its poles in the upper half-plane: the real part is the damped natural frequency, the
-        imaginary part the decay rate over 2 pi, including that of an exponential window.
+    The values are an FRF `(n, n_out, n_in)` in any form on real lines `(n,)` in any spacing, with few excitations (see
+    `reduce_references`), the weights `(n, n_out)`. Returned are, for each order from 1, the poles in the upper
+    half-plane: their real part is the damped natural frequency, their imaginary part the decay rate over 2 pi,
+    including that of a window.
     """
     low, high = frequency_hz[0], frequency_hz[-1]
     rate = 2.0 * np.pi * _CIRCLE_SHARE / (high - low)
@@ -310,12 +298,8 @@ def reduce_references(
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return responses by references of an FRF for `stabilisation`, and weights per response.
 
-    Parameters
-    ----------
-    values : ndarray
-        `(n, n_out, n_in)`; transposed if there are more excitations than responses, which have the same poles.
-    weights : ndarray
-        `(n, n_out, n_in)`.
+    Values and weights `(n, n_out, n_in)` are transposed if there are more excitations than responses, which have the
+    same poles.
     """
     if values.shape[2] > values.shape[1]:
         values, weights = values.transpose(0, 2, 1), weights.transpose(0, 2, 1)

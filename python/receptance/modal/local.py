@@ -78,14 +78,8 @@ def _lines_around_peak(size: NDArray[np.float64], peak: int, share: float = _MIN
 class _SingleMode:
     """One mode and a constant mobility fitted to some lines.
 
-    Attributes
-    ----------
-    fit : PoleFit
-        Fit with weights from the stated standard deviations, or equal weights.
-    factor : float
-        Factor of its covariances: the residual variance if no variance is stated, else 1.
-    degrees_of_freedom : float
-        Degrees of freedom of that factor.
+    The weights are those of the stated standard deviations, or equal. The factor of the covariances is the residual
+    variance if no variance is stated, else 1.
     """
 
     fit: PoleFit

@@ -32,20 +32,8 @@ _KAISER_BETA = 8.0
 class Demodulation:
     """Complex amplitude z(t) of a band, whose part of the record is Re z exp(2 pi i middle t).
 
-    Attributes
-    ----------
-    time_s : ndarray
-        `(k,)` evenly spaced.
-    log : ndarray
-        `(k,)` complex log z, with unwrapped phase.
-    middle_hz, width_hz : float
-        Middle and width of the band.
-    taps : ndarray
-        Coefficients of the filter.
-    sample_rate_hz : float
-        Sample rate of the record.
-    correlation : ndarray
-        Correlation of filtered white noise at 0, 1, 2, ... steps of `time_s`.
+    `log` `(k,)` is complex log z with unwrapped phase, at evenly spaced times `(k,)`; `taps` are the coefficients of
+    the filter, `correlation` that of filtered white noise at 0, 1, 2, ... steps of `time_s`.
     """
 
     time_s: NDArray[np.float64]

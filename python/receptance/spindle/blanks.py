@@ -55,20 +55,10 @@ def blank_equations(
 ) -> Equations:
     """Return the equations for the receptance of the spindle, which have the form of those of a joint.
 
-    The force in a rigid joint corresponds to the receptance between the connection plane and a coordinate of the free
-    blank (with opposite sign for the response), the dynamic stiffness to the receptance at the plane. Each distinct
-    blank is evaluated once, at all its coordinates.
-
-    Parameters
-    ----------
-    observed : tuple of MeasuredFRF
-        Responses of the blanks in the spindle; their assemblies are the free blanks.
-    lines : ndarray
-        `(n,)` common lines in Hz.
-    rows : list of ndarray
-        Index of these lines in each observation.
-    threads : int or None
-        As in `Assembly.receptance`.
+    The assemblies of the observations are the free blanks; `rows` are the indices of the common lines `(n,)` in each
+    observation. The force in a rigid joint corresponds to the receptance between the connection plane and a coordinate
+    of the free blank (with opposite sign for the response), the dynamic stiffness to the receptance at the plane. Each
+    distinct blank is evaluated once, at all its coordinates.
     """
     count = len(observed)
     free = np.empty((lines.size, count), dtype=np.complex128)

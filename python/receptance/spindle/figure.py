@@ -20,21 +20,9 @@ _TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 
 
 def draw_spindle(spindle: SpindleReceptance, modes: ModalPart | None = None, ax: Axes | None = None) -> Figure:
-    """Draw the magnitudes of the three terms with 95 % bands, and the condition number.
+    """Draw the magnitudes of the three terms with 95 % bands, and the condition number; unusable lines are pale.
 
-    Parameters
-    ----------
-    spindle : SpindleReceptance
-        Result of `identify_spindle`. Unusable lines are pale.
-    modes : ModalPart, optional
-        Fitted modes, drawn over the lines.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
+    Fitted modes are drawn over the lines; `ax` as in `Result.plot`.
     """
     figure = surface(ax, 11.0, 8.5)
     text = f"Spindle line by line: {', '.join(spindle.labels)}"

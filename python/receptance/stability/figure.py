@@ -32,20 +32,7 @@ _LABEL_WIDTH, _LABEL_HEIGHT = 0.17, 0.07
 
 
 def draw_lobes(lobes: Lobes, ax: Axes | None = None) -> Figure:
-    """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency.
-
-    Parameters
-    ----------
-    lobes : Lobes
-        The lobes.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency."""
     with_chatter = bool(np.isfinite(lobes.chatter_hz).any())
     figure = surface(ax, 9.0, 5.8 if with_chatter else 4.6)
     rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if with_chatter else [figure.subplots()]

@@ -91,15 +91,10 @@ def limit_over_speed(
     depth: NDArray[np.float64],
     phase: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lowest critical depth at each spindle speed, and its chatter frequency.
+    """Return the lowest critical depth at each spindle speed, and its chatter frequency, `(n_speeds,)` in m and Hz.
 
     In lobe j a tooth period contains j whole waves and the phase. Between two lines the number of waves and 1/depth are
-    linear in frequency.
-
-    Returns
-    -------
-    limit, chatter_hz : ndarray
-        `(n_speeds,)` in m and Hz; infinite and NaN at speeds without chatter.
+    linear in frequency. The limit is infinite, the frequency NaN at speeds without chatter.
     """
     # The search needs ascending tooth periods.
     order = np.argsort(-speeds_rpm, kind="stable")
@@ -602,13 +597,7 @@ def with_draws(lobes: Lobes, draws: NDArray[np.float64]) -> Lobes:
 def ensemble(
     owner: str, cut: _Cut, tip: _Tip, draws: Sequence[_Tip] | None, cuts: Sequence[_Cut] | None
 ) -> list[tuple[_Cut, _Tip]]:
-    """Return pairs of random cuts and tips; without draws the nominal cut or tip is used in all pairs.
-
-    Raises
-    ------
-    ValueError
-        Too few draws, different numbers of cuts and draws, or cuts of another type.
-    """
+    """Return pairs of random cuts and tips; without draws the nominal cut or tip is used in all pairs."""
     count = len((cuts if draws is None else draws) or ())
     if count < _FEWEST_DRAWS:
         raise ValueError(f"{owner}: there are {count} draws, expected at least {_FEWEST_DRAWS}")

@@ -38,16 +38,7 @@ Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
 class Definition:
     """Models, candidates and outputs of a sweep.
 
-    Attributes
-    ----------
-    assemblies : dict of str to Assembly
-        Assemblies by name.
-    named : bool
-        Whether results have a dimension `assembly`.
-    candidates : Candidates
-        Values of the parameters.
-    outputs : tuple of Output
-        Quantities that are kept.
+    The results have a dimension `assembly` if the assemblies are named.
     """
 
     assemblies: dict[str, Assembly]
@@ -138,10 +129,7 @@ class Definition:
     def fingerprints(self) -> dict[str, str]:
         """Return digests of models, candidates and outputs, which identify the sweep.
 
-        Raises
-        ------
-        SweepError
-            A function or an output of the user contains an object without comparable content, such as a lock.
+        Functions and outputs of the user with an object without comparable content, such as a lock, raise a SweepError.
         """
         models = [[name, *_content(assembly)] for name, assembly in self.assemblies.items()]
         contents: dict[str, Any] = {

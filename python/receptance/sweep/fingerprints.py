@@ -35,10 +35,7 @@ _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), typ
 def digest(item: Any) -> str:
     """Return a digest of a value, an object, a function or nested lists and mappings of them.
 
-    Raises
-    ------
-    TypeError
-        An object without comparable content, such as an open file or a lock.
+    An object without comparable content, such as an open file or a lock, raises a TypeError.
     """
     result = _Digest()
     try:

@@ -224,16 +224,9 @@ def _on_workers(client: Any, definition: Definition, blocks: Sequence[BlockRange
 
 
 class PendingBlocks:
-    """Blocks that are not submitted yet.
+    """Blocks that are not submitted yet, in tasks; `tasks` are submitted at the same time.
 
     Tasks have one block until the duration of a block is known, and again when few blocks are left.
-
-    Parameters
-    ----------
-    blocks : sequence of (int, int, int)
-        Number, first candidate and last candidate plus 1 of each block.
-    tasks : int
-        Number of tasks that are submitted at the same time.
     """
 
     def __init__(self, blocks: Sequence[BlockRange], tasks: int) -> None:

@@ -34,15 +34,7 @@ _EXPECTED = "expected a store written by a sweep, or a new name"
 
 
 class Memory:
-    """Results in memory.
-
-    Attributes
-    ----------
-    block : int
-        Number of candidates in a block.
-    finished : ndarray
-        Mask of finished blocks.
-    """
+    """Results in memory, in blocks of `block` candidates; `finished` is the mask of finished blocks."""
 
     def __init__(self, definition: Definition, block: int | None) -> None:
         self._layout = _layout(definition)

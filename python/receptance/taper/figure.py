@@ -27,18 +27,9 @@ def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:
 
 
 def draw_with_law(axes: Axes, series: ForceSeries, over: str, unit: str) -> None:
-    """Draw a parameter over its levels and its law, with titles and a legend.
+    """Draw a parameter over its levels and its law into empty axes, with titles and a legend.
 
-    Parameters
-    ----------
-    axes : Axes
-        Empty axes.
-    series : ForceSeries
-        The parameter.
-    over : str
-        Label of the axis of the levels.
-    unit : str
-        Unit of the values.
+    `over` is the label of the axis of the levels, `unit` that of the values.
     """
     factor, label = _axis_unit(unit, series)
     set_up(axes, series.name, over, label)

@@ -208,20 +208,7 @@ def _relative_errors(
 
     Windows and noise on the force correlate neighbouring lines to an unknown degree, whereas hits are independent. To
     first order, the result of a fit changes by (J^T J)^-1 J^T times the change of the residuals, so the fit is not
-    repeated.
-
-    Parameters
-    ----------
-    fit : Identification
-        The fit.
-    observed : sequence of MeasuredFRF
-        Fitted observations.
-    entries : sequence of (int, int)
-        Indices of response and excitation of each observation in the FRFs.
-    addresses : mapping of str to str
-        Names and addresses of the parameters.
-    left_out : sequence of FRF
-        FRFs without one hit each, on the same lines.
+    repeated. The entries are the indices of response and excitation of each observation in the FRFs.
     """
     slopes: list[NDArray[np.float64]] = []
     changes: list[NDArray[np.float64]] = []

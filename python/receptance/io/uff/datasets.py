@@ -340,13 +340,7 @@ def is_uff(data: bytes) -> bool:
 
 
 def data_sets(data: bytes) -> Iterator[Function | Other]:
-    """Yield the data sets of a universal file in order.
-
-    Raises
-    ------
-    FileFormatError
-        Invalid contents, with the line, or the byte behind binary data.
-    """
+    """Yield the data sets of a universal file in order; errors have the line, or the byte behind binary data."""
     cursor = Cursor(data)
     units: UnitSystem | None = None
     is_universal = False

@@ -70,11 +70,6 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
 
     FRFs of one form on the same lines form one matrix if every response is combined with every excitation. A coherence
     is assigned to the FRF of the same points and lines, else it is returned separately. Other functions are noted.
-
-    Raises
-    ------
-    FileFormatError
-        Invalid contents, with line or byte.
     """
     items = list(data_sets(data))
     functions = [item for item in items if isinstance(item, Function)]
