@@ -1,4 +1,4 @@
-"""Files of named arrays: several measurements of this library, or the variables of other programs."""
+"""Named arrays in files: several measurements of this library, or the variables of other programs; NPZ files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Construction of FRFs, coherences and sample rates from the contents of a file, common to all formats."""
+"""Options of `read`, and the FRFs, units and sample rates that follow from them and the contents of a file."""
 
 from __future__ import annotations
 

@@ -12,8 +12,18 @@ from receptance import _checks
 from receptance.errors import warn_user
 from receptance.measurement.hits import Hits, find_hits
 from receptance.measurement.records import HammerRecords, Quantity
-from receptance.measurement.spectra import NEGLIGIBLE, Channel, Estimator, Exclusions, Limits, Reason, Spectra
-from receptance.measurement.windows import ExponentialOn, Windows, make_windows
+from receptance.measurement.spectra import (
+    NEGLIGIBLE,
+    Channel,
+    Estimator,
+    Exclusions,
+    ExponentialOn,
+    Limits,
+    Reason,
+    Spectra,
+    Windows,
+    make_windows,
+)
 from receptance.units import FORMS
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Hits of a hammer test: the search for them in records, and the reasons for dropping some."""
+"""Hits of a hammer test: contacts in the force, the search for hits, and the reasons for dropping some."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spectra of the hits, and the FRF of each response channel with its variance and usable lines."""
+"""Windows and spectra of the hits, and the FRF of each response channel with its variance, errors and usable lines."""
 
 from __future__ import annotations
 
@@ -12,11 +12,138 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.frf.variance import pool_variance
 from receptance.measurement.hits import CLEAR
-from receptance.measurement.windows import correlated_lines, noncircularity
 
 if TYPE_CHECKING:
     from receptance.measurement.hits import Hits
-    from receptance.measurement.windows import Windows
+
+ExponentialOn = Literal["both", "response"]
+_PLATEAU = 1.0
+"""Length of the force window's plateau before and after a contact, relative to the contact,"""
+_MIN_PLATEAU = 24
+"""and at least in samples, because the ringing of a recorder's filter must be kept in both channels."""
+_FALL = 1.0
+"""Length of the half-cosine slopes of the force window, relative to the contact,"""
+_MIN_FALL = 8
+"""and at least in samples."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Weights of force and response, `(n_hits, n_samples)` each."""
+
+    force: NDArray[np.float64]
+    response: NDArray[np.float64]
+    force_window: NDArray[np.float64]
+    """The force window without the zeros around it; empty if there is none."""
+    force_without_window: NDArray[np.float64]
+    """Weights of the force without the force window."""
+    silence: tuple[tuple[slice, ...], ...]
+    """Samples of each block outside contacts."""
+
+    def correlated_lines(self, force_share: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the number of neighbouring lines per independent value, `(n_lines,)`, by the share of force noise.
+
+        This is the sum of |R|^2 over all lags of the correlation R between lines. R is the transform of the
+        distribution g(t) of the noise energy in time, with sum 1, so that the sum is N sum g^2.
+        """
+        x, f = (np.mean(weights**2, axis=0) for weights in (self.response, self.force))
+        x, f = x / np.sum(x), f / np.sum(f)
+        n, s = x.size, force_share
+        count: NDArray[np.float64] = n * ((1 - s) ** 2 * (x @ x) + 2 * s * (1 - s) * (x @ f) + s**2 * (f @ f))
+        return np.maximum(count, 1.0)
+
+    @property
+    def force_energy(self) -> float:
+        """Sum of squares of the force weights, mean over the hits."""
+        return float(np.mean(np.sum(self.force**2, axis=1)))
+
+    def force_noncircularity(self, spectra: NDArray[np.complex128], lines: slice) -> NDArray[np.float64]:
+        """Return the noncircularity of the noise on the force relative to the pulse, `(n_lines,)`, from 0 to 1.
+
+        Below about 1 / T, with T the length of the window, windowed noise is real except for the phase of the position
+        of the window, which is also that of the pulse. It then changes magnitudes and not phases, with twice the
+        variance of circular noise. With M the windowed noise, E[M^2] = sum w^2 e^(-2iwt).
+        """
+        from scipy.fft import fft
+
+        n_samples = self.force.shape[1]
+        squares = fft(self.force**2, axis=1)
+        twice = squares[:, (2 * np.arange(n_samples // 2 + 1)[lines]) % n_samples]
+        power = np.sum(np.abs(spectra) ** 2, axis=0)
+        ratio: NDArray[np.float64] = np.abs(np.sum(np.conj(spectra) ** 2 * twice, axis=0)) / power / self.force_energy
+        return np.minimum(ratio, 1.0)
+
+
+def correlated_lines(weights: NDArray[np.float64]) -> float:
+    """Return the number of lines per independent value of white noise through windows `(n_hits, n_samples)`."""
+    energy = np.mean(weights**2, axis=0)
+    return float(energy.size * np.sum(energy**2) / np.sum(energy) ** 2)
+
+
+def noncircularity(weights: NDArray[np.float64], lines: slice) -> NDArray[np.float64]:
+    """Return the noncircularity `(n_lines,)` of white noise through windows `(n_hits, n_samples)`, from 0 to 1."""
+    from scipy.fft import fft
+
+    energy = np.mean(weights**2, axis=0)
+    twice = 2 * np.arange(energy.size // 2 + 1)[lines] % energy.size
+    return np.asarray(np.abs(fft(energy)[twice]) / np.sum(energy))
+
+
+def make_windows(
+    hits: Hits, decay_rate: float, force_window_s: float | Literal["auto"] | None, exponential_on: ExponentialOn
+) -> Windows:
+    """Return the windows of all kept hits; parameters as in `estimate_frf`."""
+    rate, n_samples = hits.sample_rate_hz, hits.n_samples
+    kept = hits.kept
+    time = np.arange(n_samples) / rate
+    # With the same origin in both channels, the ratio of their spectra is the FRF at w - i sigma for any time of a hit.
+    exponential = np.exp(-decay_rate * time)
+    response = np.tile(exponential, (len(kept), 1))
+    force = response.copy() if exponential_on == "both" else np.ones_like(response)
+    recorded = hits.records[0].response_decay_rate
+    if recorded > 0.0:
+        starts = np.array([hit.start for hit in kept]) / rate
+        force = force * np.exp(-recorded * (time + starts[:, None]))
+    force_without_window = force.copy()
+    contact = max(hit.release - hit.onset for hit in kept)
+    force_window, before = _force_window(contact, rate, force_window_s)
+    silence = []
+    for row, hit in enumerate(kept):
+        first = hit.onset - hit.start - before
+        stop = first + (force_window.size or contact + 2 * before)
+        if force_window.size:
+            force[row] *= _window_at(force_window, first, n_samples)
+        silence.append((slice(0, max(0, first)), slice(min(stop, n_samples), n_samples)))
+    return Windows(force, response, force_window, force_without_window, tuple(silence))
+
+
+def _force_window(
+    contact: int, rate: float, length_s: float | Literal["auto"] | None
+) -> tuple[NDArray[np.float64], int]:
+    """Return the force window, and its number of samples before the contact."""
+    from scipy.signal.windows import hann
+
+    fall = max(_MIN_FALL, round(_FALL * contact))
+    margin = max(_MIN_PLATEAU, round(_PLATEAU * contact))
+    after = contact + margin
+    if length_s is not None and length_s != "auto":
+        after = round(_checks.positive("estimate_frf", "force_window_s", length_s, unit="s") * rate)
+        if after < contact:
+            raise ValueError(
+                f"estimate_frf: force_window_s is {length_s:g} s, expected at least the longest contact of "
+                f"{contact / rate:.3g} s"
+            )
+    if length_s is None:
+        return np.empty(0), margin + fall
+    ramp = hann(2 * fall + 1)[:fall]
+    return np.concatenate([ramp, np.ones(margin + after), ramp[::-1]]), margin + fall
+
+
+def _window_at(shape: NDArray[np.float64], first: int, n_samples: int) -> NDArray[np.float64]:
+    window = np.zeros(n_samples)
+    begin, end = max(0, first), min(n_samples, first + shape.size)
+    window[begin:end] = shape[begin - first : end - first]
+    return window
 
 
 BIAS_SHARE = 0.25
@@ -155,8 +282,12 @@ class Spectra:
         share = self._force_share(relative)
         variance = variance * (1.0 + self.force_noncircularity * share + self.response_noncircularity * (1.0 - share))
         factor, bias = self._correction(estimator, coherence, relative)
-        truncation = estimate_truncation(self._time_response[:, :, index], self._all_force, self.release, self.onset)
-        truncated = np.maximum(truncation.share[self.lines], truncation.error[self.lines] / np.abs(h1))
+        onset = int(np.median([hit.onset - hit.start for hit in self.hits.kept]))
+        remainder, error = (
+            values[self.lines]
+            for values in estimate_truncation(self._time_response[:, :, index], self._all_force, self.release, onset)
+        )
+        truncated = np.maximum(remainder, error / np.abs(h1))
         deviation = np.sqrt(variance)
         errors = {
             Reason("noise", f"where noise biases {estimator}"): bias,
@@ -177,7 +308,7 @@ class Spectra:
             log_variance=variance,
             degrees_of_freedom=freedom,
             correlated_lines=self.windows.correlated_lines(share),
-            remainder=truncation.share[self.lines],
+            remainder=remainder,
             excluded=excluded,
         )
 
@@ -214,11 +345,6 @@ class Spectra:
             return 1.0 / np.sqrt(coherence), np.zeros_like(relative)
         # Noise on the force cannot exceed the scatter.
         return 1.0 / (1.0 - np.minimum(on_force, relative / (1.0 + relative))), np.zeros_like(relative)
-
-    @property
-    def onset(self) -> int:
-        """Median sample of the blocks at which the contacts begin."""
-        return int(np.median([hit.onset - hit.start for hit in self.hits.kept]))
 
     @property
     def release(self) -> int:
@@ -332,22 +458,13 @@ _WEAK_DB = 40.0
 """Level of the force spectrum below its largest under which lines are not evaluated."""
 
 
-@dataclass(frozen=True)
-class Truncation:
-    """Truncation of a response at the end of its block, `(n_lines,)` over all lines of the transform.
-
-    `share` is the amplitude at the end relative to that at the beginning, `error` the resulting error of the FRF in its
-    unit. Both are 0 where the signal is noise.
-    """
-
-    share: NDArray[np.float64]
-    error: NDArray[np.float64]
-
-
 def estimate_truncation(
     response: NDArray[np.float64], spectra: NDArray[np.complex128], first: int, onset: int
-) -> Truncation:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the amplitude of a response at the end of its block, and the error of the FRF from its truncation.
+
+    The amplitude is relative to that at the beginning, the error in the unit of the FRF; both are `(n_lines,)` over all
+    lines of the transform, and 0 where the signal is noise.
 
     The response is `(n_hits, n_samples)` after the windows, the spectra of the windowed force `(n_hits, n_samples // 2
     + 1)`; contacts begin at the sample `onset` and have ended at `first`.
@@ -364,7 +481,7 @@ def estimate_truncation(
     length = (n_samples - first) // _PARTS
     zero = np.zeros(spectra.shape[1])
     if hits < 2 or length < 2 * _PARTS:
-        return Truncation(zero, zero)
+        return zero, zero
     window = hann(length, sym=False)
     middle = (first + n_samples) // 2
     gains = []
@@ -372,16 +489,17 @@ def estimate_truncation(
         part = np.zeros_like(response)
         part[:, begin : begin + length] = response[:, begin : begin + length] * window
         gains.append(_coherent_part(rfft(part, axis=1), spectra))
+    (first_gain, _), (middle_gain, clear) = gains
     power = np.sum(np.abs(spectra) ** 2, axis=0)
-    exceeds = gains[1].clear & (power > power.max() * 10.0 ** (-_WEAK_DB / 10.0))
-    halfway = np.where(exceeds, np.abs(gains[1].value) / np.maximum(np.abs(gains[0].value), 1e-300), 0.0)
+    exceeds = clear & (power > power.max() * 10.0 ** (-_WEAK_DB / 10.0))
+    halfway = np.where(exceeds, np.abs(middle_gain) / np.maximum(np.abs(first_gain), 1e-300), 0.0)
     halfway = np.minimum(halfway, 1.0)
     # The truncated part has the shape of the second half of the middle part, with the amplitude of the end.
-    end_response = irfft(gains[1].value * halfway, n_samples)
+    end_response = irfft(middle_gain * halfway, n_samples)
     step = np.zeros(n_samples)
     centre = middle - length // 4 + length // 2 - onset
     step[centre : centre + length // 2] = 1.0
-    return Truncation(halfway**2, np.abs(rfft(end_response * step)))
+    return halfway**2, np.abs(rfft(end_response * step))
 
 
 def force_outside_window(
@@ -407,17 +525,10 @@ def force_outside_window(
     return np.where(clear, np.sqrt(np.maximum(removed - expected, 0.0) / power), 0.0)
 
 
-@dataclass(frozen=True)
-class _Gain:
-    """FRF from the force to a part of a signal, its noise variance, and the lines on which it exceeds the noise."""
-
-    value: NDArray[np.complex128]
-    noise: NDArray[np.float64]
-    clear: NDArray[np.bool_]
-
-
-def _coherent_part(part: NDArray[np.complex128], spectra: NDArray[np.complex128]) -> _Gain:
-    """Regress a part of a signal on the force; only repeated signals are coherent with it."""
+def _coherent_part(
+    part: NDArray[np.complex128], spectra: NDArray[np.complex128]
+) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+    """Return the FRF from the force to a part of a signal, and the lines on which it exceeds the noise."""
     from scipy.special import fdtri
 
     hits = len(part)
@@ -425,4 +536,4 @@ def _coherent_part(part: NDArray[np.complex128], spectra: NDArray[np.complex128]
     gain = np.sum(np.conj(spectra) * part, axis=0) / power
     noise = np.sum(np.abs(part - gain * spectra) ** 2, axis=0) / (hits - 1) / power
     clear = np.abs(gain) ** 2 > fdtri(2.0, 2.0 * (hits - 1), 1.0 - _CHANCE) * noise
-    return _Gain(gain, noise, clear)
+    return gain, clear

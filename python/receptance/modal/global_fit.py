@@ -1,4 +1,4 @@
-"""Global modal fit: all modes of a band with poles common to all entries, by least squares."""
+"""Global modal fit: all modes of a band with poles common to all entries, from p-LSCF candidates by least squares."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from receptance.modal.modal_fit import ModalFit, make_modal_fit
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
-
 
 Background = Literal["both", "above", "below", "none"]
 _TERMS: dict[Background, tuple[int, ...]] = {

@@ -20,7 +20,6 @@ from receptance.modal.estimate import ModeEstimate, constants, joint_with_residu
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-
 _BACKGROUND = (-1,)
 """Background of one mode: a constant mobility, which represents the other modes."""
 _MIN_SHARE = 0.3

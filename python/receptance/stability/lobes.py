@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
 _SHARES = (0.5, 0.2, 0.05)
 """Thresholds as shares of the largest 1/depth: segments above them are processed first."""
 

@@ -106,7 +106,7 @@ class CandidateModel:
 
     def _filled(self, values: ArrayLike, dtype: type[np.complex128] | type[np.float64]) -> NDArray[Any]:
         rows = self._rows(values)
-        out = np.empty((len(rows), self.lines), dtype)
+        out: NDArray[Any] = np.empty((len(rows), self.lines), dtype)
         for chunk, complete in self._calls(rows):
             self._core.fill(complete, out[chunk], self._threads)
         return out

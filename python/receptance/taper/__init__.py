@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from receptance._lazy import lazily
 
 if TYPE_CHECKING:
-    from receptance.taper.fit import TaperFit, fit_axial, fit_radial, without_each
-    from receptance.taper.holder import Holder
+    from receptance.taper.holder import Holder, TaperFit, fit_axial, fit_radial, without_each
     from receptance.taper.rigid import (
         AxialSolution,
         Body,
@@ -46,8 +45,7 @@ __all__ = [
 ]
 
 _NAMES = {
-    "fit": ["TaperFit", "fit_axial", "fit_radial", "without_each"],
-    "holder": ["Holder"],
+    "holder": ["Holder", "TaperFit", "fit_axial", "fit_radial", "without_each"],
     "rigid": [
         "AxialSolution",
         "Body",
