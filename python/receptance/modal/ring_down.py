@@ -60,22 +60,6 @@ class Demodulation:
         return complex(np.log(np.sum(self.taps * np.exp(-slope * taps_from_middle / self.sample_rate_hz))))
 
 
-@dataclass(frozen=True)
-class Block:
-    """Estimates of one block of time."""
-
-    time_s: float
-    duration_s: float
-    amplitude: float
-    amplitude_standard_error: float
-    frequency_hz: float
-    frequency_standard_error_hz: float
-    damping_ratio: float
-    damping_standard_error: float
-    relative_scatter: float
-    degrees_of_freedom: float
-
-
 def demodulate(
     record: NDArray[np.float64], sample_rate_hz: float, low_hz: float, high_hz: float, start_s: float
 ) -> Demodulation:
@@ -116,8 +100,8 @@ def split_blocks(signal: Demodulation, count: int) -> list[slice]:
     return [slice(first, last) for first, last in itertools.pairwise([0, *edges.tolist(), time.size])]
 
 
-def fit_block(signal: Demodulation, part: slice) -> Block:
-    """Fit a quadratic to the log of the complex amplitude, weighted by the squared amplitude."""
+def fit_block(signal: Demodulation, part: slice) -> dict[str, float]:
+    """Return the values of a block in `RingDown`: a quadratic in the log amplitude, weighted by its square."""
     from scipy.linalg import matmul_toeplitz
 
     time, log = signal.time_s[part], signal.log[part]
@@ -148,18 +132,18 @@ def fit_block(signal: Demodulation, part: slice) -> Block:
     natural = float(np.hypot(decay, damped))
     error = float(np.sqrt(covariance[1, 1])) / half_length
     amplitude = float(np.exp(value.real - signal.log_gain(slope).real))
-    return Block(
-        time_s=middle,
-        duration_s=float(time[-1] - time[0]) + signal.step_s,
-        amplitude=amplitude,
-        amplitude_standard_error=amplitude * float(np.sqrt(covariance[0, 0])),
-        frequency_hz=natural / (2.0 * np.pi),
-        frequency_standard_error_hz=error / (2.0 * np.pi),
-        damping_ratio=decay / natural,
-        damping_standard_error=error / natural,
-        relative_scatter=float(np.sqrt(variance) / np.exp(value.real)),
-        degrees_of_freedom=2.0 * residual_freedom**2 / square,
-    )
+    return {
+        "time_s": middle,
+        "duration_s": float(time[-1] - time[0]) + signal.step_s,
+        "amplitude": amplitude,
+        "amplitude_standard_error": amplitude * float(np.sqrt(covariance[0, 0])),
+        "frequency_hz": natural / (2.0 * np.pi),
+        "frequency_standard_error_hz": error / (2.0 * np.pi),
+        "damping_ratio": decay / natural,
+        "damping_standard_error": error / natural,
+        "relative_scatter": float(np.sqrt(variance) / np.exp(value.real)),
+        "degrees_of_freedom": 2.0 * residual_freedom**2 / square,
+    }
 
 
 _MAX_BLOCKS = 40
@@ -353,17 +337,16 @@ def ring_down(
     signal = demodulate(record[first : last + 1], rate, low, high, first / rate)
     signal, notes = _until_scatter(owner, signal)
     fits = [fit_block(signal, part) for part in _blocks(owner, signal, blocks)]
-    if fits[0].relative_scatter > _MAX_INITIAL_SCATTER:
+    initial = fits[0]["relative_scatter"]
+    if initial > _MAX_INITIAL_SCATTER:
         text = (
-            f"{100.0 * fits[0].relative_scatter:.2g} % of the amplitude at the start of the decay is not that of a "
+            f"{100.0 * fits[0]['relative_scatter']:.2g} % of the amplitude at the start of the decay is not that of a "
             f"single decaying mode between {low:g} and {high:g} Hz: there is another mode in the band, or the hit; "
             "narrow the band or start later"
         )
         warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
         notes.append(text)
-    columns: dict[str, Any] = {
-        column.name: np.array([getattr(fit, column.name) for fit in fits]) for column in fields(Block)
-    }
+    columns: dict[str, Any] = {name: np.array([fit[name] for fit in fits]) for name in fits[0]}
     return RingDown(**columns, band_hz=(low, high), notes=tuple(notes))
 
 
@@ -422,7 +405,7 @@ def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list
             "the band"
         )
     noisy = [
-        fit_block(signal, slice(first, first + size)).relative_scatter > _MAX_SCATTER
+        fit_block(signal, slice(first, first + size))["relative_scatter"] > _MAX_SCATTER
         for first in range(0, signal.time_s.size - size + 1, size)
     ]
     # A single block may be a disturbance; two in succession are the end.
