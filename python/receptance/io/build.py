@@ -59,32 +59,31 @@ class ReadOptions:
         unknown = sorted(set(given) - names)
         if unknown:
             raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
-        options = dict(given)
-        if options.get("quantity") is not None:
-            options["quantity"] = form_name(options["quantity"])
-        for side in ("responses", "excitations"):
-            if options.get(side) is not None:
-                options[side] = as_coordinates(options[side])
-        unit = options.get("unit")
-        if unit is not None and not isinstance(unit, (str, Mapping)):
-            raise TypeError(f"unit is {unit!r}, expected a text, or a mapping from channel to text")
-        for text in unit.values() if isinstance(unit, Mapping) else [unit] if unit is not None else []:
+        options = {name: value for name, value in given.items() if value is not None}
+        for name, value in options.items():
+            if name in ("unit", "variables") and isinstance(value, Mapping):
+                if not all(isinstance(text, str) for pair in value.items() for text in pair):
+                    raise TypeError(f"{name} is {value!r}, expected texts for texts")
+            elif name == "variables":
+                raise TypeError(f"variables is {value!r}, expected a mapping such as {{'values': 'H'}}")
+            elif name == "unit" and not isinstance(value, str):
+                raise TypeError(f"unit is {value!r}, expected a text, or a mapping from channel to text")
+            elif name == "quantity":
+                options[name] = form_name(value)
+            elif name in ("responses", "excitations"):
+                options[name] = as_coordinates(value)
+            elif name == "columns":
+                if isinstance(value, str) or not all(isinstance(text, str) for text in value):
+                    raise TypeError(f"columns is {value!r}, expected a list of texts such as 'frequency [Hz]'")
+                options[name] = tuple(value)
+            elif name == "sample_rate_hz":
+                options[name] = _checks.positive("read", name, value, unit="Hz")
+            elif name == "ignore_coherence":
+                options[name] = bool(value)
+        unit = options.get("unit", SI)
+        for text in unit.values() if isinstance(unit, Mapping) else [unit]:
             if text != SI:
                 parse_unit(text)
-        for name in ("variables", "unit"):
-            mapping = options.get(name)
-            if isinstance(mapping, Mapping) and not all(isinstance(v, str) for pair in mapping.items() for v in pair):
-                raise TypeError(f"{name} is {mapping!r}, expected texts for texts")
-        if options.get("variables") is not None and not isinstance(options["variables"], Mapping):
-            raise TypeError(f"variables is {options['variables']!r}, expected a mapping such as {{'values': 'H'}}")
-        columns = options.get("columns")
-        if columns is not None:
-            if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
-                raise TypeError(f"columns is {columns!r}, expected a list of texts such as 'frequency [Hz]'")
-            options["columns"] = tuple(columns)
-        if options.get("sample_rate_hz") is not None:
-            options["sample_rate_hz"] = _checks.positive("read", "sample_rate_hz", options["sample_rate_hz"], unit="Hz")
-        options["ignore_coherence"] = bool(options.get("ignore_coherence", False))
         return ReadOptions(**options)
 
     def channel_units(self, names: Sequence[str]) -> list[str | None]:

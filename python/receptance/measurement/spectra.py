@@ -112,7 +112,10 @@ def make_windows(
         first = hit.onset - hit.start - before
         stop = first + (force_window.size or contact + 2 * before)
         if force_window.size:
-            force[row] *= _window_at(force_window, first, n_samples)
+            begin, end = max(0, first), min(n_samples, first + force_window.size)
+            window = np.zeros(n_samples)
+            window[begin:end] = force_window[begin - first : end - first]
+            force[row] *= window
         silence.append((slice(0, max(0, first)), slice(min(stop, n_samples), n_samples)))
     return Windows(force, response, force_window, force_without_window, tuple(silence))
 
@@ -137,13 +140,6 @@ def _force_window(
         return np.empty(0), margin + fall
     ramp = hann(2 * fall + 1)[:fall]
     return np.concatenate([ramp, np.ones(margin + after), ramp[::-1]]), margin + fall
-
-
-def _window_at(shape: NDArray[np.float64], first: int, n_samples: int) -> NDArray[np.float64]:
-    window = np.zeros(n_samples)
-    begin, end = max(0, first), min(n_samples, first + shape.size)
-    window[begin:end] = shape[begin - first : end - first]
-    return window
 
 
 BIAS_SHARE = 0.25

@@ -136,8 +136,10 @@ def fit_modes(
             f"{owner}: {count} modes in {lines.frequency_hz.size} lines between {lines.frequency_hz[0]:g} and "
             f"{lines.frequency_hz[-1]:g} Hz: the lines suffice for at most {max(most, 0)}"
         )
-    if requested is not None and not isinstance(requested, int):
-        _check_inside(owner, requested, lines)
+    low, high = lines.frequency_hz[0], lines.frequency_hz[-1]
+    for index, value in enumerate(requested if isinstance(requested, tuple) else ()):
+        if not low < value < high:
+            raise ValueError(f"{owner}: modes[{index}] is {value:g} Hz, outside the lines from {low:g} to {high:g} Hz")
 
     thin = lines.thinned(_MAX_SEARCH_LINES)
     shape = np.asarray(lines.frf.values).shape
@@ -177,13 +179,6 @@ def _checked_modes(owner: str, modes: Any) -> int | tuple[float, ...] | None:
     if any(second <= first for first, second in itertools.pairwise(frequencies)):
         raise ValueError(f"{owner}: modes is {list(frequencies)}, expected ascending frequencies in Hz")
     return frequencies
-
-
-def _check_inside(owner: str, requested: tuple[float, ...], lines: Lines) -> None:
-    low, high = lines.frequency_hz[0], lines.frequency_hz[-1]
-    for index, value in enumerate(requested):
-        if not low < value < high:
-            raise ValueError(f"{owner}: modes[{index}] is {value:g} Hz, outside the lines from {low:g} to {high:g} Hz")
 
 
 def _candidates(poles_hz: NDArray[np.complex128], lines: Lines, highest_damping: float) -> NDArray[np.complex128]:

@@ -386,7 +386,12 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     phase_error = float(np.hypot(scatter[peak], 2.0 * centre_error / width))
     messages = [*lines.notes, *notes]
     if width / spacing < _MIN_LINES:
-        messages.append(_bias_warning(width / spacing, natural, resolution.bias, frf.decay_rate > 0.0))
+        window = "(including that of the exponential window) " if frf.decay_rate > 0.0 else ""
+        messages.append(
+            f"only {width / spacing:.1f} lines in the half-power band of the mode at {natural / (2.0 * np.pi):.6g} Hz: "
+            f"its width {window}is overestimated by {100.0 * resolution.bias:.2g} % on average; use circle_fit or "
+            "fit_modes"
+        )
         warnings.warn(f"{owner}: {messages[-1]}", ReceptanceWarning, stacklevel=2)
     if decay <= 0.0:
         messages.append("the peak is no wider than the exponential window makes it: the damping is not determined")
@@ -407,14 +412,6 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         lines=points.last - points.first + 1,
         degrees_of_freedom=freedom,
         notes=tuple(messages),
-    )
-
-
-def _bias_warning(lines: float, natural: float, bias: float, window: bool) -> str:
-    return (
-        f"only {lines:.1f} lines in the half-power band of the mode at {natural / (2.0 * np.pi):.6g} Hz: its width "
-        f"{'(including that of the exponential window) ' if window else ''}is overestimated by "
-        f"{100.0 * bias:.2g} % on average; use circle_fit or fit_modes"
     )
 
 

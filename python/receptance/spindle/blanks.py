@@ -38,18 +38,6 @@ def check_blanks(observed: tuple[MeasuredFRF, ...]) -> None:
             raise ValueError(f"{owner}: its assembly has the ground spring {grounded[0]!r}, expected a free blank")
 
 
-def check_bands(observed: tuple[MeasuredFRF, ...]) -> None:
-    """Raise `ValueError` if the bands of the observations have no common part."""
-    starts = [observation.frequency_hz[0].real for observation in observed]
-    ends = [observation.frequency_hz[-1].real for observation in observed]
-    first, last = int(np.argmin(ends)), int(np.argmax(starts))
-    if starts[last] > ends[first]:
-        raise ValueError(
-            f"the bands do not overlap: {observed[first]!r} and {observed[last]!r}; each line needs "
-            "all observations, so measure every blank in the same band"
-        )
-
-
 def blank_equations(
     observed: tuple[MeasuredFRF, ...], lines: NDArray[Any], rows: list[NDArray[np.intp]], threads: int | None
 ) -> Equations:

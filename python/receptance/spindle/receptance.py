@@ -19,7 +19,7 @@ from receptance.identification.pointwise_joint import TERMS, Equations, linear_s
 from receptance.model.terminals import ENTRIES, MeasuredPart
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.figure import COLOURS, NORMAL_95, PALE, draw_condition, finished, set_up, surface, title_left
-from receptance.spindle.blanks import blank_equations, check_bands, check_blanks
+from receptance.spindle.blanks import blank_equations, check_blanks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -277,7 +277,6 @@ def identify_spindle(
             f"a spindle has three unknown terms on each line, and there are {len(observed)} receptances, one equation "
             "each; hit and measure at two points of the blank (both drive points and the cross receptance)"
         )
-    check_bands(observed)
     observed, lines, rows, dropped = common_lines(observed)
     equations = blank_equations(observed, lines, rows, threads)
     x, ambiguous, imprecise = _solve(equations, share)

@@ -561,15 +561,8 @@ def stability_lobes(
     '0.298 mm'
     """
     owner = "stability_lobes"
-    checked = _checks.frequencies(frequency_hz)
-    if checked.dtype.kind == "c" or checked.size < 2:
-        raise ValueError(
-            f"{owner}: frequency_hz has {checked.size} {checked.dtype} lines, expected two or more real ones"
-        )
-    lines = checked.real
-    speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
-    if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():
-        raise ValueError(f"{owner}: speeds_rpm must be finite and more than zero, one dimension")
+    lines = checked_lines(owner, frequency_hz)
+    speeds = checked_speeds(owner, speeds_rpm)
     matrix = _shaped(owner, "receptance", receptance, lines.size, cut)
     teeth = cut.teeth if isinstance(cut, Milling) else 1
     depth, chatter = limit_over_speed(teeth, speeds, lines, *critical_depths(cut, lines, matrix))
@@ -585,6 +578,22 @@ def stability_lobes(
         for drawn_cut, tip in ensemble(owner, cut, matrix, tips, cuts)
     ]
     return with_draws(plain, np.array(limits))
+
+
+def checked_lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:
+    """Return the lines, which are at least two and real."""
+    lines = _checks.frequencies(frequency_hz)
+    if lines.dtype.kind == "c" or lines.size < 2:
+        raise ValueError(f"{owner}: frequency_hz has {lines.size} {lines.dtype} lines, expected two or more real ones")
+    return lines.real
+
+
+def checked_speeds(owner: str, speeds_rpm: ArrayLike) -> NDArray[np.float64]:
+    """Return the spindle speeds `(k,)`, which are positive."""
+    speeds = np.atleast_1d(_checks.unmasked(owner, "speeds_rpm", speeds_rpm, np.float64))
+    if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():
+        raise ValueError(f"{owner}: speeds_rpm must be finite and more than zero, one dimension")
+    return speeds
 
 
 def with_draws(lobes: Lobes, draws: NDArray[np.float64]) -> Lobes:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from receptance._lazy import lazily
 
 if TYPE_CHECKING:
-    from receptance.taper.holder import Holder, TaperFit, fit_axial, fit_radial, without_each
+    from receptance.taper.holder import Holder, TaperFit, fit_taper, without_each
     from receptance.taper.rigid import (
         AxialSolution,
         Body,
@@ -37,15 +37,14 @@ __all__ = [
     "as_rigid",
     "axial_from_mode",
     "body_of",
-    "fit_axial",
     "fit_laws",
-    "fit_radial",
+    "fit_taper",
     "radial_from_modes",
     "without_each",
 ]
 
 _NAMES = {
-    "holder": ["Holder", "TaperFit", "fit_axial", "fit_radial", "without_each"],
+    "holder": ["Holder", "TaperFit", "fit_taper", "without_each"],
     "rigid": [
         "AxialSolution",
         "Body",

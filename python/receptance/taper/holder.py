@@ -180,8 +180,10 @@ class Holder:
         return as_rigid(named) if body == "rigid" else named
 
 
-_AXIAL = {"k_z1": "taper.k_y", "c_z1": "taper.c_y"}
-_RADIAL = {"k_x1": "big_end.k_y", "k_x2": "small_end.k_y", "c_x1": "big_end.c_y", "c_x2": "small_end.c_y"}
+_ADDRESSES: dict[str, dict[str, str]] = {
+    "axial": {"k_z1": "taper.k_y", "c_z1": "taper.c_y"},
+    "bending": {"k_x1": "big_end.k_y", "k_x2": "small_end.k_y", "c_x1": "big_end.c_y", "c_x2": "small_end.c_y"},
+}
 """Addresses of the parameters by their symbols in the paper."""
 _BOUNDS = {"k": (1e6, 1e13), "c": (1e-1, 1e7)}
 """Bounds of stiffnesses in N/m and of dampings in N s/m."""
@@ -216,10 +218,11 @@ class TaperFit:
     identification: Identification
 
 
-def fit_axial(
+def fit_taper(
     holder: Holder,
     frf: FRF,
     *,
+    motion: Literal["axial", "bending"],
     body: BodyModel = "elastic",
     contact: Contact = "spread",
     low_hz: float | None = None,
@@ -228,16 +231,21 @@ def fit_axial(
     start: Mapping[str, float] | None = None,
     left_out: Sequence[FRF] = (),
 ) -> TaperFit:
-    """Fit K_Z1 and C_Z1 to an axial FRF.
+    """Fit K_Z1 and C_Z1, or K_X1, K_X2, C_X1 and C_X2, to all entries of an FRF.
+
+    FRFs at two points, or at one drive point, are sufficient in bending to choose between the two solutions of the
+    natural frequencies, because masses are known.
 
     Parameters
     ----------
     holder : Holder
         The holder, with exact mass and dimensions.
     frf : FRF
-        One response to one axial hit; coordinates are positions along the holder in direction "y".
+        Axial or radial; coordinates are positions along the holder in direction "y".
+    motion : {"axial", "bending"}
+        Direction of hits and responses.
     body, contact : optional
-        As in `Holder.axial`.
+        As in `Holder.axial` and `Holder.radial`.
     low_hz, high_hz : float, optional
         Band of the lines in Hz.
     floor : float or Floor, optional
@@ -252,63 +260,33 @@ def fit_axial(
     --------
     >>> import numpy as np
     >>> from receptance import FRF, STEEL, Part, Segment
-    >>> from receptance.taper import Holder, fit_axial
+    >>> from receptance.taper import Holder, fit_taper
     >>> segments = [Segment(length=x, outer_diameter=d, material=STEEL) for x, d in ((0.04, 0.1), (0.1, 0.055))]
     >>> holder = Holder(part=Part(segments, name="holder"), big_end=0.04, small_end=0.14)
     >>> f = np.arange(3000.0, 7000.0, 20.0)
     >>> frf = FRF(frequency_hz=f, values=holder.axial(5e9, 1500.0).receptance(f), log_variance=1e-4)
-    >>> {name: f"{value:.4g}" for name, value in fit_axial(holder, frf).values.items()}
+    >>> {name: f"{value:.4g}" for name, value in fit_taper(holder, frf, motion="axial").values.items()}
     {'k_z1': '5e+09', 'c_z1': '1500'}
     """
-    values = {"k_z1": 1e9, "c_z1": 1e3} | dict(start or {})
-    assembly = holder.axial(**values, body=body, contact=contact)
-    observed = [MeasuredFRF.from_frf(assembly, frf, low_hz=low_hz, high_hz=high_hz, floor=floor)]
-    return _fit(observed, _AXIAL, values, start is None, [(0, 0)], left_out)
-
-
-def fit_radial(
-    holder: Holder,
-    frf: FRF,
-    *,
-    body: BodyModel = "elastic",
-    contact: Contact = "spread",
-    low_hz: float | None = None,
-    high_hz: float | None = None,
-    floor: float | Floor = 0.0,
-    start: Mapping[str, float] | None = None,
-    left_out: Sequence[FRF] = (),
-) -> TaperFit:
-    """Fit K_X1, K_X2, C_X1 and C_X2 to all entries of a radial FRF; parameters as in `fit_axial`.
-
-    FRFs at two points, or at one drive point, are sufficient to choose between the two solutions of the natural
-    frequencies, because masses are known.
-    """
-    values = {"k_x1": 1e9, "k_x2": 1e9, "c_x1": 1e3, "c_x2": 1e3} | dict(start or {})
-    assembly = holder.radial(**values, body=body, contact=contact)
-    _, responses, excitations = frf.shape
-    entries = [(i, j) for i in range(responses) for j in range(excitations)]
+    _checks.one_of("fit_taper", "motion", motion, _ADDRESSES)
+    addresses = _ADDRESSES[motion]
+    values = {name: {"k": 1e9, "c": 1e3}[name[0]] for name in addresses} | dict(start or {})
+    if motion == "axial":
+        assembly = holder.axial(**values, body=body, contact=contact)
+    else:
+        assembly = holder.radial(**values, body=body, contact=contact)
+    entries = list(np.ndindex(frf.shape[1:]))
     observed = [
         MeasuredFRF.from_frf(
             assembly, frf.select(responses=i, excitations=j), low_hz=low_hz, high_hz=high_hz, floor=floor
         )
         for i, j in entries
     ]
-    return _fit(observed, _RADIAL, values, start is None, entries, left_out)
-
-
-def _fit(
-    observed: Sequence[MeasuredFRF],
-    addresses: Mapping[str, str],
-    values: Mapping[str, float],
-    staged: bool,
-    entries: Sequence[tuple[int, int]],
-    left_out: Sequence[FRF],
-) -> TaperFit:
     unknowns = [
         Unknown(address=address, lower=_BOUNDS[name[0]][0], upper=_BOUNDS[name[0]][1], start=values[name])
         for name, address in addresses.items()
     ]
-    fit = identify(observed, unknowns, strategy="staged" if staged else "direct", starts=1)
+    fit = identify(observed, unknowns, strategy="staged" if start is None else "direct", starts=1)
     fitted = {name: fit.values[address] for name, address in addresses.items()}
     errors = {name: fit.standard_errors[address] for name, address in addresses.items()}
     intervals = {name: fit.interval(address) for name, address in addresses.items()}
@@ -358,7 +336,7 @@ def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
 def _relative_errors(
     fit: Identification,
     observed: Sequence[MeasuredFRF],
-    entries: Sequence[tuple[int, int]],
+    entries: Sequence[tuple[int, ...]],
     addresses: Mapping[str, str],
     left_out: Sequence[FRF],
 ) -> dict[str, float]:

@@ -368,10 +368,9 @@ def radial_from_modes(
     discriminant, slope = equations.discriminant(f)
     error = float("nan") if f_error is None else float(np.hypot(*(slope * f_error)))
     ellipse = None if f_error is None else equations.stiffnesses_in_ellipse(f, multiplier * f_error)
-    if discriminant < 0.0:
-        return _without_solution(discriminant, error, ellipse, level)
-    solutions = []
-    for branch, (k1, k2) in enumerate(equations.stiffnesses(f)):
+    solutions: list[RadialSolution] = []
+    within_noise: dict[str, Interval] = {}
+    for branch, (k1, k2) in enumerate(equations.stiffnesses(f) if discriminant >= 0.0 else ()):
         joint, notes = equations.damped(k1, k2, f, zeta)
         intervals: dict[str, Interval] = {}
         if ellipse is not None:
@@ -384,7 +383,9 @@ def radial_from_modes(
         solutions.append(RadialSolution(joint=joint, exact=exact, intervals=intervals, notes=notes))
     nearest, of_neither = None, False
     text = "2 joints have these frequencies; measure a mode shape at two points to choose between them"
-    if discriminant == 0.0:
+    if discriminant < 0.0:
+        within_noise, text = _without_solution(ellipse, level)
+    elif discriminant == 0.0:
         solutions, nearest = solutions[:1], 0
         text = "one joint has these frequencies: the quadratic has a double root"
     elif shape is not None:
@@ -395,7 +396,7 @@ def radial_from_modes(
         solutions=tuple(solutions),
         discriminant=discriminant,
         discriminant_standard_error=error,
-        within_noise={},
+        within_noise=within_noise,
         nearest=nearest,
         statement=text,
         of_neither=of_neither,
@@ -415,29 +416,18 @@ def _stiffness_ranges(stiffnesses: NDArray[np.float64]) -> dict[str, Interval]:
     return {name: (float(low[i]), float(high[i])) for i, name in enumerate(("k_x1", "k_x2"))}
 
 
-def _without_solution(
-    discriminant: float, error: float, ellipse: NDArray[np.float64] | None, level: float
-) -> RadialSolutions:
-    within_noise: dict[str, Interval] = {}
+def _without_solution(ellipse: NDArray[np.float64] | None, level: float) -> tuple[dict[str, Interval], str]:
+    """Return the ranges of stiffness within the noise, if there are any, and the result in a sentence."""
     if ellipse is None:
-        text = "no real joint has these frequencies; give their standard errors to see whether noise explains this"
-    elif np.isnan(ellipse).all():
-        text = (
+        return {}, "no real joint has these frequencies; give their standard errors to see whether noise explains this"
+    if np.isnan(ellipse).all():
+        return {}, (
             f"no real joint has these frequencies, not even within their noise at {100 * level:g} %: the holder is not "
             "rigid, or its mass, its inertia or the positions of the springs are wrong"
         )
-    else:
-        within_noise = _stiffness_ranges(ellipse.reshape(-1, 2))
-        ranges = ", ".join(f"{name} from {low:.3g} to {high:.3g} N/m" for name, (low, high) in within_noise.items())
-        text = f"no real joint has exactly these frequencies; joints within the noise have {ranges}"
-    return RadialSolutions(
-        solutions=(),
-        discriminant=discriminant,
-        discriminant_standard_error=error,
-        within_noise=within_noise,
-        nearest=None,
-        statement=text,
-    )
+    within_noise = _stiffness_ranges(ellipse.reshape(-1, 2))
+    ranges = ", ".join(f"{name} from {low:.3g} to {high:.3g} N/m" for name, (low, high) in within_noise.items())
+    return within_noise, f"no real joint has exactly these frequencies; joints within the noise have {ranges}"
 
 
 class _Equations:

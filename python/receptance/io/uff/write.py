@@ -26,6 +26,9 @@ _POINT = re.compile(r"(?:(?P<name>\S(?:.{0,8}\S)?) )?(?P<node>[0-9]{1,10})(?::(?
 _WIDTH = 80
 """Columns of an ID line."""
 _MOTION_CODES = {form: code for code, form in MOTIONS.items()}
+_CODES = {name: code for code, name in QUANTITIES.items() if code != LOADS[0]}
+_ROTATION_CODES = {ROTATIONS[name]: code for name, code in _CODES.items()}
+"""Specific data types of quantities at points of translation and of rotation."""
 _EXACT_TOLERANCE = 1e-9
 """Largest relative error of an abscissa that is not reported."""
 
@@ -115,27 +118,14 @@ def _channels(series: TimeSeries, lost: list[str]) -> Iterator[Function]:
     label = _short(series.label, _WIDTH, "the label", lost)
     texts = (label, "", "", "", _values_line({"sample_rate_hz": series.sample_rate_hz}))
     for column, name in enumerate(series.channels):
-        point, title = _channel(name, lost)
-        code = _code_of(series.quantities[column], rotation=abs(point.direction) > 3)
+        # The name is the label of a point, else that of the axis.
+        point = _point_of_label(name)
+        title = _short(name, 20, "a channel's name", lost) if point is None else ""
+        point = point or Point("", 0, 0)
+        code = (_ROTATION_CODES if abs(point.direction) > 3 else _CODES).get(series.quantities[column], 0)
         unit = _short(series.units[column], 20, "a unit", lost)
         axes = (Axis(17, "Time", "s"), Axis(code, title, unit), Axis(0, "", ""))
         yield Function(1, point, Point("", 0, 0), series.time_s, series.values[:, column], axes, texts)
-
-
-def _code_of(quantity: str, *, rotation: bool) -> int:
-    """Return the specific data type of a quantity at a point of translation or rotation, 0 if there is none."""
-    for code, name in QUANTITIES.items():
-        if code != LOADS[0] and quantity == (ROTATIONS[name] if rotation else name):
-            return code
-    return 0
-
-
-def _channel(name: str, lost: list[str]) -> tuple[Point, str]:
-    """Return a point with the name as its label, or an empty point and the name as the label of the axis."""
-    point = _point_of_label(name)
-    if point is not None:
-        return point, ""
-    return Point("", 0, 0), _short(name, 20, "a channel's name", lost)
 
 
 def _points(

@@ -29,9 +29,8 @@ from receptance.taper import (
     RadialSolution,
     Shape,
     axial_from_mode,
-    fit_axial,
     fit_laws,
-    fit_radial,
+    fit_taper,
     radial_from_modes,
 )
 
@@ -188,16 +187,16 @@ def _axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float
         )
         for mode in modes.values()
     )
-    band: dict[str, Any] = {"low_hz": low, "high_hz": high}
+    band: dict[str, Any] = {"motion": "axial", "low_hz": low, "high_hz": high}
     first = {"k_z1": rigid.k_z1, "c_z1": max(rigid.c_z1, 1.0)}
-    elastic = fit_axial(holder, windowed, **band, start=start or first, left_out=left_out)
+    elastic = fit_taper(holder, windowed, **band, start=start or first, left_out=left_out)
     names = ("k_z1", "c_z1")
     return {
         "force_kn": rig.force_kn,
         **{name: _mode(mode) for name, mode in modes.items()},
         "rigid_half_power": _estimate(rigid_half_power, names),
         "rigid": _estimate(rigid, names),
-        "rigid_rms": fit_axial(holder, windowed, body="rigid", contact="ends", **band, start=first).rms,
+        "rigid_rms": fit_taper(holder, windowed, body="rigid", contact="ends", **band, start=first).rms,
         "elastic": _fit_values(elastic),
         "experiment_hz": modes["circle"].frequency_hz,
         "simulated_hz": _axial_hz(holder, rigid.k_z1)[0],
@@ -240,7 +239,8 @@ def _radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, floa
         joint = rigid.solutions[rigid.nearest].joint
         simulated = _radial_hz(holder, joint.k_x1, joint.k_x2)
         start = start or {name: max(getattr(joint, name), 1.0) for name in names}
-    elastic = fit_radial(holder, windowed, contact="fading", low_hz=low, high_hz=high, start=start, left_out=left_out)
+    band: dict[str, Any] = {"motion": "bending", "low_hz": low, "high_hz": high}
+    elastic = fit_taper(holder, windowed, contact="fading", **band, start=start, left_out=left_out)
     half_powers: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
