@@ -61,13 +61,14 @@ class ReadOptions:
             raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
         options = {name: value for name, value in given.items() if value is not None}
         for name, value in options.items():
-            if name in ("unit", "variables") and isinstance(value, Mapping):
-                if not all(isinstance(text, str) for pair in value.items() for text in pair):
-                    raise TypeError(f"{name} is {value!r}, expected texts for texts")
-            elif name == "variables":
+            if name == "unit":
+                if not isinstance(value, (str, Mapping)):
+                    raise TypeError(f"unit is {value!r}, expected a text, or a mapping from channel to text")
+                for text in value.values() if isinstance(value, Mapping) else [value]:
+                    if text != SI:
+                        parse_unit(text)
+            elif name == "variables" and not isinstance(value, Mapping):
                 raise TypeError(f"variables is {value!r}, expected a mapping such as {{'values': 'H'}}")
-            elif name == "unit" and not isinstance(value, str):
-                raise TypeError(f"unit is {value!r}, expected a text, or a mapping from channel to text")
             elif name == "quantity":
                 options[name] = form_name(value)
             elif name in ("responses", "excitations"):
@@ -80,10 +81,8 @@ class ReadOptions:
                 options[name] = _checks.positive("read", name, value, unit="Hz")
             elif name == "ignore_coherence":
                 options[name] = bool(value)
-        unit = options.get("unit", SI)
-        for text in unit.values() if isinstance(unit, Mapping) else [unit]:
-            if text != SI:
-                parse_unit(text)
+            if isinstance(value, Mapping) and not all(isinstance(text, str) for pair in value.items() for text in pair):
+                raise TypeError(f"{name} is {value!r}, expected texts for texts")
         return ReadOptions(**options)
 
     def channel_units(self, names: Sequence[str]) -> list[str | None]:

@@ -31,12 +31,9 @@ _EXPORT_UNITS = re.compile(r"\((?P<response>[^()]+)\)\((?P<reference>[^()]+)\)")
 
 def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of a `.frf` file, and the fields that it does not store."""
-    _check_single_entry(frf)
+    lost = _lost(frf, "labels")
     if frf.unit.split("/")[0] != "m" or not frf.unit.endswith("/N"):
         raise ValueError(f"a .frf file holds displacement per force, this FRF is in {frf.unit}")
-    lost = [name for name in ("coherence", "log_variance", "usable", "labels") if getattr(frf, name) is not None]
-    if frf.decay_rate:
-        lost.append("decay_rate (the values belong to complex lines)")
     if frf.form != "receptance":
         lost.append(f"the {frf.form} itself: it is written as a receptance")
     rows = _rows(frf.to("receptance"))
@@ -69,10 +66,7 @@ def is_dataphysics(data: bytes) -> bool:
 
 def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of an export, and the fields that it does not store."""
-    _check_single_entry(frf)
-    lost = [name for name in ("coherence", "log_variance", "usable", "averages") if getattr(frf, name) is not None]
-    if frf.decay_rate:
-        lost.append("decay_rate (the values belong to complex lines)")
+    lost = _lost(frf, "averages")
     (response,), (reference,) = frf.labels if frf.labels is not None else (("",), ("",))
     if ":" in reference or (response + reference) != "".join((response + reference).split()):
         lost.append("labels with blanks or colons")
@@ -134,12 +128,15 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]
 
 
-def _check_single_entry(frf: FRF) -> None:
+def _lost(frf: FRF, further: str) -> list[str]:
+    """Return the fields that are not stored; raise for several responses or excitations."""
     if frf.shape[1:] != (1, 1):
         raise ValueError(
             f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
             "select one"
         )
+    lost = [name for name in ("coherence", "log_variance", "usable", further) if getattr(frf, name) is not None]
+    return lost + (["decay_rate (the values belong to complex lines)"] if frf.decay_rate else [])
 
 
 def _rows(frf: FRF) -> list[str]:

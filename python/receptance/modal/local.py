@@ -25,6 +25,8 @@ _BACKGROUND = (-1,)
 _MIN_SHARE = 0.3
 """Least mobility of the lines of a mode relative to its peak: three half-power half-widths to each side."""
 _LEAST = 7
+_FEWEST = 5
+"""Least number of lines of a circle or a parabola."""
 
 
 def _single_entry(
@@ -136,8 +138,8 @@ def _polar_errors(value: complex, log_error: float, phase_error: float) -> compl
     )
 
 
-_PEAK_SHARE = 0.5
-_LEAST_AT_PEAK, _MOST_AT_PEAK = 5, 25
+_PEAK_SHARE, _MOST_AT_PEAK = 0.5, 25
+"""Least share of the height, and most lines, of a parabola."""
 
 
 def find_peaks(
@@ -185,12 +187,12 @@ def find_peaks(
     """
     owner = "find_peaks"
     least = _checks.positive(owner, "prominence_db", prominence_db, unit="dB")
-    lines, mobility = _single_entry(owner, frf, low_hz, high_hz, _LEAST_AT_PEAK)
+    lines, mobility = _single_entry(owner, frf, low_hz, high_hz, _FEWEST)
     size = np.maximum(np.abs(mobility), np.finfo(np.float64).tiny)
     maxima, _ = local_maxima(20.0 * np.log10(size), least)
     found = []
     for peak in maxima.tolist():
-        part = _lines_around_peak(np.abs(mobility), peak, _PEAK_SHARE, _LEAST_AT_PEAK)
+        part = _lines_around_peak(np.abs(mobility), peak, _PEAK_SHARE, _FEWEST)
         part = slice(max(part.start, peak - _MOST_AT_PEAK // 2), min(part.stop, peak + _MOST_AT_PEAK // 2 + 1))
         if lines.relative is None or np.count_nonzero(np.isfinite(lines.relative[part])) >= 4:
             found.append(_mode_at_peak(lines, mobility, peak, part))
@@ -491,7 +493,6 @@ def _half_power_errors(lines_in_band: float, shift: float) -> tuple[float, float
     return width / lines_in_band, centre, float(np.log(width / lines_in_band * size[peak])), phase
 
 
-_MIN_CIRCLE_LINES = 5
 _MIN_ARC = np.pi
 """Least arc in radians without a warning; the radius of shorter arcs is dominated by noise."""
 
@@ -569,12 +570,12 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     '0.00200 from 0.8 lines in the half-power band'
     """
     owner = "circle_fit"
-    lines, mobility = _single_entry(owner, frf, low_hz, high_hz, _MIN_CIRCLE_LINES)
+    lines, mobility = _single_entry(owner, frf, low_hz, high_hz, _FEWEST)
     peak = _highest_line(owner, lines, np.abs(mobility))
     part = _lines_around_peak(np.abs(mobility), peak)
-    if lines.relative is not None and np.count_nonzero(np.isfinite(lines.relative[part])) < _MIN_CIRCLE_LINES:
+    if lines.relative is not None and np.count_nonzero(np.isfinite(lines.relative[part])) < _FEWEST:
         raise ValueError(
-            f"{owner}: the variance of fewer than {_MIN_CIRCLE_LINES} lines around the peak at "
+            f"{owner}: the variance of fewer than {_FEWEST} lines around the peak at "
             f"{lines.frequency_hz[peak]:g} Hz is finite"
         )
     centre, _ = _taubin(mobility[part])

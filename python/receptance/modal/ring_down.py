@@ -14,6 +14,7 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.modal.estimate import intervals
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.figure import COLOURS, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -251,10 +252,30 @@ class RingDown(Result):
         return {name: getattr(self, name) for name in names}
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw natural frequency and damping against amplitude; see `Result.plot`."""
-        from receptance.modal.figure import draw_ring_down
+        """Draw natural frequency and damping against amplitude, with 95 % intervals; see `Result.plot`."""
+        from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-        return draw_ring_down(self, ax)
+        figure = surface(ax, 10.0, 4.4)
+        left, right = figure.subplots(1, 2)
+        set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
+        set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
+        panels = (
+            (left, self.frequency_hz, self.frequency_interval_hz(), 1.0),
+            (right, self.damping_ratio, self.damping_interval(), 100.0),
+        )
+        # Labels of more ticks would overlap.
+        decades = np.log10(self.amplitude.max() / self.amplitude.min())
+        ticks = range(1, 10) if decades < 1.0 else (1, 2, 5) if decades < 2.5 else (1,)
+        for axes, values, interval, scale in panels:
+            errors = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
+            axes.errorbar(self.amplitude, scale * values, errors, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
+            axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=ticks))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_locator(NullLocator())
+            axes.ticklabel_format(axis="y", useOffset=False)
+        title_left(figure, f"Ring-down between {self.band_hz[0]:g} and {self.band_hz[1]:g} Hz")
+        return finished(figure)
 
     def __repr__(self) -> str:
         return (
