@@ -211,7 +211,9 @@ def start_modes(
         if found.may_grow(index)
         and not any(abs(_start_of(own["frequency_hz"]) - peak) < _SAME_LINE * peak for peak in peaks)
     ]
-    growth = _Growth.of(observed, unknowns, found, tolerances, threads)
+    task = _task(observed, unknowns, tolerances, threads)
+    columns = {name: column for column, name in enumerate(task.variables.names)}
+    growth = _Growth(task, task.problem(), found, columns)
     # A fit that begins with all peaks may have a tool's peak among them; one that begins with a mode has fewer hints.
     after_first = [index for index in range(len(found.modes)) if found.may_grow(index)][1:]
     ends = []
@@ -297,19 +299,6 @@ class _Growth:
     found: _Modes
     columns: Mapping[str, int]
     """Columns of the fitted vector by name of the unknown."""
-
-    @classmethod
-    def of(
-        cls,
-        observed: Sequence[Observation],
-        unknowns: Sequence[Unknown],
-        found: _Modes,
-        tolerances: Sequence[Tolerance],
-        threads: int | None,
-    ) -> _Growth:
-        task = _task(observed, unknowns, tolerances, threads)
-        columns = {name: column for column, name in enumerate(task.variables.names)}
-        return cls(task, task.problem(), found, columns)
 
     def at(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the fitted vector at values by name; the others are at their start."""
