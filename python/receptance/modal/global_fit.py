@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._peaks import local_maxima
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal._selection import ModeSearch, Scatter, refine, weights_of
 from receptance.modal.modal_fit import ModalFit, make_modal_fit
@@ -160,7 +159,7 @@ def fit_modes(
         )
     result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested)
     for text in warned:
-        warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
+        warn_user(f"{owner}: {text}")
     return result
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._peaks import local_maxima
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
@@ -394,7 +393,7 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
             f"its width {window}is overestimated by {100.0 * resolution.bias:.2g} % on average; use circle_fit or "
             "fit_modes"
         )
-        warnings.warn(f"{owner}: {messages[-1]}", ReceptanceWarning, stacklevel=2)
+        warn_user(f"{owner}: {messages[-1]}")
     if decay <= 0.0:
         messages.append("the peak is no wider than the exponential window makes it: the damping is not determined")
     return ModeEstimate(
@@ -599,7 +598,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     if not fit.converged:
         messages.append("the fit did not converge: is there one mode in the band?")
     for text in messages[len(lines.notes) :]:
-        warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
+        warn_user(f"{owner}: {text}")
     if damping[0] <= 0.0:
         messages.append("the damping ratio is not positive within its uncertainty")
     deviation = np.sqrt(np.diag(covariance))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.modal.estimate import intervals
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.figure import COLOURS, finished, set_up, surface, title_left
@@ -365,7 +364,7 @@ def ring_down(
             f"single decaying mode between {low:g} and {high:g} Hz: there is another mode in the band, or the hit; "
             "narrow the band or start later"
         )
-        warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
+        warn_user(f"{owner}: {text}")
         notes.append(text)
     columns: dict[str, Any] = {name: np.array([fit[name] for fit in fits]) for name in fits[0]}
     return RingDown(**columns, band_hz=(low, high), notes=tuple(notes))

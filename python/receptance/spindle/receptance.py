@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.identification.common_lines import check_observations, common_lines, masked_lines
 from receptance.identification.observations import MeasuredFRF
@@ -299,7 +298,7 @@ def identify_spindle(
     if reason := _mismatch(spindle, equations):
         if not allow_mismatch:
             raise ValueError(f"{reason}; allow_mismatch=True turns this error into a warning")
-        warnings.warn(reason, ReceptanceWarning, stacklevel=2)
+        warn_user(reason)
         notes.append(reason)
     return replace(spindle, notes=tuple(dict.fromkeys(notes)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import pickle
 import time
@@ -17,7 +18,7 @@ from receptance import _checks
 from receptance._extras import require
 from receptance.sweep.definition import Block, Definition
 from receptance.sweep.disk import SweepError
-from receptance.sweep.store import destination
+from receptance.sweep.store import Memory, Store
 
 if TYPE_CHECKING:
     import os
@@ -104,7 +105,9 @@ def sweep(
     require("sweep", "a sweep")
     definition = Definition.of(model, candidates, outputs)
     size = None if block is None else _checks.whole_number("sweep", "block", block)
-    with destination(store, definition, size) as results:
+    results = Memory(definition, size) if store is None else Store(store, definition, size)
+    # Finished blocks are kept in any case.
+    with contextlib.closing(results):
         count, size = candidates.count, results.block
         missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~results.finished).tolist()]
         done = resumed = count - sum(stop - start for _, start, stop in missing)
