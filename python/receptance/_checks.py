@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
 
 import numpy as np
 
@@ -39,6 +39,14 @@ def whole_number(owner: str, quantity: str, value: Any, *, least: int = 1) -> in
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
         raise ValueError(f"{owner}: {quantity} is {value!r}, expected a whole number of at least {least}")
     return int(value)
+
+
+def one_of(owner: str, quantity: str, value: Any, kinds: Any) -> None:
+    """Raise if `value` is not one of the texts of a `Literal`, or of a collection."""
+    known = get_args(kinds) or tuple(kinds)
+    if value not in known:
+        first = f"{owner}: " if owner else ""
+        raise ValueError(f"{first}{quantity} is {value!r}, expected one of {', '.join(known)}")
 
 
 def unmasked(owner: str, quantity: str, value: Any, dtype: Any = None) -> NDArray[Any]:

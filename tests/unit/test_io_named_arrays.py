@@ -16,7 +16,7 @@ import pytest
 import scipy.io
 
 from receptance import FRF, Coordinate, ReceptanceWarning
-from receptance.io import Coherence, FileFormatError, TimeSeries, mat_hdf5, read, read_all, read_frf, write
+from receptance.io import Coherence, FileFormatError, TimeSeries, errors, mat_hdf5, read, read_all, read_frf, write
 
 h5py = pytest.importorskip("h5py", reason="needs h5py: pip install 'receptance[hdf5]'")
 
@@ -346,9 +346,8 @@ def test_highly_compressed_arrays_are_read(tmp_path: Path) -> None:
 
 def test_expanded_size_of_mat_files_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An element of 16 MiB, twice; the limit is lowered for speed."""
-    from receptance.io import limits
 
-    monkeypatch.setattr(limits, "LARGEST", 1 << 25)
+    monkeypatch.setattr(errors, "LARGEST", 1 << 25)
     options: dict[str, Any] = {"variables": {"a": "a"}, "unit": "N", "sample_rate_hz": 1e3}
     scipy.io.savemat(tmp_path / "a.mat", {"a": np.zeros(1 << 21)}, do_compression=True)
     content = (tmp_path / "a.mat").read_bytes()

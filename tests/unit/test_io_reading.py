@@ -14,7 +14,17 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Coordinate, ReceptanceWarning
-from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+from receptance.io import (
+    Coherence,
+    FileFormatError,
+    TimeSeries,
+    errors,
+    read,
+    read_all,
+    read_frf,
+    read_time_series,
+    write,
+)
 
 FREQUENCY = [10.0, 20.0]
 ONE = FRF(frequency_hz=FREQUENCY, values=[1 - 1j, 2 - 2j], form="mobility")
@@ -267,9 +277,8 @@ def test_all_members_of_a_gzip_file_are_read(tmp_path: Path) -> None:
 
 def test_expanded_size_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """16 MiB out of 16 kB are read where they are a table, one byte more is not; the limit is lowered for speed."""
-    from receptance.io import limits
 
-    monkeypatch.setattr(limits, "LARGEST", 1 << 24)
+    monkeypatch.setattr(errors, "LARGEST", 1 << 24)
     path = tmp_path / "bomb.csv.gz"
     blanks = b"#" * (1 << 20)
     path.write_bytes(gzip.compress(b"f [Hz],coherence\n1,1\n#" + b"#" * ((1 << 24) - 22) + b"\n"))
@@ -289,12 +298,11 @@ def test_number_of_lines_is_limited(tmp_path: Path) -> None:
 
 def test_processor_time_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit grows with the size of the file; here it is zero."""
-    from receptance.io import limits
 
     write(tmp_path / "a.csv", ONE)
     write(tmp_path / "a.uff", ONE)
-    monkeypatch.setattr(limits, "_IMPORT_SECONDS", 0.0)
-    monkeypatch.setattr(limits, "_MAX_SECONDS", 0.0)
+    monkeypatch.setattr(errors, "_IMPORT_SECONDS", 0.0)
+    monkeypatch.setattr(errors, "_MAX_SECONDS", 0.0)
     for name in ("a.csv", "a.uff"):
         with pytest.raises(FileFormatError, match=f"{name}.*: reading was stopped after 0 s of processor time"):
             read(tmp_path / name)

@@ -5,11 +5,16 @@ import pytest
 
 import hammer
 from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.bias import estimate_truncation, force_noise_power
-from receptance.measurement.contacts import Contact, clipped_samples, find_contacts, second_contact
 from receptance.measurement.estimate import usable_band_notes
-from receptance.measurement.spectra import Reason, force_band
-from receptance.measurement.windows import correlated_lines, make_windows
+from receptance.measurement.hits import Contact, clipped_samples, find_contacts, second_contact
+from receptance.measurement.spectra import (
+    Reason,
+    correlated_lines,
+    estimate_truncation,
+    force_band,
+    force_noise_power,
+    make_windows,
+)
 
 RATE = 25600.0
 STRUCTURE = hammer.Structure((0.0, 900.0, 2500.0), (0.0, 0.008, 0.01), (2.0, 3.0, -1.0), RATE)
@@ -106,16 +111,16 @@ def test_truncation_error_of_a_decaying_response():
     force, response = made.true_force, made.response
     spectra = np.fft.rfft(force, axis=1)
     onset = int(np.median([np.flatnonzero(row)[0] for row in force]))
-    left = estimate_truncation(response, spectra, onset + 12, onset)
+    share, error = estimate_truncation(response, spectra, onset + 12, onset)
     after = 0.2 - onset / RATE
     line = round(800.0 * 0.2)
-    assert left.share[line] == pytest.approx(np.exp(-0.004 * 2 * np.pi * 800.0 * after), rel=0.3)
+    assert share[line] == pytest.approx(np.exp(-0.004 * 2 * np.pi * 800.0 * after), rel=0.3)
     clean = one.respond(force)
     true = np.abs(np.sum(np.conj(spectra) * np.fft.rfft(clean, axis=1), axis=0) / np.sum(np.abs(spectra) ** 2, axis=0)
                   - one.frf(np.fft.rfftfreq(force.shape[1], 1.0 / RATE)))  # fmt: skip
     for low, high in ((20.0, 400.0), (1200.0, 2000.0)):
         lines = slice(round(low * 0.2), round(high * 0.2))
-        ratio = left.error[lines] / true[lines]
+        ratio = error[lines] / true[lines]
         assert 0.3 < np.median(ratio) < 3.0
 
 

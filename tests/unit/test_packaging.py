@@ -192,7 +192,7 @@ def test_no_modules_import_each_other() -> None:
     assert circles(edges) == []
 
 
-LAZY = ("", "campaign", "diagnosis", "report", "spindle", "stability", "taper")
+LAZY = ("", "campaign", "diagnosis", "report", "spindle")
 """Packages whose names are imported at first use."""
 
 

@@ -20,7 +20,7 @@ from receptance.stability import (
     semi_discretised_limit,
     stability_lobes,
 )
-from receptance.stability.zeroth_order import limit_over_speed
+from receptance.stability.lobes import limit_over_speed
 
 SEED = 20261121
 TIP = TipModes(frequency_hz=[922.0, 1400.0], damping_ratio=[0.011, 0.02], shapes=[[5.0, 0.0], [0.0, 4.0]])

@@ -19,9 +19,8 @@ from receptance.taper import (
     RadialJoint,
     Shape,
     axial_from_mode,
-    fit_axial,
     fit_laws,
-    fit_radial,
+    fit_taper,
     radial_from_modes,
 )
 
@@ -68,7 +67,7 @@ def test_direct_lateral_fit_converges_from_the_default_start(holder: Holder) -> 
     places = (Coordinate("holder", 0.01), Coordinate("holder", 0.05))
     values = holder.radial(**RADIAL).receptance(f, response=places, excitation=places[:1])
     frf = FRF(frequency_hz=f, values=values, responses=places, excitations=places[:1], log_variance=1e-6)
-    fit = fit_radial(holder, frf)
+    fit = fit_taper(holder, frf, motion="bending")
     assert fit.values == pytest.approx(RADIAL, rel=1e-5)
     assert set(fit.intervals) == set(fit.standard_errors) == set(RADIAL)
 
@@ -79,7 +78,8 @@ def test_direct_axial_fit_converges_from_the_default_start(holder: Holder) -> No
     axial = FRF(
         frequency_hz=near, values=holder.axial(5.6e9, 1500.0, contact="ends").receptance(near), log_variance=1e-6
     )
-    assert fit_axial(holder, axial, contact="ends").values == pytest.approx({"k_z1": 5.6e9, "c_z1": 1500.0}, rel=1e-5)
+    fit = fit_taper(holder, axial, motion="axial", contact="ends")
+    assert fit.values == pytest.approx({"k_z1": 5.6e9, "c_z1": 1500.0}, rel=1e-5)
 
 
 def test_a_holder_is_checked(holder: Holder) -> None:

@@ -20,7 +20,7 @@ from receptance.examples.virtual_rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPAC
 from receptance.measurement import estimate_frf, find_hits, simulate_hits
 from receptance.modal import half_power
 from receptance.studies import bt50
-from receptance.taper import body_of, fit_axial, fit_radial, without_each
+from receptance.taper import body_of, fit_taper, without_each
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261122"))
 CASES = 120
@@ -226,11 +226,11 @@ def test_intervals_of_the_direct_fit_cover(motion: str, summarise: Callable[[str
             warnings.filterwarnings("ignore", ".*(has not decayed|on the force)", ReceptanceWarning)
             hits = find_hits(records)
             frf, left_out = estimate_frf(hits, **ESTIMATE), without_each(hits, **ESTIMATE)
+        given = {"high_hz": 6200.0, "start": true, "left_out": left_out}
         if motion == "axial":
-            fit = fit_axial(holder, frf, low_hz=3000.0, high_hz=6200.0, start=true, left_out=left_out)
+            fit = fit_taper(holder, frf, motion="axial", low_hz=3000.0, **given)
         else:
-            band = {"low_hz": 500.0, "high_hz": 6200.0}
-            fit = fit_radial(holder, frf, contact="fading", **band, start=true, left_out=left_out)
+            fit = fit_taper(holder, frf, motion="bending", low_hz=500.0, contact="fading", **given)
         for name, (low, high) in fit.intervals.items():
             held[name] = held.get(name, 0) + (low <= true[name] <= high)
     report = {}

@@ -7,7 +7,7 @@ import pytest
 
 from receptance.io import read_time_series
 from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.windows import make_windows
+from receptance.measurement.spectra import make_windows
 
 FILE = Path(__file__).resolve().parents[3] / "shared" / "measured" / "uff_io" / "UFFFiles.jl" / "dataset58_time.unv"
 

@@ -11,14 +11,12 @@ import pytest
 
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, Part, Segment
 from receptance.taper import (
-    AxialJoint,
     Body,
     RadialJoint,
     Shape,
     axial_from_mode,
     body_of,
     radial_from_modes,
-    rotation_alone,
 )
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261121"))
@@ -49,25 +47,35 @@ def receptance(joint: RadialJoint, lines: np.ndarray, response: float, excitatio
     return (motion[:, 0] + response * motion[:, 1])[:, 0]
 
 
+def printed_matrices(joint: RadialJoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass, damping and stiffness as eqs. 2 to 4 are printed."""
+    l1, l2 = joint.z1, -joint.z2
+    damping, stiffness = (
+        np.array([[a + b, a * l1 + b * l2], [a * l1 - b * l2, a * l1**2 - b * l2**2]])
+        for a, b in ((joint.c_x1, joint.c_x2), (joint.k_x1, joint.k_x2))
+    )
+    return joint.matrices()[0], damping, stiffness
+
+
 def test_printed_matrices_break_reciprocity() -> None:
     """Eqs. 3 and 4 as printed: the receptance changes if the points of force and motion are exchanged."""
     body = Body(mass=4.5, inertia=0.01)
     joint = RadialJoint(body=body, z1=0.02, z2=-0.08, k_x1=1e9, k_x2=5e8, c_x1=900.0, c_x2=500.0)
     w = 2.0 * np.pi * 1500.0
     a, b = np.array([1.0, 0.05]), np.array([1.0, -0.09])
-    for matrices, reciprocal in ((joint.matrices(), True), (joint.printed_matrices(), False)):
+    for matrices, reciprocal in ((joint.matrices(), True), (printed_matrices(joint), False)):
         mass, damping, stiffness = matrices
         inverse = np.linalg.inv(stiffness + 1j * w * damping - w * w * mass)
         asymmetry = abs(a @ inverse @ b - b @ inverse @ a) / abs(a @ inverse @ b)
         assert (asymmetry < 1e-12) if reciprocal else (asymmetry > 0.3)
     # The printed lower right entry, K1 L1^2 - K2 L2^2, is negative here: turning the holder would release energy.
-    printed = joint.printed_matrices()[2]
+    printed = printed_matrices(joint)[2]
     assert printed[1, 1] < 0.0
     assert np.linalg.eigvalsh(0.5 * (printed + printed.T))[0] < 0.0
     assert np.linalg.eigvals(np.linalg.inv(joint.matrices()[0]) @ printed).real.min() < 0.0
     # It is zero if the moments of the springs are equal.
     equal = replace(joint, k_x1=1.6e9, k_x2=1e8)
-    assert equal.printed_matrices()[2][1, 1] == pytest.approx(0.0, abs=1e-6 * equal.matrices()[2][1, 1])
+    assert printed_matrices(equal)[2][1, 1] == pytest.approx(0.0, abs=1e-6 * equal.matrices()[2][1, 1])
 
 
 def test_corrected_matrices_are_positive_definite_and_reciprocal() -> None:
@@ -253,31 +261,29 @@ def test_intervals_cover_away_from_the_double_root() -> None:
     assert all(181 <= count <= 198 for count in held.values())
 
 
-def test_axial_and_rotation_alone() -> None:
-    """Eqs. 14 and 15, and the formula without a number."""
+def test_axial_stiffness_and_damping() -> None:
+    """Eqs. 14 and 15."""
     body = Body(mass=4.5, inertia=0.01)
-    joint = AxialJoint(body=body, k_z1=4.9e9, c_z1=1500.0)
-    modes = joint.modes()
-    found = axial_from_mode(
-        body,
-        modes.frequency_hz[0],
-        modes.damping_ratio[0],
-        frequency_standard_error_hz=5.0,
-        damping_standard_error=1e-4,
-    )
-    assert found.joint.k_z1 == pytest.approx(4.9e9, rel=1e-12)
-    assert found.joint.c_z1 == pytest.approx(1500.0, rel=1e-12)
+    frequency = np.sqrt(4.9e9 / body.mass) / (2.0 * np.pi)
+    damping = 1500.0 / (2.0 * np.sqrt(4.9e9 * body.mass))
+    found = axial_from_mode(body, frequency, damping, frequency_standard_error_hz=5.0, damping_standard_error=1e-4)
+    assert found.k_z1 == pytest.approx(4.9e9, rel=1e-12)
+    assert found.c_z1 == pytest.approx(1500.0, rel=1e-12)
     low, high = found.intervals["k_z1"]
-    assert (high - low) / 4.9e9 == pytest.approx(4 * 1.96 * 5.0 / modes.frequency_hz[0], rel=1e-3)
-    # Springs that balance about the centre of gravity: then, and only then, a mode is rotation alone.
+    assert (high - low) / 4.9e9 == pytest.approx(4 * 1.96 * 5.0 / frequency, rel=1e-3)
+
+
+def test_a_mode_is_rotation_alone_for_balanced_springs_only() -> None:
+    """K_theta = 4 pi^2 I f^2 and C_theta = 4 pi I f zeta, the paper's equation without a number."""
+    body = Body(mass=4.5, inertia=0.01)
     balanced = RadialJoint(body=body, z1=0.05, z2=-0.05, k_x1=1e9, k_x2=1e9, c_x1=600.0, c_x2=600.0)
     modes = balanced.modes()
-    k, c = rotation_alone(body, modes.frequency_hz, modes.damping_ratio)
     rotation = int(np.argmin(np.abs(modes.shapes[0])))
-    assert k[rotation] == pytest.approx(2e9 * 0.05**2, rel=1e-9)
-    assert c[rotation] == pytest.approx(1200.0 * 0.05**2, rel=1e-9)
+    f, zeta = modes.frequency_hz[rotation], modes.damping_ratio[rotation]
+    assert 4.0 * np.pi**2 * body.inertia * f**2 == pytest.approx(2e9 * 0.05**2, rel=1e-9)
+    assert 4.0 * np.pi * body.inertia * f * zeta == pytest.approx(1200.0 * 0.05**2, rel=1e-9)
     coupled = replace(balanced, k_x1=4e9)
-    k, _ = rotation_alone(body, coupled.modes().frequency_hz, coupled.modes().damping_ratio)
+    k = 4.0 * np.pi**2 * body.inertia * coupled.modes().frequency_hz ** 2
     assert min(abs(k / coupled.matrices()[2][1, 1] - 1.0)) > 0.05
 
 

@@ -17,7 +17,7 @@ from receptance.identification.unknowns import Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries
-from receptance.taper.figure import draw_with_law
+from receptance.taper.series import draw_with_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

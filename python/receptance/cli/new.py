@@ -318,7 +318,7 @@ class _Content:
         from receptance import FRF
         from receptance.io.files import FORMATS, file_format
 
-        name = FORMATS[self.table.get("format") or file_format(self.file)]
+        name = FORMATS[self.table.get("format") or file_format(self.file)].title
         if not isinstance(self.measured, FRF):
             return f"{self.file.name} ({name}): {self.measured!r}"
         frf = self.measured

@@ -52,7 +52,7 @@ def show(
         for table in measurement.tables():
             print_table(console, table)
     notes = dict.fromkeys([*warned, *(note for measurement in found for note in measurement.notes)])
-    print_sentences(console, [f"Format: {FORMATS[read_as]}", *(f"Note: {note}" for note in notes)])
+    print_sentences(console, [f"Format: {FORMATS[read_as].title}", *(f"Note: {note}" for note in notes)])
     drawn = found[:_MOST_DRAWN]
     if len(drawn) < len(found):
         console.print(

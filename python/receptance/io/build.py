@@ -1,33 +1,213 @@
-"""Construction of FRFs, coherences and sample rates from the contents of a file, common to all formats."""
+"""Options of `read`, and the FRFs, units and sample rates that follow from them and the contents of a file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from os import PathLike
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement, low_coherence_notes
-from receptance.io.options import ReadOptions
-from receptance.model.coordinates import Coordinate
+from receptance.model.coordinates import Coordinate, as_coordinates
+from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
-if TYPE_CHECKING:
-    from receptance.units import Form
+SI = "SI"
+_GIVE_UNIT = (
+    "give it, for example unit='m/s^2/N' (on the command line --unit m/s^2/N), or unit='SI' and quantity='accelerance'"
+)
 
-__all__ = [
-    "complex_values",
-    "file_coherence",
-    "make",
-    "make_frf",
-    "missing_phase_notes",
-    "sampling",
-    "to_si",
-]
+
+class ReadKeywords(TypedDict, total=False):
+    """Keyword arguments of `read`."""
+
+    quantity: str | None
+    unit: str | Mapping[str, str] | None
+    responses: Coordinate | Sequence[Coordinate] | None
+    excitations: Coordinate | Sequence[Coordinate] | None
+    coherence: str | PathLike[str] | None
+    ignore_coherence: bool
+    variables: Mapping[str, str] | None
+    columns: Sequence[str] | None
+    sample_rate_hz: float | None
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Validated options of `read`; None for those not given."""
+
+    quantity: Form | None = None
+    unit: str | Mapping[str, str] | None = None
+    responses: tuple[Coordinate, ...] | None = None
+    excitations: tuple[Coordinate, ...] | None = None
+    ignore_coherence: bool = False
+    variables: Mapping[str, str] | None = None
+    columns: Sequence[str] | None = None
+    sample_rate_hz: float | None = None
+
+    @staticmethod
+    def checked(given: Mapping[str, Any]) -> ReadOptions:
+        """Return the options, or raise a TypeError or ValueError that names the invalid one."""
+        names = {field.name for field in fields(ReadOptions)}
+        unknown = sorted(set(given) - names)
+        if unknown:
+            raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
+        options = {name: value for name, value in given.items() if value is not None}
+        for name, value in options.items():
+            if name == "unit":
+                if not isinstance(value, (str, Mapping)):
+                    raise TypeError(f"unit is {value!r}, expected a text, or a mapping from channel to text")
+                for text in value.values() if isinstance(value, Mapping) else [value]:
+                    if text != SI:
+                        parse_unit(text)
+            elif name == "variables" and not isinstance(value, Mapping):
+                raise TypeError(f"variables is {value!r}, expected a mapping such as {{'values': 'H'}}")
+            elif name == "quantity":
+                options[name] = form_name(value)
+            elif name in ("responses", "excitations"):
+                options[name] = as_coordinates(value)
+            elif name == "columns":
+                if isinstance(value, str) or not all(isinstance(text, str) for text in value):
+                    raise TypeError(f"columns is {value!r}, expected a list of texts such as 'frequency [Hz]'")
+                options[name] = tuple(value)
+            elif name == "sample_rate_hz":
+                options[name] = _checks.positive("read", name, value, unit="Hz")
+            elif name == "ignore_coherence":
+                options[name] = bool(value)
+            if isinstance(value, Mapping) and not all(isinstance(text, str) for pair in value.items() for text in pair):
+                raise TypeError(f"{name} is {value!r}, expected texts for texts")
+        return ReadOptions(**options)
+
+    def channel_units(self, names: Sequence[str]) -> list[str | None]:
+        """Return the given unit of each channel of a time series, or None; one unit for several channels raises."""
+        if isinstance(self.unit, str) and self.unit != SI and len(names) > 1:
+            example = ", ".join(f"{name!r}: {self.unit!r}" for name in names[:2])
+            raise FileFormatError(
+                f"a single unit, {self.unit!r}, was given for {len(names)} channels; give a unit for each: "
+                f"unit={{{example}}}"
+            )
+        units = [self.unit.get(name) if isinstance(self.unit, Mapping) else self.unit for name in names]
+        for name, unit in zip(names, units, strict=True):
+            if unit is not None and unit != SI and frf_kind(parse_unit(unit)) is not None:
+                raise FileFormatError(f"{unit!r} is the unit of an FRF, but channel {name!r} is a time record")
+        return units
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Kind of an FRF, factor to SI, and notes."""
+
+    kind: FRFKind
+    factor: float
+    notes: tuple[str, ...] = ()
+
+
+def resolve_frf(
+    options: ReadOptions,
+    *,
+    declared: Unit | None,
+    form: Form | None,
+    directions: tuple[str, str] | None,
+    undeclared: str = "the file does not state the unit of its FRF",
+) -> Resolved:
+    """Return kind and unit of an FRF from the file and the options.
+
+    The file states `declared`, a unit, `form` otherwise than by the unit, and the `directions` ("y" or "theta") of
+    response and excitation, or None. A missing unit, with the message `undeclared`, and a contradiction between file,
+    unit and quantity raise a FileFormatError.
+    """
+    given = _unit_of_options(options, form, directions, declared)
+    unit = given or declared
+    if unit is None:
+        raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
+    kind = frf_kind(unit)
+    if kind is None:
+        raise FileFormatError(
+            f"{unit.text!r} is not the unit of a receptance, mobility or accelerance, such as 'm/N' or 'm/s^2/N'"
+            + ("" if given else "; if it is wrong, give the right one with unit= and quantity=")
+        )
+    if options.quantity is not None and kind.form != options.quantity:
+        raise FileFormatError(
+            f"quantity is {options.quantity!r}, but {unit.text!r}{'' if given else ', stated in the file,'} is the "
+            f"unit of {_with_article(kind.form)}; give a matching quantity= and unit="
+        )
+    contradiction = _contradiction(kind, form, directions, declared if given else None)
+    directed = options.responses is not None and options.excitations is not None
+    if given and directions not in (None, (kind.response, kind.excitation)) and not directed:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_with_article(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{_describe_directions(directions)}; give unit='SI' if all of the file is in SI, or responses= and "
+            "excitations= as well to override the directions"
+        )
+    if contradiction and given is None:
+        raise FileFormatError(
+            f"the file contradicts itself: {contradiction}, but its unit {unit.text!r} is that of "
+            f"{_with_article(kind.form)} in {frf_unit(kind)}; find out which is correct and give quantity= and unit="
+        )
+    if contradiction and options.quantity is None:
+        raise FileFormatError(
+            f"{unit.text!r} is the unit of {_with_article(kind.form)} in {frf_unit(kind)}, but in the file "
+            f"{contradiction}; to override the file give quantity= as well"
+        )
+    notes = [f"overridden by the options: {contradiction}"] if contradiction else []
+    if given and declared and declared != unit:
+        notes.append(f"the unit in the file, {declared.text!r}, was overridden by {unit.text!r}")
+    return Resolved(kind, unit.factor, tuple(notes))
+
+
+def _unit_of_options(
+    options: ReadOptions, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None
+) -> Unit | None:
+    """Return the unit of the options; for "SI" that of the form."""
+    if options.unit is None:
+        return None
+    if not isinstance(options.unit, str):
+        raise FileFormatError("unit is a mapping, expected one text for an FRF, such as 'm/s^2/N'")
+    if options.unit != SI:
+        return parse_unit(options.unit)
+    declared_kind = frf_kind(declared) if declared is not None else None
+    form = options.quantity or form or (declared_kind.form if declared_kind is not None else None)
+    if directions is None and declared_kind is not None:
+        directions = (declared_kind.response, declared_kind.excitation)
+    if form is None:
+        raise FileFormatError(
+            "unit is 'SI', but neither the file nor quantity= states the form, receptance, mobility or accelerance"
+        )
+    if directions is None:
+        sides = (options.responses or (Coordinate(),), options.excitations or (Coordinate(),))
+        directions = (sides[0][0].direction, sides[1][0].direction)
+    return parse_unit(frf_unit(FRFKind(form, *directions)))
+
+
+def _contradiction(kind: FRFKind, form: Form | None, directions: tuple[str, str] | None, declared: Unit | None) -> str:
+    """Return the statement of the file that contradicts this kind of FRF, or an empty text."""
+    if form is not None and form != kind.form:
+        return f"it is declared as {_with_article(form)}"
+    if directions not in (None, (kind.response, kind.excitation)):
+        return _describe_directions(directions)
+    if declared is not None and (declared_kind := frf_kind(declared)) is not None and declared_kind != kind:
+        return f"the unit is {declared.text!r}, that of {_with_article(declared_kind.form)}"
+    return ""
+
+
+def _describe_directions(directions: tuple[str, str] | None) -> str:
+    motion, load = directions or ("y", "y")
+    return (
+        f"the directions are those of {'a translation' if motion == 'y' else 'a rotation'} per "
+        f"{'force' if load == 'y' else 'moment'}"
+    )
+
+
+def _with_article(form: Form) -> str:
+    return f"an {form}" if form.startswith("a") else f"a {form}"
+
 
 _Measurement = TypeVar("_Measurement", bound=Measurement)
 
@@ -50,15 +230,7 @@ def make_frf(
     notes: Sequence[str] = (),
     **fields: Any,
 ) -> FRF:
-    """Return an FRF of SI values with the coordinates of the options and further fields.
-
-    A low coherence is noted, with a warning.
-
-    Raises
-    ------
-    FileFormatError
-        Values that are not those of an FRF, or coordinates that contradict the directions of the file.
-    """
+    """Return an FRF of SI values with the coordinates of the options and further fields; a low coherence warns."""
     notes = list(notes)
     if coherence is not None and options.ignore_coherence:
         coherence = None
@@ -89,13 +261,7 @@ def make(kind: type[_Measurement], **fields: Any) -> _Measurement:
 
 
 def file_coherence(frequency_hz: NDArray[np.float64], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coherence `(n, ...)` of an FRF in a file, limited to 0 to 1.
-
-    Raises
-    ------
-    FileFormatError
-        A coherence outside 0 to 1, with the option that ignores it.
-    """
+    """Return the coherence `(n, ...)` of an FRF in a file; the error names the option that ignores it."""
     try:
         return check_coherence("FRF", coherence, frequency_hz)[0]
     except ValueError as error:
@@ -133,21 +299,10 @@ def _check_directions(name: str, given: tuple[Coordinate, ...], side: Sequence[s
 
 
 def sampling(seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
-    """Return sample rate and start of evenly spaced sample times.
+    """Return sample rate and start of evenly spaced sample times `(n,)` in s.
 
-    Parameters
-    ----------
-    seconds : ndarray
-        `(n,)` in s.
-    options : ReadOptions
-        A given sample rate is used if it agrees with the file.
-    step : float, optional
-        Time step stated in the file, which is more exact than that of the times.
-
-    Raises
-    ------
-    FileFormatError
-        Uneven times, or a given sample rate that contradicts the file.
+    A sample rate in the options is used if it agrees with the file, else it raises a FileFormatError, as do uneven
+    times. `step`, stated in the file, is more exact than that of the times.
     """
     start, count = float(seconds[0]), seconds.size
     if step is None:

@@ -16,24 +16,11 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.frf.plausibility import DRIVE_POINT_NOTE
-from receptance.io.build import file_coherence
+from receptance.io.build import SI, ReadOptions, file_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import SI, ReadOptions
 from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import parse_unit
-
-__all__ = [
-    "ABOUT",
-    "QUALITY",
-    "about_text",
-    "arrays_of",
-    "coordinate_from_list",
-    "coordinate_to_list",
-    "kind_of",
-    "measurement_of",
-    "parse_about",
-]
 
 ABOUT = "about"
 QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
@@ -93,13 +80,7 @@ def coordinate_to_list(coordinate: Coordinate) -> list[Any]:
 
 
 def parse_about(text: Any) -> dict[str, Any] | None:
-    """Return the fields written by `about_text`, or None for another text.
-
-    Raises
-    ------
-    FileFormatError
-        A damaged text, or one of a later version of this library.
-    """
+    """Return the fields written by `about_text`, None for another text; damaged ones and later versions raise."""
     if not isinstance(text, str) or not text.lstrip().startswith('{"receptance"'):
         return None
     try:
@@ -118,13 +99,7 @@ def parse_about(text: Any) -> dict[str, Any] | None:
 
 
 def measurement_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> Measurement:
-    """Return the measurement with these arrays and fields.
-
-    Raises
-    ------
-    FileFormatError
-        Missing or invalid fields, or a contradiction to the options.
-    """
+    """Return the measurement with these arrays and fields; invalid or contradicting ones raise a FileFormatError."""
     kind = about["receptance"]
     try:
         if kind == "frf":

@@ -5,8 +5,9 @@ from __future__ import annotations
 import gzip
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 import numpy as np
 
@@ -14,13 +15,12 @@ from receptance import _checks
 from receptance._files import open_file, read_whole, write_whole
 from receptance.errors import warn_user
 from receptance.frf import FRF
+from receptance.io.arrays import is_npz, npz_bytes, read_npz
+from receptance.io.build import ReadKeywords, ReadOptions
 from receptance.io.csv_files import csv_bytes, read_csv
-from receptance.io.errors import FileFormatError, error_location
-from receptance.io.limits import MAX_LINES, check_count, decompress, time_limit
+from receptance.io.errors import MAX_LINES, FileFormatError, check_count, decompress, error_location, time_limit
 from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
 from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
-from receptance.io.npz import is_npz, npz_bytes, read_npz
-from receptance.io.options import ReadKeywords, ReadOptions
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
 from receptance.io.uff.datasets import is_uff
 from receptance.io.uff.read import read_uff
@@ -29,50 +29,35 @@ from receptance.io.uff.write import uff_bytes
 if TYPE_CHECKING:
     from os import PathLike
 
-__all__ = ["ENDINGS", "FORMATS", "file_format", "read", "read_all", "read_frf", "read_time_series", "write"]
+
+@dataclass(frozen=True)
+class _Format:
+    """A file format: reader, file name extensions, and a function that recognises it by the first bytes of a file.
+
+    Readers are given the contents, or the path if another process opens the file.
+    """
+
+    title: str
+    read: Callable[[Any, ReadOptions], list[Measurement]]
+    endings: tuple[str, ...] = ()
+    recognises: Callable[[bytes], bool] | None = None
+    by_path: bool = False
+
 
 FORMATS = {
-    "uff": "universal file (data set 58)",
-    "csv": "table with a header",
-    "npz": "NumPy",
-    "mat": "MATLAB",
-    "hdf5": "HDF5",
-    "cutpro": "CutPro .frf",
-    "dataphysics": "Data Physics ASCII export",
+    "uff": _Format("universal file (data set 58)", read_uff, (".uff", ".unv", ".ufb", ".58"), is_uff),
+    "csv": _Format("table with a header", read_csv, (".csv",)),
+    "npz": _Format("NumPy", read_npz, (".npz",), is_npz),
+    "mat": _Format("MATLAB", read_mat, (".mat",), is_mat, by_path=True),
+    "hdf5": _Format("HDF5", read_hdf5, (".h5", ".hdf5"), is_hdf5, by_path=True),
+    "cutpro": _Format("CutPro .frf", read_cutpro, (".frf",)),
+    "dataphysics": _Format("Data Physics ASCII export", read_dataphysics, (), is_dataphysics),
 }
 """Formats by their name in `read` and `write`."""
-ENDINGS = {
-    ".uff": "uff",
-    ".unv": "uff",
-    ".ufb": "uff",
-    ".58": "uff",
-    ".csv": "csv",
-    ".npz": "npz",
-    ".mat": "mat",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".frf": "cutpro",
-}
-"""Formats by file name extension."""
+_ENDINGS = {ending: name for name, one in FORMATS.items() for ending in one.endings}
 _TABLE_ENDINGS = (".txt", ".tsv", ".asc", ".dat")
 """Further extensions of tables, which are read but not written."""
-_TEXT_READERS: dict[str, Callable[[bytes, ReadOptions], list[Measurement]]] = {
-    "uff": read_uff,
-    "csv": read_csv,
-    "cutpro": read_cutpro,
-    "dataphysics": read_dataphysics,
-}
-_PATH_READERS: dict[str, Callable[[Path, ReadOptions], list[Measurement]]] = {"mat": read_mat, "hdf5": read_hdf5}
-"""Readers that are given the path, because another process opens the file."""
 _ARRAY_WRITERS = {"npz": npz_bytes, "mat": mat_bytes, "hdf5": hdf5_bytes}
-_RECOGNISERS: dict[str, Callable[[bytes], bool]] = {
-    "hdf5": is_hdf5,
-    "npz": is_npz,
-    "mat": is_mat,
-    "uff": is_uff,
-    "dataphysics": is_dataphysics,
-}
-"""Functions that recognise a format by the first bytes of a file."""
 _GZIP_SIGNATURE = b"\x1f\x8b"
 _START = 4096
 """Bytes by which the format is recognised."""
@@ -219,8 +204,8 @@ def read_all(
     path = Path(path)
     coherence_file = options.pop("coherence", None)
     checked = ReadOptions.checked(options)
-    if format is not None and format not in FORMATS:
-        raise ValueError(f"format is {format!r}, expected one of {', '.join(FORMATS)}")
+    if format is not None:
+        _checks.one_of("", "format", format, FORMATS)
     with error_location(file=path.name):
         measurements = _read(path, format, checked)
         if coherence_file is not None:
@@ -243,28 +228,30 @@ def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurem
         kind = format or _detect_format(path.with_suffix(""), data[:_START])
     else:
         kind = format or _detect_format(path, start)
-        data = b"" if kind in _PATH_READERS else read_whole(path)
-    if kind not in _PATH_READERS:
-        measurements = _read_data(kind, data, options)
+        data = b"" if FORMATS[kind].by_path else read_whole(path)
+    reader = FORMATS[kind].read
+    if not FORMATS[kind].by_path:
+        with time_limit(len(data)):
+            if kind != "npz":
+                check_count(data.count(b"\n") or data.count(b"\r"), MAX_LINES, "lines")
+            measurements = reader(data, options)
     elif compressed:
         with tempfile.TemporaryDirectory() as folder:
             expanded = Path(folder) / "expanded"
             expanded.write_bytes(data)
-            measurements = _PATH_READERS[kind](expanded, options)
+            measurements = reader(expanded, options)
     else:
-        measurements = _PATH_READERS[kind](path, options)
+        measurements = reader(path, options)
     _check_options_apply(measurements, kind, options)
-    return [_with_source(measurement, f"{path.name} ({FORMATS[kind]})") for measurement in measurements]
+    for measurement in measurements:
+        if not measurement.source:
+            # The instance was created by the reader and is not shared yet.
+            _checks.set_fields(measurement, {"source": f"{path.name} ({FORMATS[kind].title})"})
+    return measurements
 
 
 def file_format(path: str | PathLike[str]) -> str:
-    """Return the format of a file, a key of `FORMATS`, from its contents or its extension.
-
-    Raises
-    ------
-    FileFormatError
-        The format is recognised by neither.
-    """
+    """Return the format of a file, a key of `FORMATS`, from its contents, else its extension."""
     path = Path(path)
     with open_file(path) as file:
         start = file.read(_START)
@@ -274,25 +261,17 @@ def file_format(path: str | PathLike[str]) -> str:
         return _detect_format(path, start)
 
 
-def _read_data(kind: str, data: bytes, options: ReadOptions) -> list[Measurement]:
-    with time_limit(len(data)):
-        if kind == "npz":
-            return read_npz(data, options)
-        check_count(data.count(b"\n") or data.count(b"\r"), MAX_LINES, "lines")
-        return _TEXT_READERS[kind](data, options)
-
-
 def _detect_format(path: Path, start: bytes) -> str:
     """Return the format from the first bytes, or from the extension where these are ambiguous."""
-    for kind, recognises in _RECOGNISERS.items():
-        if recognises(start):
+    for kind, one in FORMATS.items():
+        if one.recognises is not None and one.recognises(start):
             return kind
     if not start:
         raise FileFormatError("the file is empty")
     ending = path.suffix.lower()
-    kind = ENDINGS.get(ending, "csv" if ending in _TABLE_ENDINGS else "")
+    kind = _ENDINGS.get(ending, "csv" if ending in _TABLE_ENDINGS else "")
     if not kind:
-        known = ", ".join(f"{name} ({text})" for name, text in FORMATS.items())
+        known = ", ".join(f"{name} ({one.title})" for name, one in FORMATS.items())
         raise FileFormatError(
             "the format is recognised neither by the contents nor by the extension; give format= (on the command line "
             f"--from), one of {known}"
@@ -322,14 +301,7 @@ def _check_options_apply(measurements: Sequence[Measurement], kind: str, options
             raise FileFormatError(f"unit names the channel {unknown[0]!r}; the channels of the file are {listed}")
     for name, kinds in (("variables", ("npz", "mat", "hdf5")), ("columns", ("csv",))):
         if getattr(options, name) is not None and kind not in kinds:
-            raise FileFormatError(f"{name} was given, but the file is a {FORMATS[kind]}")
-
-
-def _with_source(measurement: Measurement, source: str) -> Measurement:
-    if not measurement.source:
-        # The instance was created by the reader and is not shared yet.
-        _checks.set_fields(measurement, {"source": source})
-    return measurement
+            raise FileFormatError(f"{name} was given, but the file is a {FORMATS[kind].title}")
 
 
 def _with_coherence(frf: FRF, path: Path) -> FRF:
@@ -410,17 +382,17 @@ def write(
         raise ValueError("measurements is empty, expected at least one to write")
     compressed = path.suffix.lower() == ".gz"
     ending = (path.with_suffix("") if compressed else path).suffix.lower()
-    kind = format or ENDINGS.get(ending)
+    kind = format or _ENDINGS.get(ending)
     if kind not in FORMATS:
-        known = ", ".join(ENDINGS)
+        known = ", ".join(_ENDINGS)
         raise ValueError(
             f"{path.name}: unknown extension, expected one of {known}, or format=, one of {', '.join(FORMATS)}"
         )
     if binary is not None and kind != "uff":
-        raise ValueError(f"binary applies to universal files, {path.name} is a {FORMATS[kind]}")
+        raise ValueError(f"binary applies to universal files, {path.name} is a {FORMATS[kind].title}")
     content, lost = _content(contents, kind, binary if binary is not None else ending == ".ufb")
     if lost:
-        warn_user(f"{path.name}: a {FORMATS[kind]} does not hold {'; '.join(lost)} (.npz, .mat, .h5 and .csv do)")
+        warn_user(f"{path.name}: a {FORMATS[kind].title} does not hold {'; '.join(lost)} (.npz, .mat, .h5 and .csv do)")
     write_whole({path: gzip.compress(content, 6, mtime=0) if compressed else content})
 
 
@@ -432,11 +404,11 @@ def _content(measurements: Sequence[Measurement], kind: str, binary: bool) -> tu
         return _ARRAY_WRITERS[kind](measurements), []
     if len(measurements) > 1:
         raise ValueError(
-            f"a {FORMATS[kind]} holds a single measurement, there are {len(measurements)}; write several files"
+            f"a {FORMATS[kind].title} holds a single measurement, there are {len(measurements)}; write several files"
         )
     if kind == "csv":
         return csv_bytes(measurements[0]), []
     frf = measurements[0]
     if not isinstance(frf, FRF):
-        raise ValueError(f"a {FORMATS[kind]} holds an FRF, this is {frf!r}")
+        raise ValueError(f"a {FORMATS[kind].title} holds an FRF, this is {frf!r}")
     return cutpro_bytes(frf) if kind == "cutpro" else dataphysics_bytes(frf)

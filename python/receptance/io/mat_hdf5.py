@@ -25,14 +25,11 @@ from typing import Any
 import numpy as np
 
 from receptance._extras import require
-from receptance._files import open_file
+from receptance._files import LARGEST, open_file
 from receptance.io.arrays import measurements_of, named_items, requested_names
-from receptance.io.errors import FileFormatError
-from receptance.io.limits import BYTES_PER_SECOND, LARGEST, allowed_seconds, check_size
+from receptance.io.build import ReadOptions
+from receptance.io.errors import BYTES_PER_SECOND, FileFormatError, allowed_seconds, check_size
 from receptance.io.measurements import Measurement
-from receptance.io.options import ReadOptions
-
-__all__ = ["hdf5_bytes", "is_hdf5", "is_mat", "mat_bytes", "read_hdf5", "read_mat"]
 
 _WAIT_SECONDS = 60.0
 """Wall-clock seconds added to the limit of processor time, for a busy machine."""
@@ -108,12 +105,8 @@ _reader: subprocess.Popen[bytes] | None = None
 def _load(path: Path, kind: str, names: Sequence[str] | None) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the named contents of a MAT or HDF5 file, and shape and type of all its variables.
 
-    Without names, the measurements written by this library are loaded.
-
-    Raises
-    ------
-    FileFormatError
-        A file that cannot be read, with the message of scipy.io or h5py, or one on which the reading process ends.
+    Without names, the measurements written by this library are loaded. The error has the message of scipy.io or h5py,
+    or the way in which the reading process ended.
     """
     size = path.stat().st_size
     allowed = allowed_seconds(_expanded_mat_size(path) if kind == "mat" else size)
@@ -203,13 +196,7 @@ def _exit_message(library: str, code: int | None, allowed: float) -> str:
 
 
 def _expanded_mat_size(path: Path) -> int:
-    """Return the size in bytes of the expanded elements of a MAT file of version 5.
-
-    Raises
-    ------
-    FileFormatError
-        More than are read of one file.
-    """
+    """Return the size in bytes of the expanded elements of a MAT file of version 5, or raise above the limit."""
     total = path.stat().st_size
     with open_file(path) as file:
         file.seek(124)

@@ -13,17 +13,20 @@ from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
-from receptance.report import Renderable, Table
+from receptance.report import Column, Renderable, Table
+from receptance.report.figure import COLOURS, INK, add_legend, finished, panels, set_up, surface, title_left
 from receptance.units import channel_kind, parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Coherence", "Measurement", "TimeSeries", "low_coherence_notes"]
-
 _LOW_COHERENCE = 0.5
 """Below, more of the response is unexplained than explained."""
+_MAX_PANELS = 8
+"""Most channels drawn; the title states how many there are."""
+_MAX_NAMED = 8
+"""Most entries of a coherence named in the legend."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -106,16 +109,32 @@ class Coherence(Renderable):
         return f"Coherence {self.label}".rstrip()
 
     def tables(self) -> list[Table]:
-        """Return the table of `summary`: lines, entries and source."""
-        from receptance.io.presentation import coherence_table
-
-        return [coherence_table(self)]
+        """Return the table of `summary`: lines, entries, coherence and source."""
+        lines, values = self.frequency_hz, self.values
+        rows = [
+            ("lines", f"{lines.size}, {lines[0]:g} to {lines[-1]:g} Hz"),
+            ("entries", f"{values.shape[1]} responses x {values.shape[2]} excitations"),
+            ("coherence", f"median {np.median(values):.4g}, lowest {values.min():.4g}"),
+            *([("source", self.source)] if self.source else []),
+        ]
+        return [Table("", ("property", "value"), rows)]
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the coherence of all entries over frequency; `ax` as in `FRF.plot`."""
-        from receptance.io.presentation import draw_coherence
-
-        return draw_coherence(self, ax)
+        figure = surface(ax, 9.0, 3.2)
+        axes = figure.subplots()
+        set_up(axes, "", "frequency (Hz)", "coherence")
+        labels = self.labels if self.values[0].size <= _MAX_NAMED else None
+        for number, (i, j) in enumerate(np.ndindex(self.values.shape[1:])):
+            name = f"{labels[0][i]} over {labels[1][j]}" if labels else None
+            colour = COLOURS[number % len(COLOURS)]
+            axes.plot(self.frequency_hz, self.values[:, i, j], color=colour, linewidth=0.9, label=name)
+        axes.set_ylim(0.0, 1.05)
+        axes.set_xlim(float(self.frequency_hz[0]), max(float(self.frequency_hz[-1]), 1e-9))
+        if labels:
+            add_legend(axes, loc="best")
+        title_left(figure, self.label or "Coherence", 11.0)
+        return finished(figure)
 
     def __len__(self) -> int:
         return int(self.frequency_hz.size)
@@ -259,15 +278,32 @@ class TimeSeries(Renderable):
 
     def tables(self) -> list[Table]:
         """Return the tables of `summary`: sampling, and the channels with their units and largest values."""
-        from receptance.io.presentation import series_tables
-
-        return series_tables(self)
+        rows = [
+            ("samples", f"{len(self)} at {self.sample_rate_hz:.6g} Hz, {self.duration_s:.4g} s"),
+            ("start", f"{self.start_s:g} s"),
+            *([("source", self.source)] if self.source else []),
+        ]
+        largest = np.max(np.abs(self.values), axis=0).tolist()
+        quantities = [quantity or "other" for quantity in self.quantities]
+        channels = list(zip(self.channels, quantities, largest, self.units, strict=True))
+        return [
+            Table("", ("property", "value"), rows),
+            Table("Channels", ("channel", "quantity", Column("largest magnitude", form=".4g"), "unit"), channels),
+        ]
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw all channels over time, a panel each; `ax` as in `FRF.plot`."""
-        from receptance.io.presentation import draw_series
-
-        return draw_series(self, ax)
+        shown = min(len(self.channels), _MAX_PANELS)
+        figure = surface(ax, 9.0, 1.2 + 1.7 * shown)
+        for index, axes in enumerate(panels(figure, shown, 1, sharex=True)):
+            unit = self.units[index].replace("^2", "²")
+            set_up(axes, "", "", f"{self.channels[index]}\n({unit})")
+            axes.plot(self.time_s, self.values[:, index], color=COLOURS[index % len(COLOURS)], linewidth=0.8)
+        axes.set_xlabel("time (s)", color=INK)
+        axes.set_xlim(float(self.time_s[0]), float(self.time_s[-1]) + 1e-12)
+        more = f"  ·  the first {shown} of {len(self.channels)} channels" if shown < len(self.channels) else ""
+        title_left(figure, (self.label or "Time records") + more, 11.0)
+        return finished(figure)
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -303,15 +339,7 @@ Measurement: TypeAlias = FRF | TimeSeries | Coherence
 
 
 def low_coherence_notes(coherence: NDArray[np.float64]) -> list[str]:
-    """Warn of a coherence with a median below one half, and return the note; an empty list for others.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from receptance.io.measurements import low_coherence_notes
-    >>> low_coherence_notes(np.full(100, 0.91))
-    []
-    """
+    """Warn of a coherence with a median below one half, and return the note; an empty list for others."""
     median = float(np.nanmedian(coherence))
     if median >= _LOW_COHERENCE:
         return []

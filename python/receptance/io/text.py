@@ -10,20 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.errors import warn_user
-from receptance.io.errors import FileFormatError
-from receptance.io.limits import check_time
-
-__all__ = [
-    "check_ascending",
-    "check_row_count",
-    "decode",
-    "ends_with_line",
-    "excerpt",
-    "number",
-    "numbered_lines",
-    "parse_rows",
-    "truncation_notes",
-]
+from receptance.io.errors import FileFormatError, check_time
 
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
@@ -33,13 +20,7 @@ _MIN_ROWS_FOR_LENGTHS = 100
 
 
 def decode(data: bytes) -> str:
-    """Decode a text as UTF-16 if it begins with a byte order mark, else as UTF-8, else as Latin-1.
-
-    Raises
-    ------
-    FileFormatError
-        UTF-16 that is damaged, or without a byte order mark.
-    """
+    """Decode a text as UTF-16 if it begins with a byte order mark, else as UTF-8, else as Latin-1."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             return data.decode("utf-16")
@@ -85,17 +66,7 @@ def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
 
 
 def check_row_count(text: str, rows: int, declared: int, line: int) -> None:
-    """Raise if a file of this library does not have its declared number of rows, or ends within a row.
-
-    Parameters
-    ----------
-    text : str
-        The whole file.
-    rows, declared : int
-        Rows found, and rows declared in the file.
-    line : int
-        Number of the last line.
-    """
+    """Raise if a file of this library has not the declared number of rows, or ends within its last `line`."""
     if rows != declared:
         raise FileFormatError(
             f"the file declares {declared} rows of numbers and has {rows}: it was truncated or changed",

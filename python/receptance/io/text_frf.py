@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.io.build import complex_values, make_frf, to_si
+from receptance.io.build import ReadOptions, Resolved, complex_values, make_frf, resolve_frf, to_si
 from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Measurement
-from receptance.io.options import ReadOptions, Resolved, resolve_frf
 from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
 from receptance.units import UnitError, parse_unit
-
-__all__ = ["cutpro_bytes", "dataphysics_bytes", "is_dataphysics", "read_cutpro", "read_dataphysics"]
 
 _COLUMNS = ("the frequency", "the real part", "the imaginary part")
 _CUTPRO_ROWS = re.compile(r"(?P<label>.*?) ?\[(?P<rows>[0-9]{1,9}) rows\]\s*")
@@ -34,12 +31,9 @@ _EXPORT_UNITS = re.compile(r"\((?P<response>[^()]+)\)\((?P<reference>[^()]+)\)")
 
 def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of a `.frf` file, and the fields that it does not store."""
-    _check_single_entry(frf)
+    lost = _lost(frf, "labels")
     if frf.unit.split("/")[0] != "m" or not frf.unit.endswith("/N"):
         raise ValueError(f"a .frf file holds displacement per force, this FRF is in {frf.unit}")
-    lost = [name for name in ("coherence", "log_variance", "usable", "labels") if getattr(frf, name) is not None]
-    if frf.decay_rate:
-        lost.append("decay_rate (the values belong to complex lines)")
     if frf.form != "receptance":
         lost.append(f"the {frf.form} itself: it is written as a receptance")
     rows = _rows(frf.to("receptance"))
@@ -49,13 +43,7 @@ def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
 
 
 def read_cutpro(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row.
-
-    Raises
-    ------
-    FileFormatError
-        A row that is not three numbers, or frequencies that do not ascend; the message names the line.
-    """
+    """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row."""
     text = decode(data)
     lines = numbered_lines(text)
     if not lines:
@@ -78,10 +66,7 @@ def is_dataphysics(data: bytes) -> bool:
 
 def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
     """Return the contents of an export, and the fields that it does not store."""
-    _check_single_entry(frf)
-    lost = [name for name in ("coherence", "log_variance", "usable", "averages") if getattr(frf, name) is not None]
-    if frf.decay_rate:
-        lost.append("decay_rate (the values belong to complex lines)")
+    lost = _lost(frf, "averages")
     (response,), (reference,) = frf.labels if frf.labels is not None else (("",), ("",))
     if ":" in reference or (response + reference) != "".join((response + reference).split()):
         lost.append("labels with blanks or colons")
@@ -102,14 +87,7 @@ def dataphysics_bytes(frf: FRF) -> tuple[bytes, list[str]]:
 
 
 def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the FRF in an export.
-
-    Raises
-    ------
-    FileFormatError
-        A header other than that of an FRF in real and imaginary part, or a row that is not three numbers; the message
-        names the line.
-    """
+    """Return the FRF, in real and imaginary part, in an export; errors name the line."""
     if not is_dataphysics(data):
         # The contents are not quoted, because the file may be anything.
         raise FileFormatError(
@@ -150,12 +128,15 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]
 
 
-def _check_single_entry(frf: FRF) -> None:
+def _lost(frf: FRF, further: str) -> list[str]:
+    """Return the fields that are not stored; raise for several responses or excitations."""
     if frf.shape[1:] != (1, 1):
         raise ValueError(
             f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
             "select one"
         )
+    lost = [name for name in ("coherence", "log_variance", "usable", further) if getattr(frf, name) is not None]
+    return lost + (["decay_rate (the values belong to complex lines)"] if frf.decay_rate else [])
 
 
 def _rows(frf: FRF) -> list[str]:

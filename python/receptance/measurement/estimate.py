@@ -12,14 +12,22 @@ from receptance import _checks
 from receptance.errors import warn_user
 from receptance.measurement.hits import Hits, find_hits
 from receptance.measurement.records import HammerRecords, Quantity
-from receptance.measurement.spectra import NEGLIGIBLE, Channel, Estimator, Exclusions, Limits, Reason, Spectra
-from receptance.measurement.windows import ExponentialOn, Windows, make_windows
+from receptance.measurement.spectra import (
+    NEGLIGIBLE,
+    Channel,
+    Estimator,
+    Exclusions,
+    ExponentialOn,
+    Limits,
+    Reason,
+    Spectra,
+    Windows,
+    make_windows,
+)
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
-
-__all__ = ["estimate_frf"]
 
 _WARNING_SHARE = 0.01
 """Share of excluded lines in the band of the force above which a warning is issued."""
@@ -126,10 +134,10 @@ def estimate_frf(
     >>> frf.form, frf.averages
     ('mobility', 3)
     """
-    if estimator not in get_args(Estimator):
-        raise ValueError(f"estimate_frf: estimator is {estimator!r}, expected one of {', '.join(get_args(Estimator))}")
-    if exponential_on not in get_args(ExponentialOn):
-        raise ValueError(f"estimate_frf: exponential_on is {exponential_on!r}, expected one of both, response")
+    from receptance.frf import FRF
+
+    _checks.one_of("estimate_frf", "estimator", estimator, Estimator)
+    _checks.one_of("estimate_frf", "exponential_on", exponential_on, ExponentialOn)
     decay_rate = _checks.not_negative("estimate_frf", "decay_rate", decay_rate, unit="1/s")
     limits = Limits(
         _checks.positive("estimate_frf", "force_drop_db", force_drop_db, unit="dB"),
@@ -142,7 +150,9 @@ def estimate_frf(
     windows = make_windows(hits, decay_rate, force_window_s, exponential_on)
     spectra = Spectra(hits, windows, low_hz, high_hz)
     channels = [spectra.channel(index, estimator, limits) for index in range(hits.records[0].n_channels)]
-    excluded = _any_channel(channels)
+    excluded = {
+        reason: np.any([channel.excluded[reason] for channel in channels], axis=0) for reason in channels[0].excluded
+    }
     if exponential_on == "response" and decay_rate > 0.0:
         excluded = {_RESPONSE_WINDOW: np.ones(spectra.frequency_hz.size, dtype=bool)}
     usable = ~np.any(list(excluded.values()), axis=0)
@@ -151,14 +161,27 @@ def estimate_frf(
         label = f"{hits.records[0].label}: " if hits.records[0].label else ""
         warn_user(label + "; ".join(messages))
     processing = _processing_notes(hits, windows, channels, estimator, decay_rate, exponential_on, force_window_s)
-    return _frf(
-        hits,
-        spectra,
-        channels,
-        decay_rate=0.0 if _RESPONSE_WINDOW in excluded else decay_rate + hits.records[0].response_decay_rate,
+    records = hits.records[0]
+    total = f" of {len(hits.hits)}" if len(hits.hits) > len(hits.kept) else ""
+    notes = (*hits.notes, *processing, *usable_band_notes(spectra.frequency_hz, excluded), *messages)
+
+    def stacked(name: str) -> Any:
+        parts = [getattr(channel, name) for channel in channels]
+        return None if parts[0] is None else np.stack(parts, axis=1)[:, :, None]
+
+    return FRF(
+        frequency_hz=spectra.frequency_hz,
+        **{name: stacked(name) for name in ("values", "coherence", "log_variance", "degrees_of_freedom")},
+        form=FORMS[get_args(Quantity).index(records.quantity)],
+        responses=records.responses,
+        excitations=(records.excitation,),
+        decay_rate=0.0 if _RESPONSE_WINDOW in excluded else decay_rate + records.response_decay_rate,
+        averages=len(hits.kept),
+        correlated_lines=np.max([channel.correlated_lines for channel in channels], axis=0),
         usable=usable,
-        estimator=estimator,
-        notes=(*hits.notes, *processing, *usable_band_notes(spectra.frequency_hz, excluded), *messages),
+        label=records.label,
+        source=f"{estimator} of {len(hits.kept)}{total} hits" + (f", {records.source}" if records.source else ""),
+        notes=notes,
     )
 
 
@@ -169,49 +192,6 @@ def _half_width(pooled_lines: int | None) -> int | None:
     if not is_whole or pooled_lines < 1 or pooled_lines % 2 == 0:
         raise ValueError(f"estimate_frf: pooled_lines is {pooled_lines!r}, expected an odd number")
     return int(pooled_lines) // 2
-
-
-def _any_channel(channels: Sequence[Channel]) -> Exclusions:
-    """Return the lines excluded in any channel."""
-    reasons = channels[0].excluded
-    return {reason: np.any([channel.excluded[reason] for channel in channels], axis=0) for reason in reasons}
-
-
-def _frf(
-    hits: Hits,
-    spectra: Spectra,
-    channels: Sequence[Channel],
-    *,
-    decay_rate: float,
-    usable: NDArray[np.bool_],
-    estimator: Estimator,
-    notes: tuple[str, ...],
-) -> FRF:
-    from receptance.frf import FRF
-
-    records = hits.records[0]
-
-    def stacked(parts: list[Any]) -> Any:
-        return None if parts[0] is None else np.stack(parts, axis=1)[:, :, None]
-
-    total = f" of {len(hits.hits)}" if len(hits.hits) > len(hits.kept) else ""
-    return FRF(
-        frequency_hz=spectra.frequency_hz,
-        values=stacked([channel.values for channel in channels]),
-        form=FORMS[get_args(Quantity).index(records.quantity)],
-        responses=records.responses,
-        excitations=(records.excitation,),
-        decay_rate=decay_rate,
-        coherence=stacked([channel.coherence for channel in channels]),
-        averages=len(hits.kept),
-        log_variance=stacked([channel.log_variance for channel in channels]),
-        degrees_of_freedom=stacked([channel.degrees_of_freedom for channel in channels]),
-        correlated_lines=np.max([channel.correlated_lines for channel in channels], axis=0),
-        usable=usable,
-        label=records.label,
-        source=f"{estimator} of {len(hits.kept)}{total} hits" + (f", {records.source}" if records.source else ""),
-        notes=notes,
-    )
 
 
 def _processing_notes(
@@ -293,7 +273,10 @@ def _truncation_warning(
     after = spectra.hits.duration_s - spectra.release / spectra.hits.sample_rate_hz
     remainder = max(float(channel.remainder[inside].max()) for channel in channels)
     deviation = min(float(np.median(np.sqrt(c.log_variance[inside]))) for c in channels if c.log_variance is not None)
-    rate = decay_rate + _rounded_up(np.log(max(remainder / (_DECAYED * deviation), 1.0)) / after)
+    further = max(float(np.log(max(remainder / (_DECAYED * deviation), 1.0))) / after, 1e-6)
+    # Rounded up to two digits.
+    unit = 10.0 ** (np.floor(np.log10(further)) - 1.0)
+    rate = decay_rate + float(np.ceil(further / unit) * unit)
     return (
         f"the response has not decayed at the end of the block (to {100.0 * remainder:.2g} %); use longer blocks, or "
         f"an exponential window (decay_rate={rate:g})"
@@ -315,12 +298,6 @@ def _unknown_noise_warnings(
         "noise on the force could not be estimated (too little silence around the hits, or a force window of the "
         f"recorder); {estimator} may be {direction} by up to {100.0 * bias:.2g} %, the median of all scatter"
     ]
-
-
-def _rounded_up(value: float) -> float:
-    """Return a value rounded up to two digits."""
-    scale = 10.0 ** (np.floor(np.log10(max(value, 1e-6))) - 1.0)
-    return float(np.ceil(value / scale) * scale)
 
 
 def usable_band_notes(frequency_hz: NDArray[np.float64], excluded: Exclusions) -> tuple[str, ...]:

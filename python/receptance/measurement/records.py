@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from receptance.io.measurements import TimeSeries
     from receptance.model.coordinates import Side
 
-__all__ = ["HammerRecords", "Quantity"]
-
 Quantity = Literal["displacement", "velocity", "acceleration"]
 """Quantity of the response channels."""
 _SMALLEST = 1e-30
@@ -121,12 +119,16 @@ class HammerRecords:
         notes: Sequence[str] = (),
     ) -> None:
         owner = f"HammerRecords {label!r}" if label else "HammerRecords"
-        if quantity not in get_args(Quantity):
-            raise ValueError(f"{owner}: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
+        _checks.one_of(owner, "quantity", quantity, Quantity)
         hammer, motion = _matched_shapes(owner, _samples(owner, "force", force), _samples(owner, "response", response))
         (hit,) = measured_coordinates(owner, "excitations", excitation, 1)
         sensors = measured_coordinates(owner, "responses", responses, motion.shape[2])
-        f_factor, x_factors = _factors(owner, quantity, force_unit, response_unit, hit, sensors)
+        load = "force" if hit.direction == "y" else "moment"
+        f_factor = 1.0 if force_unit is None else channel_factor(owner, "force_unit", load, force_unit)
+        x_factors = np.ones(len(sensors))
+        if response_unit is not None:
+            kinds = [quantity if sensor.direction == "y" else ROTATIONS[quantity] for sensor in sensors]
+            x_factors = np.array([channel_factor(owner, "response_unit", kind, response_unit) for kind in kinds])
         limit = None
         if full_scale_force is not None:
             limit = abs(f_factor) * _checks.positive(owner, "full_scale_force", full_scale_force)
@@ -299,23 +301,6 @@ def _matched_shapes(
         )
     records = np.atleast_2d(force)
     return records, response.reshape(*records.shape, -1)
-
-
-def _factors(
-    owner: str,
-    quantity: Quantity,
-    force_unit: str | None,
-    response_unit: str | None,
-    excitation: Coordinate,
-    responses: tuple[Coordinate, ...],
-) -> tuple[float, NDArray[np.float64]]:
-    load = "force" if excitation.direction == "y" else "moment"
-    force = 1.0 if force_unit is None else channel_factor(owner, "force_unit", load, force_unit)
-    kinds = [quantity if coordinate.direction == "y" else ROTATIONS[quantity] for coordinate in responses]
-    if response_unit is None:
-        return force, np.ones(len(kinds))
-    factors = [channel_factor(owner, "response_unit", kind, response_unit) for kind in kinds]
-    return force, np.array(factors)
 
 
 def _full_scales(owner: str, value: ArrayLike, count: int) -> NDArray[np.float64]:

@@ -13,8 +13,6 @@ from receptance import _checks
 from receptance.measurement.records import HammerRecords, Quantity
 from receptance.model.coordinates import Coordinate, as_coordinates
 
-__all__ = ["simulate_hits"]
-
 _LENGTH_FACTOR = 2
 """Length of the computed blocks relative to the recorded ones, so that the wrap-around is outside."""
 _WRAP_AROUND = 1e-5
@@ -122,8 +120,7 @@ def simulate_hits(
     """
     if not callable(getattr(assembly, "receptance", None)):
         raise TypeError(f"simulate_hits: assembly is {assembly!r}, expected an Assembly")
-    if quantity not in get_args(Quantity):
-        raise ValueError(f"simulate_hits: quantity is {quantity!r}, expected one of {', '.join(get_args(Quantity))}")
+    _checks.one_of("simulate_hits", "quantity", quantity, Quantity)
     _checks.whole_number("simulate_hits", "hits", hits)
     for number in (*double_hits, *overloads):
         if not 1 <= number <= hits:

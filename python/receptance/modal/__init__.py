@@ -1,11 +1,9 @@
 """Modal analysis: natural frequencies, damping ratios and modal constants of measured FRFs, with standard errors."""
 
-from receptance.modal.circle import CircleFit, circle_fit
 from receptance.modal.estimate import ModeEstimate
 from receptance.modal.global_fit import fit_modes
-from receptance.modal.half_power import half_power
+from receptance.modal.local import CircleFit, circle_fit, find_peaks, half_power
 from receptance.modal.modal_fit import ModalFit
-from receptance.modal.peaks import find_peaks
 from receptance.modal.ring_down import RingDown, ring_down
 
 __all__ = [

@@ -17,37 +17,29 @@ _BLOCK = 64
 
 @dataclass(frozen=True)
 class PoleFit:
-    """Poles, residues and background with their covariance.
+    """Poles, residues and background with their covariance, of M poles, m entries with k coefficients and n lines.
 
     Attributes
     ----------
     poles : ndarray
         `(M,)` complex, s = -delta + i w_d.
     coefficients : ndarray
-        `(m, k)` real, for each entry: real parts of the M residues, their imaginary parts, then real and imaginary
-        part of each background term in the terms' order.
-    residual : ndarray
-        `(n, m)` complex, measured minus fitted values times the weights.
-    fitted : ndarray
-        `(n, m)` complex, in the form of the data.
+        `(m, k)` real: real parts of the M residues, their imaginary parts, then both parts of each background term.
+    residual, fitted : ndarray
+        `(n, m)` complex: measured minus fitted values times the weights, and fitted values in the form of the data.
     inverse : ndarray
         `(2M, 2M)` inverse of the information matrix of the real, then the imaginary parts of the poles.
     pole_covariance : ndarray
         `(2M, 2M)` their covariance, if the weights are the inverse standard deviations of real and imaginary part;
         equal to `inverse` for independent lines.
-    coefficient_covariance : ndarray
-        `(m, k, k)` covariance of the coefficients, including the uncertainty of the poles.
-    cross_covariance : ndarray
-        `(m, k, 2M)` covariance between coefficients and poles.
-    scores : ndarray
-        `(m, 2M)` contribution of each entry to the gradient of half the sum of squares, which is zero in total.
-    information_matrices : ndarray
-        `(m, 2M, 2M)` contribution of each entry to the information matrix.
+    coefficient_covariance, cross_covariance : ndarray
+        `(m, k, k)` covariance of the coefficients, including the uncertainty of the poles, and `(m, k, 2M)` with them.
+    scores, information_matrices : ndarray
+        `(m, 2M)` and `(m, 2M, 2M)`: contributions of each entry to the gradient of half the sum of squares, which is
+        zero in total, and to the information matrix.
     degrees_of_freedom : float
         Expectation of the sum of squared residuals for those weights: for independent lines, twice the number of values
         minus the number of real parameters.
-    converged : bool
-        Whether the search converged.
     """
 
     poles: NDArray[np.complex128]
@@ -79,15 +71,8 @@ class PoleFit:
 class PoleModel:
     """H(s) s^power, H = sum of A / (s - p) + A* / (s - p*), and c s^t for each background term.
 
-    Attributes
-    ----------
-    s : ndarray
-        `(n,)` complex lines.
-    power : int
-        0, 1 or 2 for receptance, mobility, accelerance.
-    terms : tuple of int
-        Powers of s in the receptance that represent the modes outside the band, each with a complex coefficient per
-        entry: -2 for those below, 0 for those above.
+    The power is 0, 1 or 2 for receptance, mobility, accelerance. The terms t represent the modes outside the band, each
+    with a complex coefficient per entry: -2 for those below, 0 for those above.
     """
 
     s: NDArray[np.complex128]
@@ -148,23 +133,12 @@ class PoleProblem:
     The derivative is that of Kaufman (1975), without terms of the order of the residual; it gives the exact covariance
     of the linearised problem.
 
-    Attributes
-    ----------
-    model : PoleModel
-        The lines and the form.
-    values : ndarray
-        `(n, m)` in the form of the data.
-    weights : ndarray
-        `(n, m)` inverse standard deviations of real and imaginary part, up to one factor.
-    correlated_lines : float
-        Number of neighbouring lines per independent value, which affects the covariance only.
-    additive : ndarray, optional
-        `(n, m)` share of additive noise in each variance, which is independent between entries. The rest is
-        proportional to the FRF, as noise on the force, and may be correlated between the responses to one excitation;
-        the correlation is estimated from the residuals. By default all noise is additive. It affects the covariance
-        only.
-    excitations : int
-        Number of excitations; entries are ordered by response, then by excitation.
+    `values` are `(n, m)` in the form of the data, `weights` the inverse standard deviations of real and imaginary part,
+    up to one factor; entries are ordered by response, then by excitation. The others affect the covariance only:
+    `correlated_lines` is the number of neighbouring lines per independent value, `additive` the share `(n, m)` of
+    additive noise in each variance, which is independent between entries (by default all of it). The rest is
+    proportional to the FRF, as noise on the force, and may be correlated between the responses to one excitation; the
+    correlation is estimated from the residuals.
     """
 
     model: PoleModel
@@ -185,16 +159,8 @@ class PoleProblem:
     ) -> PoleFit:
         """Return the result of a Levenberg-Marquardt search from these poles; the background alone without poles.
 
-        Parameters
-        ----------
-        start : ndarray
-            `(M,)` first poles.
-        low, high : ndarray, optional
-            `(M,)` bounds of the real and of the imaginary parts.
-        tolerance : float, optional
-            Smallest expected relative decrease of the sum of squares by a step.
-        steps : int, optional
-            Most evaluations.
+        The bounds `low` and `high` are those of real and imaginary parts. The search ends if the expected relative
+        decrease of the sum of squares by a step is below the tolerance, or after a number of evaluations.
         """
         count = start.size
         groups = self._groups()

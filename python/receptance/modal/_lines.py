@@ -25,14 +25,10 @@ class Lines:
     ----------
     frf : FRF
         The FRF on these lines.
-    frequency_hz : ndarray
-        `(n,)` real.
-    s : ndarray
-        `(n,)` complex, i (w - i sigma), to the right of the imaginary axis under an exponential window.
+    frequency_hz, s : ndarray
+        `(n,)` real lines, and complex ones i (w - i sigma), to the right of the imaginary axis under a window.
     values : ndarray
-        `(n, m)` in the measured form, in which the noise is simplest.
-    power : int
-        The receptance times s to this power is the measured form.
+        `(n, m)` in the measured form, in which the noise is simplest: the receptance times s to the `power`.
     relative : ndarray or None
         `(n, m)` standard deviation of real and imaginary part of the logarithm; may be infinite.
     freedom : float
@@ -96,13 +92,7 @@ class Lines:
 
 
 def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int) -> Lines:
-    """Return the usable lines between two frequencies, both included, without 0 Hz.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Not an FRF, an invalid band, or fewer than `least` lines in it.
-    """
+    """Return the usable lines between two frequencies, both included, without 0 Hz; at least `least` or raise."""
     from receptance.frf import FRF
 
     if not isinstance(frf, FRF):
@@ -130,31 +120,6 @@ def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | No
     # Averaging over lines adds no degrees of freedom, because the variances of the lines are pooled.
     freedom = float("inf") if part.degrees_of_freedom is None else float(np.median(part.degrees_of_freedom))
     return Lines(part, lines, s, values, FORMS.index(part.form), relative, freedom, correlated_lines, notes)
-
-
-def select_lines_of_single_entry(
-    owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int
-) -> tuple[Lines, NDArray[np.complex128]]:
-    """Return the lines of `select_lines` and the mobility `(n,)` on real lines, with an exponential window as damping.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `select_lines`, and an FRF with several responses or excitations.
-    """
-    lines = select_lines(owner, frf, low_hz, high_hz, least)
-    entries = lines.values.shape[1]
-    if entries != 1:
-        raise ValueError(
-            f"{owner}: the FRF has {entries} entries, expected one response and one excitation; "
-            "select one with frf.select(responses=..., excitations=...), or use fit_modes for all entries"
-        )
-    return lines, mobility(lines)
-
-
-def mobility(lines: Lines) -> NDArray[np.complex128]:
-    """Return the mobility `(n,)` of the only entry on real lines, with an exponential window as part of the damping."""
-    return lines.receptance[:, 0] * (2j * np.pi * lines.frequency_hz)
 
 
 def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:

@@ -40,17 +40,10 @@ _MIN_SEPARATION = 0.1
 
 @dataclass(frozen=True)
 class Poles:
-    """Poles with their bounds.
+    """Poles `(M,)` in rad/s with the bounds of their real and of their imaginary parts.
 
-    Attributes
-    ----------
-    values : ndarray
-        `(M,)` rad/s.
-    low, high : ndarray
-        `(M,)` bounds of the real and of the imaginary parts.
-    role : ndarray
-        `(M,)` number of the given frequency, 0 for all modes if none are given, -1 for background: poles outside the
-        band, and between given frequencies.
+    The role is the number of the given frequency, 0 for all modes if none are given, -1 for background: poles outside
+    the band, and between given frequencies.
     """
 
     values: NDArray[np.complex128]
@@ -95,26 +88,10 @@ class Poles:
 
 @dataclass(frozen=True)
 class ModeSearch:
-    """Search for modes among candidates.
+    """Search for modes among candidates, which are poles in the band in rad/s.
 
-    Attributes
-    ----------
-    lines : Lines
-        The fitted lines.
-    terms : tuple of int
-        Background, see `PoleModel`.
-    scatter : {"absolute", "relative"}
-        Distribution of the noise over the lines if the FRF states no variance.
-    candidates : ndarray
-        Poles in the band in rad/s.
-    highest_damping : float
-        Largest damping ratio of a mode.
-    band_hz : (float, float)
-        First and last line.
-    modes : int, tuple of float, or None
-        Number of modes, or their frequencies in Hz; None for all significant modes.
-    most : int
-        Largest number of modes.
+    `terms` is the background of `PoleModel`, `scatter` the distribution of the noise over the lines if the FRF states
+    no variance. `modes` is their number, or their frequencies in Hz; None for all significant ones, at most `most`.
     """
 
     lines: Lines
@@ -386,19 +363,10 @@ def _problem(lines: Lines, terms: tuple[int, ...], weights: NDArray[np.float64])
 def weights_of(lines: Lines, scatter: Scatter, fit: PoleFit | None, *, smooth: bool = False) -> NDArray[np.float64]:
     """Return the inverse standard deviations `(n, m)` of real and imaginary part of each value.
 
-    If the FRF states no variance, the weights of an entry follow from its residuals, and only the ratio of the weights
-    of different entries is meaningful. Without a fit, all entries have equal weight relative to their magnitude.
-
-    Parameters
-    ----------
-    lines : Lines
-        The values.
-    scatter : {"absolute", "relative"}
-        Scatter if it is not stated: equal on all lines, or proportional to the magnitude.
-    fit : PoleFit or None
-        The previous fit.
-    smooth : bool, optional
-        Whether magnitudes are averaged with those of the fit, so that lines reduced by noise do not weigh too much.
+    If the FRF states no variance, the scatter is equal on all lines, or proportional to the magnitude; the weights of
+    an entry then follow from the residuals of the previous fit, and only the ratio of the weights of different entries
+    is meaningful. Without a fit, all entries have equal weight relative to their magnitude. With `smooth` magnitudes
+    are averaged with those of the fit, so that lines reduced by noise do not weigh too much.
     """
     size = np.abs(lines.values)
     level = np.sqrt(np.mean(size**2, axis=0))

@@ -13,8 +13,6 @@ from receptance.frf.variance import interval_factor
 if TYPE_CHECKING:
     from receptance.modal._least_squares import PoleFit
 
-__all__ = ["ModeEstimate"]
-
 Method = Literal["peak", "half-power", "circle", "global"]
 
 
@@ -112,12 +110,7 @@ def modal_values(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return natural frequencies in Hz, damping ratios, and their joint covariance, frequencies first.
 
-    Parameters
-    ----------
-    poles : ndarray
-        `(M,)` complex, rad/s.
-    covariance : ndarray
-        `(2M, 2M)` covariance of the real, then the imaginary parts.
+    The covariance `(2M, 2M)` of the `(M,)` poles in rad/s is that of the real, then the imaginary parts.
     """
     size = np.abs(poles)
     frequency, damping = size / (2.0 * np.pi), -poles.real / size
@@ -153,12 +146,7 @@ def joint_with_residue(fit: PoleFit, mode: int, entry: int) -> NDArray[np.float6
 def constants(pole: complex, residue: complex, covariance: NDArray[np.float64]) -> tuple[complex, complex]:
     """Return the modal constant C = 2 i w_d A and the standard errors of its real and imaginary part.
 
-    Parameters
-    ----------
-    pole, residue : complex
-        Pole and residue A of the mode.
-    covariance : ndarray
-        `(3, 3)` covariance of the real part of A, its imaginary part and w_d.
+    The covariance `(3, 3)` is that of the real part of the residue A, its imaginary part and w_d.
     """
     w = pole.imag
     value = 2j * w * residue

@@ -1,4 +1,4 @@
-"""Figures of modal estimates: a global fit, and a ring-down."""
+"""Figure of a global modal fit."""
 
 from __future__ import annotations
 
@@ -26,36 +26,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.modal import ModalFit, RingDown
+    from receptance.modal import ModalFit
 
-__all__ = ["draw_modal_fit", "draw_ring_down"]
-
+Curve = tuple["NDArray[np.float64]", "NDArray[np.complex128]"]
+"""Lines, and the fit on them in the form of the FRF."""
 _LABEL_WIDTH = 0.04
 """Least distance of the labels of two modes, as a share of the band."""
 
 
 def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax: Axes | None = None) -> Figure:
-    """Draw measured and fitted values of one entry, its residuals, and the poles among their candidates.
-
-    Parameters
-    ----------
-    fit : ModalFit
-        The fit.
-    response, excitation : int, optional
-        The entry.
-    ax : Axes, optional
-        As in `Result.plot`.
-    """
+    """Draw measured and fitted values of one entry, its residuals, and the poles among their candidates."""
     figure = surface(ax, 11.0, 7.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0), width_ratios=(1.45, 1.0))
     magnitude = figure.add_subplot(grid[0, 0])
     phase = figure.add_subplot(grid[1, 0], sharex=magnitude)
     poles = figure.add_subplot(grid[0, 1])
     plane = figure.add_subplot(grid[1, 1])
-    _draw_magnitude(magnitude, fit, response, excitation)
-    _draw_phase(phase, fit, response, excitation)
+    curve = _curve(fit, response, excitation)
+    _draw_magnitude(magnitude, fit, response, excitation, curve)
+    _draw_phase(phase, fit, response, excitation, curve)
     _draw_poles(poles, fit)
-    _draw_plane(plane, fit, response, excitation)
+    _draw_plane(plane, fit, response, excitation, curve)
     name = f"{fit.frf.label}: " if fit.frf.label else ""
     low, high = fit.frf.frequency_hz[[0, -1]]
     count = fit.frequency_hz.size
@@ -63,40 +54,13 @@ def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax:
     return finished(figure)
 
 
-def draw_ring_down(decay: RingDown, ax: Axes | None = None) -> Figure:
-    """Draw natural frequency and damping of a mode against its amplitude, with 95 % intervals."""
-    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
-
-    figure = surface(ax, 10.0, 4.4)
-    left, right = figure.subplots(1, 2)
-    set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
-    set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
-    panels = (
-        (left, decay.frequency_hz, decay.frequency_interval_hz(), 1.0),
-        (right, decay.damping_ratio, decay.damping_interval(), 100.0),
-    )
-    # Labels of more ticks would overlap.
-    decades = np.log10(decay.amplitude.max() / decay.amplitude.min())
-    ticks = range(1, 10) if decades < 1.0 else (1, 2, 5) if decades < 2.5 else (1,)
-    for axes, values, interval, scale in panels:
-        errors = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
-        axes.errorbar(decay.amplitude, scale * values, errors, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(subs=ticks))
-        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.ticklabel_format(axis="y", useOffset=False)
-    title_left(figure, f"Ring-down between {decay.band_hz[0]:g} and {decay.band_hz[1]:g} Hz")
-    return finished(figure)
-
-
-def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
+def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int, curve: Curve) -> None:
     frf = fit.frf
     unit = frf.units[response][excitation].replace("^2", "²")
     set_up(axes, "Measured and fitted", "", f"|{frf.form}| ({unit})")
     measured = frf.values[:, response, excitation]
     residuals = measured - fit.synthesised()[:, response, excitation]
-    lines, fitted = _curve(fit, response, excitation)
+    lines, fitted = curve
     axes.plot(frf.frequency_hz, np.abs(residuals), color=PALE, linewidth=0.8, label="residuals")
     axes.plot(frf.frequency_hz, np.abs(measured), ".", color=COLOURS[0], markersize=4, label="measured")
     axes.plot(lines, np.abs(fitted), color=COLOURS[1], linewidth=1.3, label="fitted")
@@ -110,9 +74,9 @@ def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int) -
     add_legend(axes, ncols=4, loc="upper left")
 
 
-def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
+def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int, curve: Curve) -> None:
     set_up(axes, "", "frequency (Hz)", "phase (°)")
-    lines, fitted = _curve(fit, response, excitation)
+    lines, fitted = curve
     lowest = PHASE_FROM[fit.frf.form]
     measured = phase_line(fit.frf.frequency_hz, fit.frf.values[:, response, excitation], lowest)
     axes.plot(*measured, ".", color=COLOURS[0], markersize=4)
@@ -160,12 +124,12 @@ def _draw_poles(axes: Axes, fit: ModalFit) -> None:
     add_legend(axes, loc="upper left", ncols=2)
 
 
-def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> None:
+def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int, curve: Curve) -> None:
     frf = fit.frf
     kind = FRFKind("mobility", frf.responses[response].direction, frf.excitations[excitation].direction)
     unit = frf_unit(kind)
     set_up(axes, "Mobility in the complex plane", f"real part ({unit})", f"imaginary part ({unit})")
-    lines, fitted = _curve(fit, response, excitation)
+    lines, fitted = curve
     for f, values, style in (
         (frf.frequency_hz, frf.values[:, response, excitation], {"marker": ".", "linestyle": "", "markersize": 4}),
         (lines, fitted, {"linewidth": 1.3}),
@@ -178,7 +142,7 @@ def _draw_plane(axes: Axes, fit: ModalFit, response: int, excitation: int) -> No
     axes.ticklabel_format(style="sci", scilimits=(-2, 3))
 
 
-def _curve(fit: ModalFit, response: int, excitation: int) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _curve(fit: ModalFit, response: int, excitation: int) -> Curve:
     """Return lines dense enough to draw every mode smoothly, and the fit on them in the form of the FRF."""
     f = fit.frf.frequency_hz
     apparent = (fit.frf.decay_rate - fit.poles.real) / (2.0 * np.pi)

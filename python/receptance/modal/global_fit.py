@@ -1,27 +1,23 @@
-"""Global modal fit: all modes of a band with poles common to all entries, by least squares."""
+"""Global modal fit: all modes of a band with poles common to all entries, from p-LSCF candidates by least squares."""
 
 from __future__ import annotations
 
 import itertools
-import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._peaks import local_maxima
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.modal._lines import Lines, select_lines
-from receptance.modal._pole_candidates import poles_of_bands, reduce_references, stabilisation, stable_poles
 from receptance.modal._selection import ModeSearch, Scatter, refine, weights_of
 from receptance.modal.modal_fit import ModalFit, make_modal_fit
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
-
-__all__ = ["fit_modes"]
 
 Background = Literal["both", "above", "below", "none"]
 _TERMS: dict[Background, tuple[int, ...]] = {
@@ -123,10 +119,8 @@ def fit_modes(
     ['200.0 Hz, 1.0 %', '202.0 Hz, 1.0 %']
     """
     owner = "fit_modes"
-    if background not in get_args(Background):
-        raise ValueError(f"{owner}: background is {background!r}, expected one of {', '.join(get_args(Background))}")
-    if scatter not in get_args(Scatter):
-        raise ValueError(f"{owner}: scatter is {scatter!r}, expected one of {', '.join(get_args(Scatter))}")
+    _checks.one_of(owner, "background", background, Background)
+    _checks.one_of(owner, "scatter", scatter, Scatter)
     highest_damping = _checks.positive(owner, "highest_damping", highest_damping)
     requested = _checked_modes(owner, modes)
     _checks.whole_number(owner, "order", order)
@@ -141,8 +135,10 @@ def fit_modes(
             f"{owner}: {count} modes in {lines.frequency_hz.size} lines between {lines.frequency_hz[0]:g} and "
             f"{lines.frequency_hz[-1]:g} Hz: the lines suffice for at most {max(most, 0)}"
         )
-    if requested is not None and not isinstance(requested, int):
-        _check_inside(owner, requested, lines)
+    low, high = lines.frequency_hz[0], lines.frequency_hz[-1]
+    for index, value in enumerate(requested if isinstance(requested, tuple) else ()):
+        if not low < value < high:
+            raise ValueError(f"{owner}: modes[{index}] is {value:g} Hz, outside the lines from {low:g} to {high:g} Hz")
 
     thin = lines.thinned(_MAX_SEARCH_LINES)
     shape = np.asarray(lines.frf.values).shape
@@ -163,7 +159,7 @@ def fit_modes(
         )
     result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested)
     for text in warned:
-        warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
+        warn_user(f"{owner}: {text}")
     return result
 
 
@@ -182,13 +178,6 @@ def _checked_modes(owner: str, modes: Any) -> int | tuple[float, ...] | None:
     if any(second <= first for first, second in itertools.pairwise(frequencies)):
         raise ValueError(f"{owner}: modes is {list(frequencies)}, expected ascending frequencies in Hz")
     return frequencies
-
-
-def _check_inside(owner: str, requested: tuple[float, ...], lines: Lines) -> None:
-    low, high = lines.frequency_hz[0], lines.frequency_hz[-1]
-    for index, value in enumerate(requested):
-        if not low < value < high:
-            raise ValueError(f"{owner}: modes[{index}] is {value:g} Hz, outside the lines from {low:g} to {high:g} Hz")
 
 
 def _candidates(poles_hz: NDArray[np.complex128], lines: Lines, highest_damping: float) -> NDArray[np.complex128]:
@@ -223,3 +212,133 @@ def _poles_at_peaks(lines: Lines) -> NDArray[np.complex128]:
     shift = -0.5 * b / c
     width = np.sqrt(np.maximum(1.0 / power[peaks] / c - shift**2, (0.1 * (right - left)) ** 2))
     return np.asarray(f[peaks] + shift + 1j * width)
+
+
+_CIRCLE_SHARE = 0.9
+"""Share of the unit circle onto which the band is mapped; the rest separates its ends."""
+_MAX_REFERENCES = 3
+"""Most columns of the denominator; further ones are combined by singular vectors."""
+_STABLE_DISTANCE = 0.3
+"""Largest distance of stable poles of successive orders, relative to the decay rate."""
+_MIN_ORDERS = 3
+"""Least number of orders of a stable pole."""
+_PART_LINES, _PART_ORDER = 120, 20
+"""Least number of lines of a part of the band, and its highest order."""
+
+
+def stabilisation(
+    frequency_hz: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    weights: NDArray[np.float64],
+    order: int,
+) -> list[NDArray[np.complex128]]:
+    """Return the poles of the denominators of all orders up to `order`, as complex frequencies in Hz.
+
+    The band is mapped to the unit circle, z = exp(i angle). H A = B, with polynomials in 1/z with complex coefficients:
+    B has a row for each response, A is square with the number of excitations. With one excitation A is the common
+    denominator (Verboven, Ph. D. thesis, Vrije Universiteit Brussel 2002, sect. 5.3; Guillaume et al., IMAC 21, 2003).
+    The coefficient of the highest order is fixed, so that poles of noise tend to be unstable and are removed.
+
+    Products of two powers depend on their difference only, so that the normal equations follow from sums over the lines
+    for 2 `order` + 1 differences: the time is proportional to the lines times the entries.
+
+    The values are an FRF `(n, n_out, n_in)` in any form on real lines `(n,)` in any spacing, with few excitations (see
+    `reduce_references`), the weights `(n, n_out)`. Returned are, for each order from 1, the poles in the upper
+    half-plane: their real part is the damped natural frequency, their imaginary part the decay rate over 2 pi,
+    including that of a window.
+    """
+    low, high = frequency_hz[0], frequency_hz[-1]
+    rate = 2.0 * np.pi * _CIRCLE_SHARE / (high - low)
+    references, steps = values.shape[2], order + 1
+    turns = np.exp(-1j * rate * (frequency_hz - low)[:, None] * np.arange(-order, order + 1))
+    difference = np.arange(steps) - np.arange(steps)[:, None] + order
+    normal = np.zeros((steps, references, steps, references), dtype=np.complex128)
+    for response in range(values.shape[1]):
+        square = weights[:, response, None] ** 2
+        entries = values[:, response]
+        weighted = square * entries
+        products = entries.conj()[:, :, None] * weighted[:, None, :]
+        sums = turns.T @ np.concatenate([square, weighted, products.reshape(len(entries), -1)], axis=1)
+        numerator = sums[difference, 0]
+        response_products = sums[difference, 1 : 1 + references].reshape(steps, -1)
+        solution = np.linalg.lstsq(numerator, response_products, rcond=1e-14)[0]
+        entry_products = sums[difference, 1 + references :].reshape(steps, steps, references, references)
+        explained = (response_products.conj().T @ solution).reshape(steps, references, steps, references)
+        normal += entry_products.transpose(0, 2, 1, 3) - explained
+    flat = normal.reshape(steps * references, -1)
+    orders = []
+    for size in range(1, steps):
+        last = size * references
+        coefficients = np.linalg.lstsq(flat[:last, :last], -flat[:last, last : last + references], rcond=None)[0]
+        # The companion matrix of A_0 + A_1 z + ... + z^size.
+        companion = np.zeros((last, last), dtype=np.complex128)
+        companion[:-references, references:] = np.eye(last - references)
+        for power in range(size):
+            part = slice(power * references, (power + 1) * references)
+            companion[-references:, part] = -coefficients[part]
+        roots = np.linalg.eigvals(companion)
+        roots = roots[np.abs(roots) > 1e-12]
+        # 1/z = exp(-i angle) at the pole, with the angle between 0 and a full turn.
+        angle = 1j * np.log(roots)
+        angle = np.mod(angle.real, 2.0 * np.pi) + 1j * angle.imag
+        poles = low + angle / rate
+        orders.append(poles[(poles.imag > 0.0) & (poles.real <= high)])
+    return orders
+
+
+def reduce_references(
+    values: NDArray[np.complex128], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """Return responses by references of an FRF for `stabilisation`, and weights per response.
+
+    Values and weights `(n, n_out, n_in)` are transposed if there are more excitations than responses, which have the
+    same poles.
+    """
+    if values.shape[2] > values.shape[1]:
+        values, weights = values.transpose(0, 2, 1), weights.transpose(0, 2, 1)
+    # One weight for a row of H A = B.
+    common = np.exp(np.mean(np.log(np.maximum(weights, np.finfo(np.float64).tiny)), axis=2))
+    if values.shape[2] > _MAX_REFERENCES:
+        scaled = values * common[:, :, None]
+        gram = np.einsum("noi,noj->ij", scaled.conj(), scaled)
+        values = values @ np.linalg.eigh(gram)[1][:, -_MAX_REFERENCES:]
+    return values, common
+
+
+def stable_poles(orders: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+    """Return the poles that occur at several orders, without repetition, from the highest of these orders."""
+    kept: list[complex] = []
+    counts: list[int] = []
+    for poles, lower in zip(orders[:0:-1], orders[-2::-1], strict=True):
+        if not lower.size:
+            continue
+        for pole in poles[np.min(np.abs(poles[:, None] - lower), axis=1) <= _STABLE_DISTANCE * poles.imag]:
+            near = np.abs(np.array(kept) - pole) <= _STABLE_DISTANCE * pole.imag if kept else np.zeros(0, dtype=bool)
+            if near.any():
+                counts[int(np.flatnonzero(near)[0])] += 1
+            else:
+                kept.append(complex(pole))
+                counts.append(1)
+    return np.array(
+        [pole for pole, count in zip(kept, counts, strict=True) if count >= _MIN_ORDERS], dtype=np.complex128
+    )
+
+
+def poles_of_bands(
+    frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], weights: NDArray[np.float64]
+) -> list[NDArray[np.complex128]]:
+    """Return the stable poles of overlapping parts of the band, with successively a quarter of the width.
+
+    Narrow or weakly excited modes are resolved by a polynomial over a part of the band, but not by one over all of it.
+    """
+    stable = []
+    lines = frequency_hz.size // 4
+    while lines >= _PART_LINES:
+        for first in range(0, frequency_hz.size - lines // 2, lines // 2):
+            part = slice(first, min(first + lines, frequency_hz.size))
+            poles = stable_poles(stabilisation(frequency_hz[part], values[part], weights[part], _PART_ORDER))
+            # Poles at the ends belong to the next part.
+            inside = poles.real - frequency_hz[part][0], frequency_hz[part][-1] - poles.real
+            stable.append(poles[np.minimum(*inside) > 0.02 * (inside[0] + inside[1])])
+        lines //= 4
+    return stable

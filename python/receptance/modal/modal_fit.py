@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from receptance.modal._least_squares import PoleFit
     from receptance.modal._lines import Lines
 
-__all__ = ["ModalFit"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ModalFit(Result):
@@ -260,7 +258,11 @@ def make_modal_fit(
         *_missing_mode_warnings(frequency, lines, requested),
         *_validity_warnings(fit, frequency, damping, errors[count:]),
     ]
-    notes += [*warned, *_resolution_notes(frequency, decay, lines), *_further_mode_notes(fit.poles[~modes], lines)]
+    notes += [*warned, *_resolution_notes(frequency, decay, lines)]
+    further = np.sort(np.abs(fit.poles[~modes]) / (2.0 * np.pi))
+    inside = [f"{hz:.6g}" for hz in further if lines.frequency_hz[0] <= hz <= lines.frequency_hz[-1]]
+    if inside:
+        notes.append(f"the band contains further modes, fitted as background: {', '.join(inside)} Hz")
     result = ModalFit(
         frequency_hz=frequency,
         frequency_standard_error_hz=errors[:count],
@@ -401,14 +403,6 @@ def _validity_warnings(
         if z <= 0.0:
             messages.append(f"the damping ratio of the mode at {f:.6g} Hz is {z:.2g} +- {error:.1g}, not above zero")
     return messages
-
-
-def _further_mode_notes(poles: NDArray[np.complex128], lines: Lines) -> list[str]:
-    f = np.sort(np.abs(poles) / (2.0 * np.pi))
-    inside = [f"{hz:.6g}" for hz in f if lines.frequency_hz[0] <= hz <= lines.frequency_hz[-1]]
-    if not inside:
-        return []
-    return [f"the band contains further modes, fitted as background: {', '.join(inside)} Hz"]
 
 
 def _resolution_notes(frequency: NDArray[np.float64], decay: NDArray[np.float64], lines: Lines) -> list[str]:

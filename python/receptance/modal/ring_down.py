@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.modal.estimate import intervals
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.figure import COLOURS, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["RingDown", "ring_down"]
 
 TAPS_PER_WIDTH = 4.0
 """Length of the filter times the width of the band: half of the amplitude passes at the ends of the band."""
@@ -34,20 +32,8 @@ _KAISER_BETA = 8.0
 class Demodulation:
     """Complex amplitude z(t) of a band, whose part of the record is Re z exp(2 pi i middle t).
 
-    Attributes
-    ----------
-    time_s : ndarray
-        `(k,)` evenly spaced.
-    log : ndarray
-        `(k,)` complex log z, with unwrapped phase.
-    middle_hz, width_hz : float
-        Middle and width of the band.
-    taps : ndarray
-        Coefficients of the filter.
-    sample_rate_hz : float
-        Sample rate of the record.
-    correlation : ndarray
-        Correlation of filtered white noise at 0, 1, 2, ... steps of `time_s`.
+    `log` `(k,)` is complex log z with unwrapped phase, at evenly spaced times `(k,)`; `taps` are the coefficients of
+    the filter, `correlation` that of filtered white noise at 0, 1, 2, ... steps of `time_s`.
     """
 
     time_s: NDArray[np.float64]
@@ -72,22 +58,6 @@ class Demodulation:
         """Return the log of the gain of the filter for exp(slope t)."""
         taps_from_middle = np.arange(self.taps.size) - 0.5 * (self.taps.size - 1)
         return complex(np.log(np.sum(self.taps * np.exp(-slope * taps_from_middle / self.sample_rate_hz))))
-
-
-@dataclass(frozen=True)
-class Block:
-    """Estimates of one block of time."""
-
-    time_s: float
-    duration_s: float
-    amplitude: float
-    amplitude_standard_error: float
-    frequency_hz: float
-    frequency_standard_error_hz: float
-    damping_ratio: float
-    damping_standard_error: float
-    relative_scatter: float
-    degrees_of_freedom: float
 
 
 def demodulate(
@@ -130,8 +100,8 @@ def split_blocks(signal: Demodulation, count: int) -> list[slice]:
     return [slice(first, last) for first, last in itertools.pairwise([0, *edges.tolist(), time.size])]
 
 
-def fit_block(signal: Demodulation, part: slice) -> Block:
-    """Fit a quadratic to the log of the complex amplitude, weighted by the squared amplitude."""
+def fit_block(signal: Demodulation, part: slice) -> dict[str, float]:
+    """Return the values of a block in `RingDown`: a quadratic in the log amplitude, weighted by its square."""
     from scipy.linalg import matmul_toeplitz
 
     time, log = signal.time_s[part], signal.log[part]
@@ -162,18 +132,18 @@ def fit_block(signal: Demodulation, part: slice) -> Block:
     natural = float(np.hypot(decay, damped))
     error = float(np.sqrt(covariance[1, 1])) / half_length
     amplitude = float(np.exp(value.real - signal.log_gain(slope).real))
-    return Block(
-        time_s=middle,
-        duration_s=float(time[-1] - time[0]) + signal.step_s,
-        amplitude=amplitude,
-        amplitude_standard_error=amplitude * float(np.sqrt(covariance[0, 0])),
-        frequency_hz=natural / (2.0 * np.pi),
-        frequency_standard_error_hz=error / (2.0 * np.pi),
-        damping_ratio=decay / natural,
-        damping_standard_error=error / natural,
-        relative_scatter=float(np.sqrt(variance) / np.exp(value.real)),
-        degrees_of_freedom=2.0 * residual_freedom**2 / square,
-    )
+    return {
+        "time_s": middle,
+        "duration_s": float(time[-1] - time[0]) + signal.step_s,
+        "amplitude": amplitude,
+        "amplitude_standard_error": amplitude * float(np.sqrt(covariance[0, 0])),
+        "frequency_hz": natural / (2.0 * np.pi),
+        "frequency_standard_error_hz": error / (2.0 * np.pi),
+        "damping_ratio": decay / natural,
+        "damping_standard_error": error / natural,
+        "relative_scatter": float(np.sqrt(variance) / np.exp(value.real)),
+        "degrees_of_freedom": 2.0 * residual_freedom**2 / square,
+    }
 
 
 _MAX_BLOCKS = 40
@@ -281,10 +251,30 @@ class RingDown(Result):
         return {name: getattr(self, name) for name in names}
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw natural frequency and damping against amplitude; see `Result.plot`."""
-        from receptance.modal.figure import draw_ring_down
+        """Draw natural frequency and damping against amplitude, with 95 % intervals; see `Result.plot`."""
+        from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-        return draw_ring_down(self, ax)
+        figure = surface(ax, 10.0, 4.4)
+        left, right = figure.subplots(1, 2)
+        set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
+        set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
+        panels = (
+            (left, self.frequency_hz, self.frequency_interval_hz(), 1.0),
+            (right, self.damping_ratio, self.damping_interval(), 100.0),
+        )
+        # Labels of more ticks would overlap.
+        decades = np.log10(self.amplitude.max() / self.amplitude.min())
+        ticks = range(1, 10) if decades < 1.0 else (1, 2, 5) if decades < 2.5 else (1,)
+        for axes, values, interval, scale in panels:
+            errors = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
+            axes.errorbar(self.amplitude, scale * values, errors, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
+            axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=ticks))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_locator(NullLocator())
+            axes.ticklabel_format(axis="y", useOffset=False)
+        title_left(figure, f"Ring-down between {self.band_hz[0]:g} and {self.band_hz[1]:g} Hz")
+        return finished(figure)
 
     def __repr__(self) -> str:
         return (
@@ -367,17 +357,16 @@ def ring_down(
     signal = demodulate(record[first : last + 1], rate, low, high, first / rate)
     signal, notes = _until_scatter(owner, signal)
     fits = [fit_block(signal, part) for part in _blocks(owner, signal, blocks)]
-    if fits[0].relative_scatter > _MAX_INITIAL_SCATTER:
+    initial = fits[0]["relative_scatter"]
+    if initial > _MAX_INITIAL_SCATTER:
         text = (
-            f"{100.0 * fits[0].relative_scatter:.2g} % of the amplitude at the start of the decay is not that of a "
+            f"{100.0 * fits[0]['relative_scatter']:.2g} % of the amplitude at the start of the decay is not that of a "
             f"single decaying mode between {low:g} and {high:g} Hz: there is another mode in the band, or the hit; "
             "narrow the band or start later"
         )
-        warnings.warn(f"{owner}: {text}", ReceptanceWarning, stacklevel=2)
+        warn_user(f"{owner}: {text}")
         notes.append(text)
-    columns: dict[str, Any] = {
-        column.name: np.array([getattr(fit, column.name) for fit in fits]) for column in fields(Block)
-    }
+    columns: dict[str, Any] = {name: np.array([fit[name] for fit in fits]) for name in fits[0]}
     return RingDown(**columns, band_hz=(low, high), notes=tuple(notes))
 
 
@@ -436,7 +425,7 @@ def _until_scatter(owner: str, signal: Demodulation) -> tuple[Demodulation, list
             "the band"
         )
     noisy = [
-        fit_block(signal, slice(first, first + size)).relative_scatter > _MAX_SCATTER
+        fit_block(signal, slice(first, first + size))["relative_scatter"] > _MAX_SCATTER
         for first in range(0, signal.time_s.size - size + 1, size)
     ]
     # A single block may be a disturbance; two in succession are the end.

@@ -8,9 +8,8 @@ if TYPE_CHECKING:
     from receptance.spindle.crossed import CrossedSpindle, identify_crossed_spindle
     from receptance.spindle.differences import rotations
     from receptance.spindle.files import read_spindle, write_spindle
-    from receptance.spindle.identify import identify_spindle
     from receptance.spindle.modes import SpindleModes, fit_spindle, mode_tolerances
-    from receptance.spindle.receptance import SpindleReceptance
+    from receptance.spindle.receptance import SpindleReceptance, identify_spindle
 
 __all__ = [
     "CrossedSpindle",
@@ -29,9 +28,8 @@ _NAMES = {
     "crossed": ["CrossedSpindle", "identify_crossed_spindle"],
     "differences": ["rotations"],
     "files": ["read_spindle", "write_spindle"],
-    "identify": ["identify_spindle"],
     "modes": ["SpindleModes", "fit_spindle", "mode_tolerances"],
-    "receptance": ["SpindleReceptance"],
+    "receptance": ["SpindleReceptance", "identify_spindle"],
 }
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import MeasuredFRF
     from receptance.model.assembly import Assembly
 
-__all__ = ["blank_equations", "check_bands", "check_blanks", "plane_of"]
-
 
 def plane_of(assembly: Assembly) -> tuple[Coordinate, Coordinate]:
     """Return the coordinates y and theta at the connection plane, the far end of the last part."""
@@ -40,37 +38,15 @@ def check_blanks(observed: tuple[MeasuredFRF, ...]) -> None:
             raise ValueError(f"{owner}: its assembly has the ground spring {grounded[0]!r}, expected a free blank")
 
 
-def check_bands(observed: tuple[MeasuredFRF, ...]) -> None:
-    """Raise `ValueError` if the bands of the observations have no common part."""
-    starts = [observation.frequency_hz[0].real for observation in observed]
-    ends = [observation.frequency_hz[-1].real for observation in observed]
-    first, last = int(np.argmin(ends)), int(np.argmax(starts))
-    if starts[last] > ends[first]:
-        raise ValueError(
-            f"the bands do not overlap: {observed[first]!r} and {observed[last]!r}; each line needs "
-            "all observations, so measure every blank in the same band"
-        )
-
-
 def blank_equations(
     observed: tuple[MeasuredFRF, ...], lines: NDArray[Any], rows: list[NDArray[np.intp]], threads: int | None
 ) -> Equations:
     """Return the equations for the receptance of the spindle, which have the form of those of a joint.
 
-    The force in a rigid joint corresponds to the receptance between the connection plane and a coordinate of the free
-    blank (with opposite sign for the response), the dynamic stiffness to the receptance at the plane. Each distinct
-    blank is evaluated once, at all its coordinates.
-
-    Parameters
-    ----------
-    observed : tuple of MeasuredFRF
-        Responses of the blanks in the spindle; their assemblies are the free blanks.
-    lines : ndarray
-        `(n,)` common lines in Hz.
-    rows : list of ndarray
-        Index of these lines in each observation.
-    threads : int or None
-        As in `Assembly.receptance`.
+    The assemblies of the observations are the free blanks; `rows` are the indices of the common lines `(n,)` in each
+    observation. The force in a rigid joint corresponds to the receptance between the connection plane and a coordinate
+    of the free blank (with opposite sign for the response), the dynamic stiffness to the receptance at the plane. Each
+    distinct blank is evaluated once, at all its coordinates.
     """
     count = len(observed)
     free = np.empty((lines.size, count), dtype=np.complex128)

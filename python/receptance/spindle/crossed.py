@@ -13,12 +13,10 @@ from receptance import _checks
 from receptance.identification.common_lines import check_observations, common_lines
 from receptance.identification.observations import MeasuredFRF
 from receptance.model.coordinates import Coordinate
-from receptance.spindle.blanks import blank_equations, check_bands, check_blanks, plane_of
+from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
-
-__all__ = ["CrossedSpindle", "identify_crossed_spindle"]
 
 _AXES = ("xx", "yy", "xy", "yx")
 # Unknowns of X = (G + Y)^-1 over (x, theta_x, y, theta_y): three in each plane, four between the planes.
@@ -182,7 +180,6 @@ def _checked(
     pairs = [(axis, observation) for axis, item in observations.items() for observation in check_observations(item)]
     observed = tuple(observation for _, observation in pairs)
     check_blanks(observed)
-    check_bands(observed)
     if any(observation.assembly != observed[0].assembly for observation in observed):
         raise ValueError("the observations have different assemblies, expected one blank")
     return [axis for axis, _ in pairs], observed

@@ -18,8 +18,6 @@ from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 if TYPE_CHECKING:
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["rotations"]
-
 _TERMS = ("y/F", "theta/F", "theta/M")
 _SAME = 1e-6
 """Largest relative difference of two equal distances."""
@@ -89,7 +87,10 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
     errors = _truncation(observed, rows, lines, points, weights) if truncation else np.zeros((3, lines.size))
     result = []
     for name, combination, error, (response, excitation) in zip(_TERMS, combinations, errors, sides, strict=True):
-        value, variance = _combined(combination, pairs)
+        value, variance = np.asarray(0.0), np.asarray(0.0)
+        for (i, j), (pair_value, pair_variance) in pairs.items():
+            share = combination[i, j] if i == j else combination[i, j] + combination[j, i]
+            value, variance = value + share * pair_value, variance + share**2 * pair_variance
         noise, error = np.sqrt(variance) / np.abs(value), error / np.abs(value)
         result.append(
             MeasuredFRF(
@@ -167,12 +168,3 @@ def _pairs(
         values, variances = zip(*measured[i, j], strict=True)
         result[i, j] = sum(values) / len(values), sum(variances) / len(variances) ** 2
     return result
-
-
-def _combined(combination: NDArray[np.float64], pairs: dict[tuple[int, int], Pair]) -> Pair:
-    """Return a linear combination of receptances and its variance."""
-    value, variance = np.asarray(0.0), np.asarray(0.0)
-    for (i, j), (receptance, pair_variance) in pairs.items():
-        share = combination[i, j] if i == j else combination[i, j] + combination[j, i]
-        value, variance = value + share * receptance, variance + share**2 * pair_variance
-    return value, variance

@@ -9,17 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receptance._files import read_whole, write_whole
 from receptance.frf import FRF
-from receptance.io.npz import arrays_in
+from receptance.io.arrays import arrays_in
 from receptance.model.terminals import ENTRIES, MeasuredPart
 
 if TYPE_CHECKING:
     from receptance.spindle.receptance import SpindleReceptance
-
-__all__ = ["read_spindle", "write_spindle"]
 
 _FORMAT = "receptance spindle 1"
 _REQUIRED = ("frequency_hz", "matrix", "decay_rate")
@@ -94,8 +91,9 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
     """
     source = Path(path)
     try:
-        arrays = _spindle_arrays(source)
-        if arrays is not None:
+        # Other files of arrays hold an FRF.
+        arrays = arrays_in(read_whole(source)) if source.suffix.lower() == ".npz" else {}
+        if arrays.get("format") == _FORMAT:
             missing = [array for array in _REQUIRED if array not in arrays]
             if missing:
                 raise ValueError(f"the array {missing[0]!r} of the spindle is missing; write the file again")
@@ -118,14 +116,6 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
     except (ValueError, TypeError, KeyError) as error:
         message = str(error)
         raise ValueError(message if source.name in message else f"{source}: {message}") from error
-
-
-def _spindle_arrays(source: Path) -> dict[str, NDArray[Any]] | None:
-    """Return the arrays of a file that `write_spindle` wrote; None for any other file."""
-    if source.suffix.lower() != ".npz":
-        return None
-    arrays = arrays_in(read_whole(source))
-    return arrays if arrays.get("format") == _FORMAT else None
 
 
 def _with_variance(frf: FRF, name: str) -> MeasuredPart:

@@ -21,8 +21,6 @@ from receptance.spindle.blanks import check_blanks
 if TYPE_CHECKING:
     from receptance.spindle.receptance import SpindleReceptance
 
-__all__ = ["SpindleModes", "fit_spindle", "mode_tolerances"]
-
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
 _HIGHEST_DAMPING = 0.3

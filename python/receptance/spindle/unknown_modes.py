@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import Observation, Unit
     from receptance.identification.problem import Problem
 
-__all__ = ["bounds_of_modes", "start_modes"]
-
 _DAMPING = (1e-3, 0.03, 0.3)
 """Lower bound, start and upper bound of damping ratios."""
 _FREQUENCY = 2.0
@@ -82,24 +80,11 @@ def bounds_of_modes(
     residuals: Mapping[str, float],
     observations: Sequence[MeasuredFRF],
 ) -> list[Unknown]:
-    """Return the numbers of a modal part as unknowns, with bounds and starts from measured FRFs.
+    """Return the numbers of a modal part as unknowns, with bounds and starts from FRFs of assemblies with the part.
 
-    Parameters
-    ----------
-    name : str
-        Name of the modal part in the assemblies.
-    given : sequence of mapping of str to float
-        Known numbers of each mode in SI units, which become starts.
-    residuals : mapping of str to float
-        Residuals at the start.
-    observations : sequence of MeasuredFRF
-        FRFs of assemblies that end with the part.
-
-    Returns
-    -------
-    list of Unknown
-        Frequency, damping ratio, y and theta of each mode, and the residuals. The start of a natural frequency that is
-        not given is one of the lowest peaks of the mean FRF.
+    `given` are known numbers of each mode in SI units, which become starts, as do the residuals. The unknowns are
+    frequency, damping ratio, y and theta of each mode, and the residuals. The start of a natural frequency that is not
+    given is one of the lowest peaks of the mean FRF.
     """
     lines, logarithm = _mean(observations)
     frequencies = _frequencies([mode.get("frequency_hz") for mode in given], lines, logarithm)
@@ -178,15 +163,7 @@ def _frequencies(
 
 @dataclass(frozen=True)
 class _Modes:
-    """The unknowns of one modal part.
-
-    Attributes
-    ----------
-    name : str
-        Name of the part.
-    modes : tuple of dict
-        Of each mode the unknowns by field.
-    """
+    """The unknowns of the modal part `name`: of each mode the unknowns by field."""
 
     name: str
     modes: tuple[dict[str, Unknown], ...]
@@ -221,22 +198,8 @@ def start_modes(
 ) -> list[Unknown]:
     """Return unknowns whose starts are those of a fit in which the modes of a modal part were added one at a time.
 
-    Parameters
-    ----------
-    observations : sequence of MeasuredFRF and MeasuredFrequencies
-        The measurements, all with standard deviations or none.
-    unknowns : sequence of Unknown and Law
-        Unknowns with those of `bounds_of_modes`.
-    name : str
-        Name of the modal part.
-    tolerances : sequence of Tolerance, optional
-        Errors of dimensions and materials.
-    starts : int, optional
-        Number of starts of the fit with the modes that have a peak.
-    seed : int, optional
-        Seed of these starts.
-    threads : int, optional
-        As in `Assembly.receptance`.
+    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is
+    the number of starts, drawn with the seed, of the fit with the modes that have a peak.
     """
     observed = tuple(_thinned(one) for one in observations)
     found = _Modes.among(name, unknowns)
@@ -248,7 +211,9 @@ def start_modes(
         if found.may_grow(index)
         and not any(abs(_start_of(own["frequency_hz"]) - peak) < _SAME_LINE * peak for peak in peaks)
     ]
-    growth = _Growth.of(observed, unknowns, found, tolerances, threads)
+    task = _task(observed, unknowns, tolerances, threads)
+    columns = {name: column for column, name in enumerate(task.variables.names)}
+    growth = _Growth(task, task.problem(), found, columns)
     # A fit that begins with all peaks may have a tool's peak among them; one that begins with a mode has fewer hints.
     after_first = [index for index in range(len(found.modes)) if found.may_grow(index)][1:]
     ends = []
@@ -334,19 +299,6 @@ class _Growth:
     found: _Modes
     columns: Mapping[str, int]
     """Columns of the fitted vector by name of the unknown."""
-
-    @classmethod
-    def of(
-        cls,
-        observed: Sequence[Observation],
-        unknowns: Sequence[Unknown],
-        found: _Modes,
-        tolerances: Sequence[Tolerance],
-        threads: int | None,
-    ) -> _Growth:
-        task = _task(observed, unknowns, tolerances, threads)
-        columns = {name: column for column, name in enumerate(task.variables.names)}
-        return cls(task, task.problem(), found, columns)
 
     def at(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the fitted vector at values by name; the others are at their start."""

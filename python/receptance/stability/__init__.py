@@ -1,19 +1,13 @@
 """Stability of cutting: lobes from receptances, by the mean force and by semi-discretisation."""
 
-from typing import TYPE_CHECKING
-
-from receptance._lazy import lazily
-
-if TYPE_CHECKING:
-    from receptance.stability.cutting import Milling, Turning
-    from receptance.stability.lobes import Lobes, Stability, StableCut, stability_lobes
-    from receptance.stability.semi_discretisation import (
-        floquet_multiplier,
-        semi_discretised_limit,
-        semi_discretised_lobes,
-    )
-    from receptance.stability.tip import TipModes, receptance_draws, receptance_matrix
-    from receptance.stability.zeroth_order import critical_depths
+from receptance.stability.cutting import Milling, Turning
+from receptance.stability.lobes import Lobes, Stability, StableCut, critical_depths, stability_lobes
+from receptance.stability.semi_discretisation import (
+    floquet_multiplier,
+    semi_discretised_limit,
+    semi_discretised_lobes,
+)
+from receptance.stability.tip import TipModes, receptance_draws, receptance_matrix
 
 __all__ = [
     "Lobes",
@@ -30,14 +24,3 @@ __all__ = [
     "semi_discretised_lobes",
     "stability_lobes",
 ]
-
-_NAMES = {
-    "cutting": ["Milling", "Turning"],
-    "lobes": ["Lobes", "Stability", "StableCut", "stability_lobes"],
-    "semi_discretisation": ["floquet_multiplier", "semi_discretised_limit", "semi_discretised_lobes"],
-    "tip": ["TipModes", "receptance_draws", "receptance_matrix"],
-    "zeroth_order": ["critical_depths"],
-}
-
-if not TYPE_CHECKING:  # a type checker is to find misspelt names
-    __getattr__, __dir__ = lazily(__name__, _NAMES)

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from receptance import _checks, units
 from receptance.model.fields import Choice, Count, Element, Number
 
-__all__ = ["Milling", "Turning"]
-
 Feed = Literal["down", "up"]
 
 

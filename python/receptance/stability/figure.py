@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from receptance.stability import Lobes, Stability, StableCut
 
-__all__ = ["draw_lobes", "draw_several_lobes"]
-
 _SPEED = "spindle speed (1000 rpm)"
 _LARGEST_COUNT = 8
 """Largest number of diagrams in a figure."""
@@ -34,20 +32,7 @@ _LABEL_WIDTH, _LABEL_HEIGHT = 0.17, 0.07
 
 
 def draw_lobes(lobes: Lobes, ax: Axes | None = None) -> Figure:
-    """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency.
-
-    Parameters
-    ----------
-    lobes : Lobes
-        The lobes.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw the limit of depth over spindle speed, its band, recommended speeds and the chatter frequency."""
     with_chatter = bool(np.isfinite(lobes.chatter_hz).any())
     figure = surface(ax, 9.0, 5.8 if with_chatter else 4.6)
     rows = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1]) if with_chatter else [figure.subplots()]

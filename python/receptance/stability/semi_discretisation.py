@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
     from receptance.stability.tip import TipModes
 
-__all__ = ["floquet_multiplier", "semi_discretised_limit", "semi_discretised_lobes"]
-
-
 _STEPS_PER_WAVE = 20
 """Steps per period of the highest mode, for errors of the multipliers of about 1e-5."""
 _FEWEST_STEPS, _MOST_STEPS = 24, 2000

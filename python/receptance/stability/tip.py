@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from receptance.modal import ModeEstimate
 
-__all__ = ["TipModes", "receptance_draws", "receptance_matrix"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class TipModes:

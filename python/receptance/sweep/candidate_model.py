@@ -6,10 +6,9 @@ once, and each candidate needs 2 x 2 algebra only. Other parameters are evaluate
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from math import tau
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,8 +20,6 @@ from receptance.model.joints import PointJoint
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
-
-__all__ = ["CandidateModel", "Residual", "candidate_model"]
 
 Residual = Literal["logarithm", "complex"]
 """Residual on each line: weight ln(measured / H), as in fits, or weight (measured - H)."""
@@ -38,7 +35,7 @@ _RIGID = {"k_y": 1e12, "k_theta": 1e9}
 digits."""
 
 
-class CandidateModel(ABC):
+class CandidateModel:
     """An assembly as a function of some parameters, observed between two coordinates on some lines.
 
     Candidates are rows of values in SI units, one column per address. An infeasible candidate (an indefinite joint, a
@@ -57,12 +54,20 @@ class CandidateModel(ABC):
         Number of candidates in one call of the core, which takes less than a second; signals are handled between calls.
     """
 
-    method: ClassVar[str]
-
-    def __init__(self, addresses: tuple[str, ...], lines: int, candidate_s: float) -> None:
-        self.addresses = addresses
-        self.lines = lines
+    def __init__(
+        self,
+        method: Literal["joint", "models"],
+        addresses: tuple[str, ...],
+        core: _core.JointReduction | _core.ModelSweep,
+        nominal: ArrayLike,
+        columns: Sequence[int],
+        threads: int,
+    ) -> None:
+        """Keep the handle of the core, and the columns of the candidates in its rows, whose others are `nominal`."""
+        self.method, self.addresses, self.lines = method, addresses, len(core)
+        candidate_s = _JOINT_S * self.lines if method == "joint" else _MODEL_S + _LINE_S * self.lines
         self.per_call = max(int(_CALL_S / candidate_s), 1)
+        self._core, self._nominal, self._columns, self._threads = core, np.asarray(nominal), columns, threads
 
     def receptance(self, values: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptances `(m, n_freq)` of candidates `(m, p)`."""
@@ -84,8 +89,7 @@ class CandidateModel(ABC):
         `weights` has one value per line, by default 1; with the reciprocal standard deviations of the logarithm the
         result is twice the cost that `identify` minimises.
         """
-        if residual not in ("logarithm", "complex"):
-            raise ValueError(f"residual is {residual!r}, expected 'logarithm' or 'complex'")
+        _checks.one_of("", "residual", residual, Residual)
         rows = self._rows(values)
         target = np.ascontiguousarray(measured, dtype=np.complex128)
         factor = np.ones(self.lines) if weights is None else np.ascontiguousarray(weights, dtype=np.float64)
@@ -94,14 +98,17 @@ class CandidateModel(ABC):
                 raise ValueError(f"{name}: shape is {array.shape}, expected ({self.lines},) finite numbers")
         if residual == "logarithm" and not np.all(target):
             raise ValueError("measured: a receptance of zero has no logarithm")
-        parts = [self._misfit(rows[chunk], target, factor, residual == "logarithm") for chunk in self._chunks(rows)]
+        logarithmic = residual == "logarithm"
+        parts = [
+            self._core.misfit(values, target, factor, logarithmic, self._threads) for _, values in self._calls(rows)
+        ]
         return np.concatenate([np.empty(0), *parts])
 
     def _filled(self, values: ArrayLike, dtype: type[np.complex128] | type[np.float64]) -> NDArray[Any]:
         rows = self._rows(values)
-        out = np.empty((len(rows), self.lines), dtype)
-        for chunk in self._chunks(rows):
-            self._fill(rows[chunk], out[chunk])
+        out: NDArray[Any] = np.empty((len(rows), self.lines), dtype)
+        for chunk, complete in self._calls(rows):
+            self._core.fill(complete, out[chunk], self._threads)
         return out
 
     def _rows(self, values: ArrayLike) -> NDArray[np.float64]:
@@ -115,76 +122,13 @@ class CandidateModel(ABC):
             )
         return rows
 
-    def _chunks(self, rows: NDArray[np.float64]) -> Iterator[slice]:
-        return (slice(first, first + self.per_call) for first in range(0, len(rows), self.per_call))
-
-    @abstractmethod
-    def _fill(self, rows: NDArray[np.float64], out: NDArray[Any]) -> None:
-        """Write receptances, or magnitudes if `out` is real."""
-
-    @abstractmethod
-    def _misfit(
-        self, rows: NDArray[np.float64], measured: NDArray[np.complex128], weights: NDArray[np.float64], logarithm: bool
-    ) -> NDArray[np.float64]:
-        """Return the sums of squares."""
-
-
-class _Joint(CandidateModel):
-    """Candidates that differ in one point joint."""
-
-    method = "joint"
-
-    def __init__(
-        self,
-        assembly: Assembly,
-        joint: str,
-        addresses: tuple[str, ...],
-        lines: NDArray[Any],
-        points: list[Coordinate],
-        threads: int,
-    ) -> None:
-        super().__init__(addresses, lines.size, _JOINT_S * lines.size)
-        fields = PointJoint.columns_of
-        values = [assembly.get(f"{joint}.{field}") for field in fields]
-        stiff: dict[str, Any] = dict(zip(fields, values, strict=True))
-        stiff |= {name: max(_STIFF * stiff[name], bound) for name, bound in _RIGID.items()}
-        self._joint = np.array(values)
-        self._columns = [fields.index(address.split(".", 1)[1]) for address in addresses]
-        self._reduction = assembly.reduced_to_joint(
-            joint, lines, response=points[0], excitation=points[1], at=PointJoint(**stiff), threads=threads
-        )
-        self._threads = threads
-
-    def _joints(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        joints = np.repeat(self._joint[None], len(rows), axis=0)
-        joints[:, self._columns] = rows
-        return joints
-
-    def _fill(self, rows: NDArray[np.float64], out: NDArray[Any]) -> None:
-        self._reduction.fill(self._joints(rows), out, self._threads)
-
-    def _misfit(
-        self, rows: NDArray[np.float64], measured: NDArray[np.complex128], weights: NDArray[np.float64], logarithm: bool
-    ) -> NDArray[np.float64]:
-        return self._reduction.misfit(self._joints(rows), measured, weights, logarithm, self._threads)
-
-
-class _Models(CandidateModel):
-    """Candidates that are evaluated as whole models."""
-
-    method = "models"
-
-    def __init__(self, model: _core.ModelSweep, addresses: tuple[str, ...], threads: int) -> None:
-        super().__init__(addresses, len(model), _MODEL_S + _LINE_S * len(model))
-        self._model, self._threads = model, threads
-
-    def _fill(self, rows: NDArray[np.float64], out: NDArray[Any]) -> None:
-        self._model.fill(rows, out, self._threads)
-
-    def _misfit(
-        self, rows: NDArray[np.float64], measured: NDArray[np.complex128], weights: NDArray[np.float64], logarithm: bool
-    ) -> NDArray[np.float64]:
-        return self._model.misfit(rows, measured, weights, logarithm, self._threads)
+    def _calls(self, rows: NDArray[np.float64]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """Yield the candidates of each call of the core, and its rows."""
+        for first in range(0, len(rows), self.per_call):
+            chunk = slice(first, first + self.per_call)
+            values = np.repeat(self._nominal[None], len(rows[chunk]), axis=0)
+            values[:, self._columns] = rows[chunk]
+            yield chunk, values
 
 
 def candidate_model(
@@ -224,17 +168,19 @@ def candidate_model(
     owner = next(iter(owners))
     reducible = assembly.motion == "bending" and not assembly.flat().rows["slips"]
     if reducible and len(owners) == 1 and type(assembly.elements.get(owner)) is PointJoint:
-        return _Joint(assembly, owner, names, lines, points, count)
+        fields = PointJoint.columns_of
+        nominal = [assembly.get(f"{owner}.{field}") for field in fields]
+        stiff: dict[str, Any] = dict(zip(fields, nominal, strict=True))
+        stiff |= {name: max(_STIFF * stiff[name], bound) for name, bound in _RIGID.items()}
+        reduced = assembly.reduced_to_joint(
+            owner, lines, response=points[0], excitation=points[1], at=PointJoint(**stiff), threads=count
+        )
+        columns = [fields.index(name.split(".", 1)[1]) for name in names]
+        return CandidateModel("joint", names, reduced, nominal, columns, count)
     tied = assembly.tied(names, tuple(points))
-    model = tied.model(_identity_map(len(names)), np.empty((0, 2)))
-    properties = tied.flat.by_line(lines)
-    return _Models(model.sweep(_core.Lines(lines, tau), tied.points, properties), names, count)
-
-
-def _identity_map(count: int) -> NDArray[np.float64]:
-    """Return the map in which each address is a separate unknown, in the form of `_core.Model.tied`."""
-    table = np.zeros((count, 4 + 2 * count))
-    table[:, 0] = np.arange(count)
-    table[:, 1] = 1.0
-    table[:, 2] = -1.0  # no second unknown
-    return table
+    # The map in which each address is a separate unknown, and there is no second one; see `_core.Model.tied`.
+    separate = np.zeros((len(names), 4 + 2 * len(names)))
+    separate[:, :3] = np.stack([np.arange(len(names)), np.ones(len(names)), -np.ones(len(names))], axis=1)
+    model = tied.model(separate, np.empty((0, 2)))
+    core = model.sweep(_core.Lines(lines, tau), tied.points, tied.flat.by_line(lines))
+    return CandidateModel("models", names, core, np.zeros(len(names)), range(len(names)), count)

@@ -8,14 +8,12 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-
-__all__ = ["Candidates", "Distribution", "Grid", "Listed", "Sampled"]
 
 Method = Literal["random", "sobol", "latin hypercube"]
 
@@ -37,11 +35,8 @@ class Candidates(ABC):
 
     addresses: tuple[str, ...]
     """Addresses of the parameters, the columns of `values`."""
-
-    @property
-    @abstractmethod
-    def count(self) -> int:
-        """Number of candidates."""
+    count: int
+    """Number of candidates."""
 
     @abstractmethod
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
@@ -80,16 +75,13 @@ class Grid(Candidates):
     """
 
     addresses: tuple[str, ...]
+    count: int
     axes: tuple[NDArray[np.float64], ...]
 
     def __init__(self, values: Mapping[str, ArrayLike]) -> None:
         axes = _columns("Grid", values)
-        _checks.set_fields(self, {"addresses": tuple(axes), "axes": tuple(axes.values())})
-
-    @property
-    def count(self) -> int:
-        """Number of candidates."""
-        return math.prod(axis.size for axis in self.axes)
+        count = math.prod(axis.size for axis in axes.values())
+        _checks.set_fields(self, {"addresses": tuple(axes), "count": count, "axes": tuple(axes.values())})
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
         """Return candidates `start` to `stop - 1`; see `Candidates`."""
@@ -124,6 +116,7 @@ class Listed(Candidates):
     """
 
     addresses: tuple[str, ...]
+    count: int
     table: NDArray[np.float64]
 
     def __init__(self, values: Mapping[str, ArrayLike]) -> None:
@@ -132,12 +125,8 @@ class Listed(Candidates):
         if len(set(sizes.values())) > 1:
             numbers = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise ValueError(f"Listed: the parameters have different numbers of values: {numbers}; expected the same")
-        _checks.set_fields(self, {"addresses": tuple(columns), "table": np.column_stack(list(columns.values()))})
-
-    @property
-    def count(self) -> int:
-        """Number of candidates."""
-        return len(self.table)
+        table = np.column_stack(list(columns.values()))
+        _checks.set_fields(self, {"addresses": tuple(columns), "count": len(table), "table": table})
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
         """Return candidates `start` to `stop - 1`; see `Candidates`."""
@@ -183,8 +172,8 @@ class Sampled(Candidates):
     """
 
     addresses: tuple[str, ...]
+    count: int
     distributions: tuple[Distribution, ...]
-    number: int
     seed: int
     method: Method
 
@@ -203,29 +192,23 @@ class Sampled(Candidates):
                     f"Sampled: {name} is {distribution!r}, expected a distribution such as scipy.stats.loguniform(1e7, "
                     "1e9)"
                 )
-        number = _checks.whole_number("Sampled", "count", count)
+        count = _checks.whole_number("Sampled", "count", count)
         seed = _checks.whole_number("Sampled", "seed", seed, least=0)
-        if method not in get_args(Method):
-            raise ValueError(f"Sampled: method is {method!r}, expected one of {', '.join(map(repr, get_args(Method)))}")
-        if method == "latin hypercube" and 8 * number * len(by_address) > MOST_BYTES:
+        _checks.one_of("Sampled", "method", method, Method)
+        if method == "latin hypercube" and 8 * count * len(by_address) > MOST_BYTES:
             raise ValueError(
-                f"Sampled: a Latin hypercube of {number:,} candidates of {len(by_address)} parameters takes "
-                f"{8e-9 * number * len(by_address):.1f} GB, expected at most {1e-9 * MOST_BYTES:.1f}; use "
+                f"Sampled: a Latin hypercube of {count:,} candidates of {len(by_address)} parameters takes "
+                f"{8e-9 * count * len(by_address):.1f} GB, expected at most {1e-9 * MOST_BYTES:.1f}; use "
                 "method='sobol'"
             )
         names, values = tuple(by_address), tuple(by_address.values())
-        fields = {"addresses": names, "distributions": values, "number": number, "seed": seed, "method": method}
+        fields = {"addresses": names, "count": count, "distributions": values, "seed": seed, "method": method}
         _checks.set_fields(self, fields)
-
-    @property
-    def count(self) -> int:
-        """Number of candidates."""
-        return self.number
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
         """Return candidates `start` to `stop - 1`; see `Candidates`."""
         if self.method == "latin hypercube":
-            shares = _latin_hypercube(len(self.addresses), self.number, self.seed)[start:stop]
+            shares = _latin_hypercube(len(self.addresses), self.count, self.seed)[start:stop]
         else:
             shares = self._sobol(start, stop) if self.method == "sobol" else self._random(start, stop)
         # The quantiles of 0 and 1 may be infinite.
@@ -245,7 +228,7 @@ class Sampled(Candidates):
         return {
             "kind": "sample",
             "method": self.method,
-            "count": self.number,
+            "count": self.count,
             "seed": self.seed,
             "quantiles": quantiles,
         }

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Chunks", "Lock", "SweepError", "fault", "flush", "renamed"]
-
 
 class SweepError(ValueError):
     """An unsuitable or damaged store, or results that do not fit into memory."""
@@ -75,10 +73,7 @@ def _remove(path: Path) -> None:
 class Lock:
     """An exclusive lock on a store, which the system releases when the process ends.
 
-    Parameters
-    ----------
-    path : Path
-        The store, with symbolic links resolved, so that all paths to a store share one lock.
+    Symbolic links in the path are resolved, so that all paths to a store share one lock.
     """
 
     def __init__(self, path: Path) -> None:
@@ -137,18 +132,10 @@ _LONGEST_QUEUE = 4
 class Chunks:
     """Chunks of a Zarr store, written by a separate thread and checked by checksums.
 
-    A chunk is one file: the values of one block, little-endian, in C order, followed by their checksum (CRC-32C, Zarr's
-    codec `crc32c`). Writing through Zarr needed more processor time than all other steps besides the evaluation.
-    The chunk of `valid` is written last: a block with this chunk is finished, unless a checksum is wrong.
-
-    Parameters
-    ----------
-    path : Path
-        Folder of the Zarr group.
-    layout : mapping of str to (dtype, shape)
-        Data type and shape of one candidate for each array; the last array is `valid`.
-    rows : int
-        Number of candidates in a chunk.
+    A chunk is one file: the values of one block of `rows` candidates, little-endian, in C order, followed by their
+    checksum (CRC-32C, Zarr's codec `crc32c`). Writing through Zarr needed more processor time than all other steps
+    besides the evaluation. The layout is data type and shape of one candidate for each array. The chunk of its last
+    array, `valid`, is written last: a block with this chunk is finished, unless a checksum is wrong.
     """
 
     def __init__(self, path: Path, layout: Mapping[str, tuple[str, tuple[int, ...]]], rows: int) -> None:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure
 
-__all__ = ["draw_misfit"]
-
 _BINS = 30
 """Number of bins for a parameter with more than twice as many values."""
 _LOGARITHMIC = 10.0

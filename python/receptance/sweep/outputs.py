@@ -19,22 +19,11 @@ from receptance.identification.problem import Observed, Unit, residuals_at
 from receptance.identification.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
-from receptance.stability.zeroth_order import limit_over_speed
+from receptance.stability.lobes import checked_lines, checked_speeds, limit_over_speed
 from receptance.sweep.candidate_model import CandidateModel, candidate_model
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
-
-__all__ = [
-    "Evaluated",
-    "Evaluation",
-    "FrequencyResponse",
-    "Misfit",
-    "NaturalFrequencies",
-    "Output",
-    "StableDepth",
-    "Variable",
-]
 
 _LINE_S, _MODES_S = 5e-9, 2e-4
 """Approximate time in s for one line of a joint, and for the natural frequencies of a model."""
@@ -174,8 +163,14 @@ class FrequencyResponse(Output):
             if self.reduce is None:
                 return {self.name: h}, feasible
             reduced = np.full(len(h), np.nan)
-            if feasible.any():
-                reduced[feasible] = _checked_reduction(self, np.asarray(self.reduce(h[feasible])), int(feasible.sum()))
+            if count := int(feasible.sum()):
+                values = np.asarray(self.reduce(h[feasible]))
+                if values.shape != (count,) or values.dtype.kind not in "iufb":
+                    raise ValueError(
+                        f"{self.name}: reduce returned {values.dtype} of shape {values.shape}, expected one real "
+                        f"number for each of {count} candidates"
+                    )
+                reduced[feasible] = values
             return {self.name: reduced}, feasible
 
         return run
@@ -267,19 +262,12 @@ class StableDepth(Output):
     name: str = "stable_depth"
 
     def __post_init__(self) -> None:
-        lines = _checks.frequencies(self.frequency_hz)
-        if lines.dtype.kind == "c" or lines.size < 2:
-            raise ValueError("StableDepth: frequency_hz must be two or more real lines")
-        object.__setattr__(self, "frequency_hz", lines)
+        object.__setattr__(self, "frequency_hz", checked_lines("StableDepth", self.frequency_hz))
         if not isinstance(self.cut, (Milling, Turning)):
             raise TypeError(f"StableDepth: cut is {self.cut!r}, expected Milling or Turning")
-        if self.directions not in ("x", "y", "both"):
-            raise ValueError(f"StableDepth: directions is {self.directions!r}, expected 'x', 'y' or 'both'")
+        _checks.one_of("StableDepth", "directions", self.directions, ("x", "y", "both"))
         if self.speeds_rpm is not None:
-            speeds = np.atleast_1d(np.asarray(self.speeds_rpm, np.float64))
-            if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0.0)).all():
-                raise ValueError("StableDepth: speeds_rpm must be finite and more than zero, one dimension")
-            object.__setattr__(self, "speeds_rpm", speeds)
+            object.__setattr__(self, "speeds_rpm", checked_speeds("StableDepth", self.speeds_rpm))
 
     @property
     def candidate_s(self) -> float:
@@ -341,15 +329,6 @@ def _prepared(
     columns = _columns(assembly, addresses)
     model = candidate_model(assembly, [addresses[i] for i in columns], lines, response, excitation, threads)
     return model, columns
-
-
-def _checked_reduction(output: FrequencyResponse, reduced: NDArray[Any], count: int) -> NDArray[np.float64]:
-    if reduced.shape != (count,) or reduced.dtype.kind not in "iufb":
-        raise ValueError(
-            f"{output.name}: reduce returned {reduced.dtype} of shape {reduced.shape}, expected one real number for "
-            f"each of {count} candidates"
-        )
-    return reduced.astype(np.float64)
 
 
 class Misfit(Output):

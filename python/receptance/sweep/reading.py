@@ -13,22 +13,11 @@ if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest
     from zarr.core.buffer import Buffer, BufferPrototype
 
-__all__ = ["CheckedStore"]
-
 
 class CheckedStore(LocalStore):
     """The folder of a sweep, opened for reading.
 
-    Parameters
-    ----------
-    root : path
-        The store.
-    read_only : bool, optional
-        As in `zarr.storage.LocalStore`.
-    last : str, optional
-        Name of the array whose chunk is written last in each block: without it the block is not finished.
-    blocked : sequence of str, optional
-        Names of the arrays that are written block by block.
+    The arrays `blocked` are written block by block; without the chunk of the array `last` a block is not finished.
     """
 
     def __init__(

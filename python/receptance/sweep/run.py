@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import pickle
 import time
@@ -17,7 +18,7 @@ from receptance import _checks
 from receptance._extras import require
 from receptance.sweep.definition import Block, Definition
 from receptance.sweep.disk import SweepError
-from receptance.sweep.store import destination
+from receptance.sweep.store import Memory, Store
 
 if TYPE_CHECKING:
     import os
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.sweep.candidates import Candidates
     from receptance.sweep.outputs import Output
-
-__all__ = ["PendingBlocks", "SweepProgress", "sweep"]
 
 
 def sweep(
@@ -106,7 +105,9 @@ def sweep(
     require("sweep", "a sweep")
     definition = Definition.of(model, candidates, outputs)
     size = None if block is None else _checks.whole_number("sweep", "block", block)
-    with destination(store, definition, size) as results:
+    results = Memory(definition, size) if store is None else Store(store, definition, size)
+    # Finished blocks are kept in any case.
+    with contextlib.closing(results):
         count, size = candidates.count, results.block
         missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~results.finished).tolist()]
         done = resumed = count - sum(stop - start for _, start, stop in missing)
@@ -226,16 +227,9 @@ def _on_workers(client: Any, definition: Definition, blocks: Sequence[BlockRange
 
 
 class PendingBlocks:
-    """Blocks that are not submitted yet.
+    """Blocks that are not submitted yet, in tasks; `tasks` are submitted at the same time.
 
     Tasks have one block until the duration of a block is known, and again when few blocks are left.
-
-    Parameters
-    ----------
-    blocks : sequence of (int, int, int)
-        Number, first candidate and last candidate plus 1 of each block.
-    tasks : int
-        Number of tasks that are submitted at the same time.
     """
 
     def __init__(self, blocks: Sequence[BlockRange], tasks: int) -> None:

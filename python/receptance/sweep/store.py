@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance._extras import require
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.sweep.candidates import MOST_BYTES
 from receptance.sweep.definition import CANDIDATE, VALID, Definition
 from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from receptance.sweep.outputs import Variable
 
-__all__ = ["Memory", "Store", "as_grid", "destination", "open_sweep"]
-
 _RECORD = "receptance_sweep"
 _FORMAT = 2
 _SAME = 1e-9
@@ -36,15 +34,7 @@ _EXPECTED = "expected a store written by a sweep, or a new name"
 
 
 class Memory:
-    """Results in memory.
-
-    Attributes
-    ----------
-    block : int
-        Number of candidates in a block.
-    finished : ndarray
-        Mask of finished blocks.
-    """
+    """Results in memory, in blocks of `block` candidates; `finished` is the mask of finished blocks."""
 
     def __init__(self, definition: Definition, block: int | None) -> None:
         self._layout = _layout(definition)
@@ -115,11 +105,7 @@ class Store:
         if damaged:
             more = f", and {len(damaged) - 1:,} more" if len(damaged) > 1 else ""
             repeated = _count_in(np.array([i for i, texts in enumerate(faults) if texts]), self.block, count)
-            warnings.warn(
-                f"{self._named}: the chunk {damaged[0]}{more}; {repeated:,} candidates are evaluated again",
-                ReceptanceWarning,
-                stacklevel=5,
-            )
+            warn_user(f"{self._named}: the chunk {damaged[0]}{more}; {repeated:,} candidates are evaluated again")
         finished = np.array([texts == [] for texts in faults], dtype=np.bool_)
         for number in set(np.flatnonzero(finished)[[0, -1]].tolist() if finished.any() else ()):
             self._check_candidates(number)
@@ -220,11 +206,9 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
         results = xr.open_zarr(_checked_store(Path(path), metadata), consolidated=True, chunks=None)
     if unfinished.size:
         missing = _count_in(unfinished, size, count)
-        warnings.warn(
-            f"{path}: {missing:,} of {count:,} candidates are missing: the sweep was not finished; run it "
-            "again with the same store to complete it",
-            ReceptanceWarning,
-            stacklevel=2,
+        warn_user(
+            f"{path}: {missing:,} of {count:,} candidates are missing: the sweep was not finished; run it again with "
+            "the same store to complete it"
         )
     return _labelled(results, metadata)
 
@@ -390,15 +374,3 @@ def _checked(path: Path, definition: Definition, block: int | None) -> int:
             if name in axes:
                 array[:]  # raises an error for a damaged chunk
     return int(metadata["block"])
-
-
-@contextlib.contextmanager
-def destination(
-    path: str | os.PathLike[str] | None, definition: Definition, block: int | None
-) -> Iterator[Memory | Store]:
-    """Open the destination of the results; it is closed in any case, and finished blocks are kept."""
-    results = Memory(definition, block) if path is None else Store(path, definition, block)
-    try:
-        yield results
-    finally:
-        results.close()

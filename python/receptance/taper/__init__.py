@@ -1,26 +1,22 @@
 """The joint between a holder and the taper of a spindle, from FRFs over drawbar force (Xu et al. 2012)."""
 
-from typing import TYPE_CHECKING
-
-from receptance._lazy import lazily
-
-if TYPE_CHECKING:
-    from receptance.taper.fit import TaperFit, fit_axial, fit_radial, without_each
-    from receptance.taper.from_modes import (
-        AxialSolution,
-        RadialSolution,
-        RadialSolutions,
-        Shape,
-        axial_from_mode,
-        radial_from_modes,
-        rotation_alone,
-    )
-    from receptance.taper.holder import Holder
-    from receptance.taper.rigid import AxialJoint, Body, RadialJoint, RigidModes, as_rigid, body_of
-    from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
+from receptance.taper.holder import Holder, TaperFit, fit_taper, without_each
+from receptance.taper.rigid import (
+    AxialSolution,
+    Body,
+    RadialJoint,
+    RadialSolution,
+    RadialSolutions,
+    RigidModes,
+    Shape,
+    as_rigid,
+    axial_from_mode,
+    body_of,
+    radial_from_modes,
+)
+from receptance.taper.series import ForceLaw, ForceSeries, Trend, fit_laws
 
 __all__ = [
-    "AxialJoint",
     "AxialSolution",
     "Body",
     "ForceLaw",
@@ -36,29 +32,8 @@ __all__ = [
     "as_rigid",
     "axial_from_mode",
     "body_of",
-    "fit_axial",
     "fit_laws",
-    "fit_radial",
+    "fit_taper",
     "radial_from_modes",
-    "rotation_alone",
     "without_each",
 ]
-
-_NAMES = {
-    "fit": ["TaperFit", "fit_axial", "fit_radial", "without_each"],
-    "from_modes": [
-        "AxialSolution",
-        "RadialSolution",
-        "RadialSolutions",
-        "Shape",
-        "axial_from_mode",
-        "radial_from_modes",
-        "rotation_alone",
-    ],
-    "holder": ["Holder"],
-    "rigid": ["AxialJoint", "Body", "RadialJoint", "RigidModes", "as_rigid", "body_of"],
-    "series": ["ForceLaw", "ForceSeries", "Trend", "fit_laws"],
-}
-
-if not TYPE_CHECKING:  # a type checker is to find misspelt names
-    __getattr__, __dir__ = lazily(__name__, _NAMES)

@@ -22,31 +22,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.io.build import complex_values
-from receptance.io.errors import FileFormatError, error_location
-from receptance.io.limits import check_time
+from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.text import excerpt
-
-__all__ = [
-    "Axis",
-    "Cursor",
-    "Function",
-    "Line",
-    "Other",
-    "Point",
-    "UnitSystem",
-    "columns_of_text",
-    "data_sets",
-    "integer",
-    "is_delimiter",
-    "is_uff",
-    "real",
-    "text_values",
-]
+from receptance.units import Form
 
 _INTEGER = re.compile(rb"[+-]?[0-9]{1,18}")
 _REAL = re.compile(rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]?([+-]?[0-9]{1,4}))?")
 _DOUBLE_EXPONENT = bytes.maketrans(b"Dd", b"EE")
 _IN_NUMBERS = b"0123456789+-.EeDd "
+
+MARK = "receptance "
+"""Beginning of the ID lines in which this library stores what the format has no place for.
+
+ID line 4 holds the coordinates, `receptance ["tool",0.0,"y"] ["tool",0.05,"y"]` (response, excitation), ID line 5 the
+other values, `receptance {"averages":10,"decay_rate":20.0}`: averages, decay rate, sample rate, first frequency line
+and increment with all digits ("lines"), and whether the points are only numbered ("labels":0). Other programs show
+these lines as text.
+"""
+MOTIONS: dict[int, Form] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+"""Form of an FRF by the specific data type of its numerator."""
+LOADS = (9, 13)
+"""Specific data types of loads: reaction force and excitation force."""
+QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
 
 
 @dataclass(frozen=True)
@@ -343,13 +340,7 @@ def is_uff(data: bytes) -> bool:
 
 
 def data_sets(data: bytes) -> Iterator[Function | Other]:
-    """Yield the data sets of a universal file in order.
-
-    Raises
-    ------
-    FileFormatError
-        Invalid contents, with the line, or the byte behind binary data.
-    """
+    """Yield the data sets of a universal file in order; errors have the line, or the byte behind binary data."""
     cursor = Cursor(data)
     units: UnitSystem | None = None
     is_universal = False

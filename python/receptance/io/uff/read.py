@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,25 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.io.build import make, make_frf, missing_phase_notes, sampling, to_si
+from receptance.io.build import SI, ReadOptions, make, make_frf, missing_phase_notes, resolve_frf, sampling, to_si
+from receptance.io.description import coordinate_from_list
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.options import ReadOptions, resolve_frf
-from receptance.io.uff.datasets import Function, Other, Point, data_sets
-from receptance.io.uff.header import (
-    channel_unit,
-    declared_form,
-    declared_unit,
-    directions,
-    expect_abscissa,
-    stored_coordinates,
-    stored_values,
+from receptance.io.uff.datasets import LOADS, MARK, MOTIONS, QUANTITIES, Function, Other, Point, data_sets
+from receptance.model.coordinates import Coordinate
+from receptance.units import (
+    CHANNEL_UNITS,
+    FORM_NAMES,
+    ROTATIONS,
+    FRFKind,
+    Unit,
+    UnitError,
+    channel_kind,
+    frf_unit,
+    parse_unit,
 )
 
 if TYPE_CHECKING:
     from receptance.units import Form
-
-__all__ = ["read_uff"]
 
 _TIME, _FRF, _COHERENCE = 1, 4, 6
 _FUNCTIONS = {
@@ -67,11 +70,6 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
 
     FRFs of one form on the same lines form one matrix if every response is combined with every excitation. A coherence
     is assigned to the FRF of the same points and lines, else it is returned separately. Other functions are noted.
-
-    Raises
-    ------
-    FileFormatError
-        Invalid contents, with line or byte.
     """
     items = list(data_sets(data))
     functions = [item for item in items if isinstance(item, Function)]
@@ -113,13 +111,13 @@ def _describe_item(item: Function | Other) -> str:
 def _entry(function: Function, options: ReadOptions) -> _Entry:
     """Return an entry of an FRF in SI."""
     with function.line.error_location():
-        expect_abscissa(function, 18)
-        form = declared_form(function)
+        _expect_abscissa(function, 18)
+        form = _declared_form(function)
         resolved = resolve_frf(
             options,
-            declared=declared_unit(function, form, options),
+            declared=_declared_unit(function, form, options),
             form=form,
-            directions=directions(function),
+            directions=_directions(function),
             undeclared="neither a data set 164 nor axis labels state the unit of the FRF",
         )
     notes = [*function.notes, *resolved.notes, *missing_phase_notes(function.ordinate)]
@@ -185,12 +183,12 @@ def _frf(
     coherence = _pop_coherence(matrix, coherences)
     rows, columns = [row[0] for row in matrix], matrix[0]
     labels = tuple(e.function.response.label for e in rows), tuple(e.function.reference.label for e in columns)
-    fields = stored_values(first.texts)
+    fields = _stored_values(first.texts)
     fields.pop("sample_rate_hz", None)
     lines = _lines(first, fields.pop("lines", None))
     labelled = fields.pop("labels", 1) and (any(labels[0]) or any(labels[1]))
     for name, side, entries in (("responses", 0, rows), ("excitations", 1, columns)):
-        stored = [stored_coordinates(entry.function.texts) for entry in entries]
+        stored = [_stored_coordinates(entry.function.texts) for entry in entries]
         coordinates = [pair[side] for pair in stored if pair is not None]
         if [coordinate.direction for coordinate in coordinates] == [entry.directions[side] for entry in entries]:
             fields[name] = tuple(coordinates)
@@ -241,7 +239,7 @@ def _coherence(matrix: list[list[_Entry]], notes: Sequence[str]) -> Coherence:
     labels = tuple(row[0].pair[0] for row in matrix), tuple(entry.pair[1] for entry in matrix[0])
     entry_notes = dict.fromkeys(note for row in matrix for entry in row for note in entry.notes)
     with first.line.error_location():
-        expect_abscissa(first, 18)
+        _expect_abscissa(first, 18)
         return make(
             Coherence,
             frequency_hz=first.abscissa,
@@ -279,13 +277,13 @@ def _time_series(functions: Sequence[Function], notes: Sequence[str], options: R
     notes = list(notes)
     for function, name, unit_in_options in zip(functions, names, given, strict=True):
         with function.line.error_location():
-            expect_abscissa(function, 17)
-            unit, factor, note = channel_unit(function, name, unit_in_options)
+            _expect_abscissa(function, 17)
+            unit, factor, note = _channel_unit(function, name, unit_in_options)
         units.append((unit, factor))
         notes.extend(f"{name}: {text}" for text in (*function.notes, note) if text)
         if np.iscomplexobj(function.ordinate):
             raise function.line.error(f"the time series {name!r} is complex, expected real numbers")
-    exact: float | None = stored_values(first.texts).get("sample_rate_hz")
+    exact: float | None = _stored_values(first.texts).get("sample_rate_hz")
     with first.line.error_location():
         # A single sample has no time step.
         step = 1.0 / exact if exact is not None and first.abscissa.size == 1 else first.step
@@ -317,3 +315,198 @@ def _names(functions: Sequence[Function]) -> list[str]:
         counts[name] = repeated
         names[unique] = None
     return list(names)
+
+
+def _stored_coordinates(texts: Sequence[str]) -> tuple[Coordinate, Coordinate] | None:
+    """Return response and excitation from the ID lines; None for lines of other programs and damaged ones."""
+    ends = _parse_json(texts[3].replace("] [", "],["), "[{}]") if texts[3].startswith(MARK) else None
+    if not isinstance(ends, list) or len(ends) != 2:
+        return None
+    try:
+        return coordinate_from_list(ends[0]), coordinate_from_list(ends[1])
+    except ValueError:
+        return None
+
+
+def _stored_values(texts: Sequence[str]) -> dict[str, Any]:
+    """Return the values in ID line 5 by name; lines of other programs, and damaged values, are ignored."""
+    values = _parse_json(texts[4], "{}") if texts[4].startswith(MARK) else None
+    valid: dict[str, Any] = {}
+    if not isinstance(values, dict):
+        return valid
+    averages = values.get("averages")
+    if isinstance(averages, int) and not isinstance(averages, bool) and averages > 0:
+        valid["averages"] = averages
+    lines = values.get("lines")
+    if isinstance(lines, list) and len(lines) == 2 and all(isinstance(x, float) and 0.0 <= x < math.inf for x in lines):
+        valid["lines"] = (lines[0], lines[1])
+    if values.get("labels") == 0:
+        valid["labels"] = 0
+    for name in ("decay_rate", "sample_rate_hz"):
+        value = values.get(name)
+        if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < value < math.inf:
+            valid[name] = float(value)
+    return valid
+
+
+def _parse_json(line: str, form: str) -> Any:
+    try:
+        return json.loads(form.replace("{}", line.removeprefix(MARK)))
+    except (ValueError, RecursionError):
+        return None
+
+
+_ABSCISSAE = {17: ("time", "s"), 18: ("frequency", "Hz")}
+_UNIT_TOLERANCE = 1e-4
+"""Largest relative difference of two statements of the same unit; labels are rounded."""
+
+
+def _expect_abscissa(function: Function, kind: int) -> None:
+    """Raise if the abscissa is not time in s (17) or frequency in Hz (18), as expected."""
+    axis = function.axes[0]
+    quantity, unit = _ABSCISSAE[kind]
+    if axis.unit:
+        try:
+            declared = parse_unit(axis.unit)
+        except UnitError as error:
+            if axis.kind == kind:
+                # Text that is not a unit; the data type is sufficient.
+                return
+            raise FileFormatError(f"the abscissa's unit: {error}") from None
+        if declared != parse_unit(unit):
+            raise FileFormatError(f"the abscissa is in {axis.unit!r}, expected {unit}")
+    elif axis.kind != kind:
+        raise FileFormatError(f"the abscissa's specific data type is {axis.kind}, expected {kind} ({quantity})")
+
+
+def _declared_form(function: Function) -> Form | None:
+    """Return the form by specific data type or axis label, or None."""
+    numerator, denominator = function.axes[1:]
+    if numerator.kind in QUANTITIES and numerator.kind not in MOTIONS:
+        raise FileFormatError(f"the numerator of the FRF is a {QUANTITIES[numerator.kind]}, expected a motion per load")
+    if denominator.kind in MOTIONS:
+        raise FileFormatError(
+            f"the denominator of the FRF is a {QUANTITIES[denominator.kind]}, expected a load: transmissibilities and "
+            "dynamic stiffnesses are not read"
+        )
+    if numerator.kind in MOTIONS:
+        return MOTIONS[numerator.kind]
+    label = numerator.label.lower()
+    return next((form for word, form in FORM_NAMES.items() if word in label), None)
+
+
+def _directions(function: Function) -> tuple[str, str] | None:
+    """Return the directions "y" or "theta" of response and reference, or None if one is not stated."""
+    codes = function.response.direction, function.reference.direction
+    if 0 in codes:
+        return None
+    return ("theta" if abs(codes[0]) > 3 else "y", "theta" if abs(codes[1]) > 3 else "y")
+
+
+def _declared_unit(function: Function, form: Form | None, options: ReadOptions) -> Unit | None:
+    """Return the unit by the axis labels or data set 164, which must agree, or None."""
+    try:
+        label = _label_unit(function)
+    except UnitError as error:
+        if options.unit is not None and (options.unit != SI or options.quantity is not None):
+            return None
+        raise FileFormatError(f"the axis label: {error}; give quantity= and unit=") from None
+    if function.units is None:
+        return label
+    form, sides = options.quantity or form, _directions(function)
+    if form is None or sides is None:
+        if label is None and options.unit is None:
+            raise FileFormatError(
+                "data set 164 gives the units of length and force, but directions or specific data types are "
+                "missing; give quantity= and unit="
+            )
+        return label
+    kind = FRFKind(form, *sides)
+    length, force = 1.0 / function.units.length, 1.0 / function.units.force
+    factor = (length if sides[0] == "y" else 1.0) / (force if sides[1] == "y" else force * length)
+    if (
+        label is not None
+        and options.unit is None
+        and not np.isclose(label.factor, factor, rtol=_UNIT_TOLERANCE, atol=0.0)
+    ):
+        raise FileFormatError(
+            f"the file contradicts itself: by its labels the unit is {label.text!r}, by data set 164 "
+            f"({function.units.description}) it is {factor:.6g} {frf_unit(kind)}; find out which is correct "
+            "and give unit="
+        )
+    if label is not None:
+        return label
+    return Unit(f"{frf_unit(kind)} times {factor:.6g}", factor, parse_unit(frf_unit(kind)).dimension)
+
+
+def _label_unit(function: Function) -> Unit | None:
+    numerator, denominator = function.axes[1:]
+    if numerator.unit and denominator.unit:
+        return parse_unit(f"({numerator.unit})/({denominator.unit})")
+    unit = parse_unit(numerator.unit) if numerator.unit else None
+    if unit is not None and denominator.kind in LOADS and channel_kind(unit) is not None:
+        # The unit of the load is missing.
+        return None
+    return unit
+
+
+def _channel_unit(function: Function, name: str, given: str | None) -> tuple[str, float, str]:
+    """Return the unit of a time series, the factor of its numbers to this unit, and a note or an empty text.
+
+    `given` is the unit in the options, or None.
+    """
+    axis = function.axes[1]
+    quantity = QUANTITIES.get(axis.kind, "")
+    if abs(function.response.direction) > 3:
+        quantity = ROTATIONS.get(quantity, quantity)
+    system = _system_factor(function, quantity)
+    if given is not None:
+        if given == SI and not quantity:
+            raise FileFormatError(
+                f"unit is 'SI', but the file does not state the quantity of channel {name!r}; give its unit"
+            )
+        unit = CHANNEL_UNITS[quantity] if given == SI else given
+        stated = axis.unit or (f"{system:.6g} {CHANNEL_UNITS[quantity]}" if system is not None else "")
+        return (
+            unit,
+            1.0,
+            f"the unit in the file, {stated!r}, was overridden by {unit!r}" if stated not in ("", unit) else "",
+        )
+    if axis.unit:
+        _check_label_unit(axis.unit, name, quantity, system)
+        return axis.unit, 1.0, ""
+    if system is not None:
+        return CHANNEL_UNITS[quantity], system, ""
+    raise FileFormatError(
+        f"neither a data set 164 nor an axis label states the unit of channel {name!r}; give it, for example "
+        f"unit={{{name!r}: 'N'}} (on the command line --unit '{name}=N')"
+    )
+
+
+def _check_label_unit(text: str, name: str, quantity: str, system: float | None) -> None:
+    try:
+        unit = parse_unit(text)
+    except UnitError:
+        # Other units, such as volts and counts, are kept.
+        return
+    kind = channel_kind(unit)
+    if quantity and (kind is None or kind[0] != quantity):
+        raise FileFormatError(
+            f"the file contradicts itself: channel {name!r} is declared as {quantity}, but its unit is {text!r}; "
+            "give unit= for it"
+        )
+    if system is not None and not np.isclose(unit.factor, system, rtol=_UNIT_TOLERANCE, atol=0.0):
+        raise FileFormatError(
+            f"the file contradicts itself: by its label channel {name!r} is in {text!r}, by data set 164 in "
+            f"{system:.6g} {CHANNEL_UNITS[quantity]}; find out which is correct and give unit= for it"
+        )
+
+
+def _system_factor(function: Function, quantity: str) -> float | None:
+    """Return the factor to SI by data set 164, or None."""
+    units = function.units
+    if units is None or quantity not in CHANNEL_UNITS:
+        return None
+    if quantity in ("force", "moment"):
+        return 1.0 / (units.force * (units.length if quantity == "moment" else 1.0))
+    return 1.0 / units.length if quantity in ("displacement", "velocity", "acceleration") else 1.0

@@ -7,22 +7,28 @@ by zero and shifts columns behind long names. The tests use it as a second reade
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.io.description import QUALITY, arrays_of
+from receptance.io.description import QUALITY, arrays_of, coordinate_to_list
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.uff.datasets import Axis, Function, Point
-from receptance.io.uff.header import MOTION_CODES, WIDTH, code_of, coordinates_line, values_line
+from receptance.io.uff.datasets import LOADS, MARK, MOTIONS, QUANTITIES, Axis, Function, Point
 from receptance.model.coordinates import Coordinate, UnknownPosition
-
-__all__ = ["uff_bytes"]
+from receptance.units import ROTATIONS
 
 _POINT = re.compile(r"(?:(?P<name>\S(?:.{0,8}\S)?) )?(?P<node>[0-9]{1,10})(?::(?P<direction>[+-][1-6]))?")
+_WIDTH = 80
+"""Columns of an ID line."""
+_MOTION_CODES = {form: code for code, form in MOTIONS.items()}
+_CODES = {name: code for code, name in QUANTITIES.items() if code != LOADS[0]}
+_ROTATION_CODES = {ROTATIONS[name]: code for name, code in _CODES.items()}
+"""Specific data types of quantities at points of translation and of rotation."""
 _EXACT_TOLERANCE = 1e-9
 """Largest relative error of an abscissa that is not reported."""
 
@@ -53,7 +59,7 @@ def _entries(measurement: FRF | Coherence, lost: list[str]) -> Iterator[Function
     """Yield the functions of all responses and excitations: each FRF, and behind it its coherence."""
     frf = measurement if isinstance(measurement, FRF) else None
     coherence = frf.coherence if frf is not None else measurement.values
-    label = _short(measurement.label, WIDTH, "the label", lost)
+    label = _short(measurement.label, _WIDTH, "the label", lost)
     labels = measurement.labels or (None, None)
     coordinates = (frf.responses, frf.excitations) if frf is not None else (None, None)
     counts = measurement.values.shape[1:]
@@ -66,7 +72,7 @@ def _entries(measurement: FRF | Coherence, lost: list[str]) -> Iterator[Function
         if frf is not None:
             texts = (label, "", "", _coordinates_text(frf.responses[row], frf.excitations[column], lost), values_text)
             motion, _, load = frf.units[row][column].rpartition("/")
-            numerator = Axis(MOTION_CODES[frf.form], frf.form.capitalize(), motion)
+            numerator = Axis(_MOTION_CODES[frf.form], frf.form.capitalize(), motion)
             axes = (frequency, numerator, Axis(13, "", load.strip("()")))
             yield Function(4, *ends, frf.frequency_hz, frf.values[:, row, column], axes, texts)
         if coherence is not None:
@@ -85,39 +91,41 @@ def _values_text(frf: FRF, lost: list[str]) -> str:
         "labels": 0 if frf.labels is None else None,
         "lines": _exact_lines(frf.frequency_hz),
     }
-    return values_line({name: value for name, value in values.items() if value is not None})
+    return _values_line({name: value for name, value in values.items() if value is not None})
+
+
+def _values_line(values: Mapping[str, Any]) -> str:
+    """Return ID line 5, empty without values; the exact frequency lines are left out if the line is too long."""
+    line = MARK + json.dumps(dict(values), separators=(",", ":"), sort_keys=True) if values else ""
+    return line if len(line) <= _WIDTH else _values_line({k: v for k, v in values.items() if k != "lines"})
 
 
 def _coordinates_text(response: Coordinate, excitation: Coordinate, lost: list[str]) -> str:
     """Return ID line 4 of an FRF; empty without positions."""
     if isinstance(response, UnknownPosition) and isinstance(excitation, UnknownPosition):
         return ""
-    line = coordinates_line(response, excitation)
-    if line is None:
+    line = MARK + " ".join(json.dumps(coordinate_to_list(c), separators=(",", ":")) for c in (response, excitation))
+    if len(line) > _WIDTH:
         lost.append("coordinates with long names of parts")
-    return line or ""
+        return ""
+    return line
 
 
 def _channels(series: TimeSeries, lost: list[str]) -> Iterator[Function]:
     """Yield the functions of the channels of a time series."""
     if series.notes:
         lost.append("notes")
-    label = _short(series.label, WIDTH, "the label", lost)
-    texts = (label, "", "", "", values_line({"sample_rate_hz": series.sample_rate_hz}))
+    label = _short(series.label, _WIDTH, "the label", lost)
+    texts = (label, "", "", "", _values_line({"sample_rate_hz": series.sample_rate_hz}))
     for column, name in enumerate(series.channels):
-        point, title = _channel(name, lost)
-        code = code_of(series.quantities[column], rotation=abs(point.direction) > 3)
+        # The name is the label of a point, else that of the axis.
+        point = _point_of_label(name)
+        title = _short(name, 20, "a channel's name", lost) if point is None else ""
+        point = point or Point("", 0, 0)
+        code = (_ROTATION_CODES if abs(point.direction) > 3 else _CODES).get(series.quantities[column], 0)
         unit = _short(series.units[column], 20, "a unit", lost)
         axes = (Axis(17, "Time", "s"), Axis(code, title, unit), Axis(0, "", ""))
         yield Function(1, point, Point("", 0, 0), series.time_s, series.values[:, column], axes, texts)
-
-
-def _channel(name: str, lost: list[str]) -> tuple[Point, str]:
-    """Return a point with the name as its label, or an empty point and the name as the label of the axis."""
-    point = _point_of_label(name)
-    if point is not None:
-        return point, ""
-    return Point("", 0, 0), _short(name, 20, "a channel's name", lost)
 
 
 def _points(

@@ -9,12 +9,11 @@ import numpy as np
 from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
 from receptance.studies.bt50.report import series_of
 from receptance.taper import ForceSeries
-from receptance.taper.figure import draw_over_levels
+from receptance.taper.series import draw_over_levels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 
 __all__ = ["draw"]
 

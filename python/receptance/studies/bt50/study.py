@@ -26,11 +26,11 @@ from receptance.studies.bt50.report import PROVENANCE, RESPONSE_HZ, SOURCE, find
 from receptance.taper import (
     ForceSeries,
     Holder,
+    RadialSolution,
     Shape,
     axial_from_mode,
-    fit_axial,
     fit_laws,
-    fit_radial,
+    fit_taper,
     radial_from_modes,
 )
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign, Measurement
     from receptance.frf import FRF
     from receptance.modal import ModeEstimate
-    from receptance.taper import AxialSolution, RadialSolution, TaperFit
+    from receptance.taper import AxialSolution, TaperFit
 
 __all__ = ["response_without_damping", "rigid_campaign", "run"]
 
@@ -155,7 +155,8 @@ def _mode(mode: ModeEstimate) -> dict[str, Any]:
 
 
 def _estimate(solution: AxialSolution | RadialSolution, names: Sequence[str]) -> dict[str, Any]:
-    values = {name: getattr(solution.joint, name) for name in names}
+    joint = solution.joint if isinstance(solution, RadialSolution) else solution
+    values = {name: getattr(joint, name) for name in names}
     return {"values": values, "intervals": {name: list(ends) for name, ends in solution.intervals.items()}}
 
 
@@ -186,19 +187,19 @@ def _axial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, float
         )
         for mode in modes.values()
     )
-    band: dict[str, Any] = {"low_hz": low, "high_hz": high}
-    first = {"k_z1": rigid.joint.k_z1, "c_z1": max(rigid.joint.c_z1, 1.0)}
-    elastic = fit_axial(holder, windowed, **band, start=start or first, left_out=left_out)
+    band: dict[str, Any] = {"motion": "axial", "low_hz": low, "high_hz": high}
+    first = {"k_z1": rigid.k_z1, "c_z1": max(rigid.c_z1, 1.0)}
+    elastic = fit_taper(holder, windowed, **band, start=start or first, left_out=left_out)
     names = ("k_z1", "c_z1")
     return {
         "force_kn": rig.force_kn,
         **{name: _mode(mode) for name, mode in modes.items()},
         "rigid_half_power": _estimate(rigid_half_power, names),
         "rigid": _estimate(rigid, names),
-        "rigid_rms": fit_axial(holder, windowed, body="rigid", contact="ends", **band, start=first).rms,
+        "rigid_rms": fit_taper(holder, windowed, body="rigid", contact="ends", **band, start=first).rms,
         "elastic": _fit_values(elastic),
         "experiment_hz": modes["circle"].frequency_hz,
-        "simulated_hz": _axial_hz(holder, rigid.joint.k_z1)[0],
+        "simulated_hz": _axial_hz(holder, rigid.k_z1)[0],
         "elastic_hz": _axial_hz(holder, elastic.values["k_z1"])[0],
         "truth": {"frequency_hz": float(rig.frequency_hz[0]), "damping_ratio": float(rig.damping_ratio[0])},
     }
@@ -238,7 +239,8 @@ def _radial(holder: Holder, rig: VirtualRig, seed: int, start: Mapping[str, floa
         joint = rigid.solutions[rigid.nearest].joint
         simulated = _radial_hz(holder, joint.k_x1, joint.k_x2)
         start = start or {name: max(getattr(joint, name), 1.0) for name in names}
-    elastic = fit_radial(holder, windowed, contact="fading", low_hz=low, high_hz=high, start=start, left_out=left_out)
+    band: dict[str, Any] = {"motion": "bending", "low_hz": low, "high_hz": high}
+    elastic = fit_taper(holder, windowed, contact="fading", **band, start=start, left_out=left_out)
     half_powers: list[dict[str, Any] | None] = []
     for frequency in modes.frequency_hz.tolist():
         try:
