@@ -253,7 +253,7 @@ class InverseCouplings(Results[InverseCoupling]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw real and imaginary part of each term of each joint, and condition numbers; see `Result.plot`."""
-        from receptance.identification.figures.inverse_coupling import draw_inverse_coupling
+        from receptance.identification.figures import draw_inverse_coupling
 
         return draw_inverse_coupling(self, ax)
 

@@ -236,7 +236,7 @@ class NextMeasurement(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the present interval of each target and that with each candidate; see `Result.plot`."""
-        from receptance.identification.figures.next_measurement import draw_next_measurement
+        from receptance.identification.figures import draw_next_measurement
 
         return draw_next_measurement(self, ax)
 

@@ -191,7 +191,7 @@ class Profiles(Results[Profile]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the rise of -2 log L over each parameter, and the threshold of its interval; see `Result.plot`."""
-        from receptance.identification.figures.likelihood import draw_profiles
+        from receptance.identification.figures import draw_profiles
 
         return draw_profiles(self, ax)
 

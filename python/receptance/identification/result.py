@@ -551,7 +551,7 @@ class Identification(Result):
         """Draw measurements, fitted model and intervals, or the parameters of a series; see `Result.plot`."""
         if self.series:
             return self.series.plot(ax)
-        from receptance.identification.figures.fit import draw_identification
+        from receptance.identification.figures import draw_identification
 
         return draw_identification(self, ax)
 

@@ -140,7 +140,7 @@ class Samples(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw a histogram of each parameter with its 95 % interval; see `Result.plot`."""
-        from receptance.identification.figures.likelihood import draw_samples
+        from receptance.identification.figures import draw_samples
 
         return draw_samples(self, ax)
 

@@ -204,7 +204,7 @@ class Transfer(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw errors of natural frequencies with their intervals, and receptances with bands; see `Result.plot`."""
-        from receptance.identification.figures.transfer import draw_transfer
+        from receptance.identification.figures import draw_transfer
 
         return draw_transfer(self, ax)
 
