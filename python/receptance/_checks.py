@@ -67,6 +67,24 @@ def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: s
     return array
 
 
+def by_line(
+    owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...], *, least: float = 0.0
+) -> NDArray[np.float64]:
+    """Return finite numbers of a shape; a single number stands for all.
+
+    They are above zero, or at least `least` where this is given.
+    """
+    array = numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    if array.shape not in ((), shape):
+        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
+    array = np.ascontiguousarray(np.broadcast_to(array, shape))
+    bad = np.flatnonzero(~(np.isfinite(array) & ((array >= least) if least else (array > 0.0))))
+    if bad.size:
+        expected = f"a finite number {f'of at least {least:g}' if least else 'above zero'}"
+        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected {expected}")
+    return array
+
+
 def items(name: str, given: _T | Iterable[_T], kind: type[_T], *, least: int = 1, text: str = "") -> tuple[_T, ...]:
     """Return one object or several as a tuple; raise if one is not of the kind, or if there are too few.
 

@@ -27,7 +27,7 @@ from receptance import (
 from receptance.identification import Law, Power, Prior, Tolerance, identify
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
-from receptance.identification.task import Task
+from receptance.identification.problem import Task
 from simulated_campaigns import simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 300)

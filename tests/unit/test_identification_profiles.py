@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Profiles, Tolerance, identify
-from receptance.identification.profiles import interval_statement
+from receptance.identification.likelihood import interval_statement
 from simulated_campaigns import confidence, simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 400)

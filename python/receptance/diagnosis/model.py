@@ -11,8 +11,7 @@ from typing import Any
 from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters, Site
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
-from receptance.identification.problem import Problem, Unit
-from receptance.identification.task import Task
+from receptance.identification.problem import Problem, Task, Unit
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly

@@ -284,18 +284,13 @@ def lines_around(lines: NDArray[np.intp], half: int, stride: NDArray[np.intp], s
 
 
 def pool_entries(
-    frf: FRF, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64], half_width: int | None
+    frf: FRF, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return variance and degrees of freedom `(n, n_responses, n_excitations)`, pooled in each entry."""
     variance, freedom = log_variance.copy(), degrees_of_freedom.copy()
     for i, j in np.ndindex(frf.values.shape[1:]):
-        variance[:, i, j], freedom[:, i, j] = pool_variance(
-            frf.values[:, i, j],
-            log_variance[:, i, j],
-            degrees_of_freedom[:, i, j],
-            correlated_lines=frf.correlated_lines,
-            half_width=half_width,
-        )
+        entry = frf.values[:, i, j], log_variance[:, i, j], degrees_of_freedom[:, i, j]
+        variance[:, i, j], freedom[:, i, j] = pool_variance(*entry, correlated_lines=frf.correlated_lines)
     return variance, freedom
 
 

@@ -20,7 +20,7 @@ from receptance.identification.fit import identify
 from receptance.identification.from_frf import Floor
 from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings, invert_coupling
 from receptance.identification.laws import Law, Move, Power, Tolerance
-from receptance.identification.likelihood import ConstrainedFit, constrained_fit, log_evidence
+from receptance.identification.likelihood import ConstrainedFit, Profile, Profiles, constrained_fit, log_evidence
 from receptance.identification.new_observations import Candidate
 from receptance.identification.next_measurement import (
     Expectation,
@@ -31,7 +31,6 @@ from receptance.identification.next_measurement import (
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.peaks import PredictedMode, find_bands
 from receptance.identification.prediction import PredictedFrequencies, PredictedFRF, Scatter
-from receptance.identification.profiles import Profile, Profiles
 from receptance.identification.result import Identification, Start
 from receptance.identification.sampling import Samples
 from receptance.identification.transfer import Split, Transfer, transfer

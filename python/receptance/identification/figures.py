@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
     from receptance.campaign import Prediction
     from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings
+    from receptance.identification.likelihood import Profile, Profiles
     from receptance.identification.next_measurement import Expectation, NextMeasurement
     from receptance.identification.prediction import PredictedFRF
-    from receptance.identification.profiles import Profile, Profiles
     from receptance.identification.result import Identification
     from receptance.identification.sampling import Samples
     from receptance.identification.transfer import Transfer

@@ -10,9 +10,8 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.likelihood import require_likelihood
+from receptance.identification.likelihood import Profile, require_likelihood
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
-from receptance.identification.profiles import Profile
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf.validation import check_correlated_lines, check_form
+from receptance.frf.validation import check_form
 from receptance.identification.mapping import FACTORS, Site
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -183,9 +183,9 @@ class MeasuredFRF(_Observation):
                 f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
             )
         sd = standard_deviation
-        deviation = None if sd is None else _positive_by_line(owner, "standard_deviation", sd, lines.shape)
-        forces = None if force is None else _positive_by_line(owner, "force", force, lines.shape)
-        correlated = check_correlated_lines(owner, correlated_lines, lines.size)
+        deviation = None if sd is None else _checks.by_line(owner, "standard_deviation", sd, lines.shape)
+        forces = None if force is None else _checks.by_line(owner, "force", force, lines.shape)
+        correlated = _checks.by_line(owner, "correlated_lines", correlated_lines, lines.shape, least=1.0)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -430,7 +430,7 @@ class MeasuredFrequencies(_Observation):
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
         deviation = None
         if standard_deviation_hz is not None:
-            deviation = _positive_by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+            deviation = _checks.by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
         damping = _damping(owner, damping_ratio, standard_deviation_damping, deviation is not None, values.shape)
         self._fill(
             assembly=assembly,
@@ -543,18 +543,6 @@ def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
     return lines if lines.imag.any() else lines.real.astype(np.float64)
 
 
-def _positive_by_line(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return positive numbers, one for each line; a single number stands for all."""
-    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
-    if array.shape not in ((), shape):
-        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
-    array = np.broadcast_to(array, shape).copy()
-    bad = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))
-    if bad.size:
-        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number above zero")
-    return array
-
-
 def _mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
     """Return ascending mode numbers from 1 on."""
     array = _checks.unmasked(owner, "modes", modes)
@@ -590,6 +578,4 @@ def _damping(
             f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
             "both, or neither"
         )
-    return values, None if deviation is None else _positive_by_line(
-        owner, "standard_deviation_damping", deviation, shape
-    )
+    return values, None if deviation is None else _checks.by_line(owner, "standard_deviation_damping", deviation, shape)

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.identification.laws import Tolerance
+    from receptance.identification.likelihood import Profiles
     from receptance.identification.observations import Unit
-    from receptance.identification.profiles import Profiles
+    from receptance.identification.problem import Task
     from receptance.identification.sampling import Samples
-    from receptance.identification.task import Task
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
@@ -336,7 +336,7 @@ class Identification(Result):
         >>> found.profiles()
         Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
         """
-        from receptance.identification.profiles import profile_likelihoods
+        from receptance.identification.likelihood import profile_likelihoods
 
         return profile_likelihoods(self, names, level=level, progress=progress)
 

@@ -307,15 +307,8 @@ def force_amplitudes(force: ArrayLike, lines: NDArray[Any], excitations: int) ->
     ValueError
         Forces that are not positive numbers, a wrong number of forces, several excitations, or complex lines.
     """
-    array = _checks.unmasked("", "force", force)
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"force has dtype {array.dtype}, expected real numbers in N")
-    if array.shape not in ((), lines.shape):
-        raise ValueError(f"force has shape {array.shape}, expected one number or {lines.shape}")
     if excitations != 1:
         raise ValueError(f"force needs exactly one excitation, and there are {excitations}")
     if np.any(lines.imag):
         raise ValueError("frequency_hz is complex, expected real lines for a stepped sine of given force")
-    for value in array.reshape(-1)[~(array.reshape(-1) > 0.0) | ~np.isfinite(array.reshape(-1))]:
-        _checks.positive("receptance", "force", value, unit="N")
-    return np.ascontiguousarray(np.broadcast_to(array.astype(np.float64), lines.shape))
+    return _checks.by_line("receptance", "force", force, lines.shape)

@@ -25,8 +25,8 @@ import numpy as np
 from receptance._peaks import local_maxima
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import Task
 from receptance.identification.search import fit_staged
-from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
