@@ -15,9 +15,8 @@ from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import covered
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part, Section
+from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
 __all__ = ["JOINT_CAUSES", "overhang_of"]

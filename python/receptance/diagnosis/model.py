@@ -15,8 +15,7 @@ from receptance.identification.problem import Problem, Task, Unit
 from receptance.identification.unknowns import Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
-from receptance.model.distributed import SpreadJoint
+from receptance.model.beams import Part, SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import Terminal
 

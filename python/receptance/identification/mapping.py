@@ -416,7 +416,7 @@ class Parameters:
             return index[name]
 
         bases: dict[str, list[tuple[int, float]]] = {}
-        exponents, shifts = _Rows(), _Rows()
+        exponents, shifts = _SparseRows(), _SparseRows()
         for unknown in self.given:
             if not site.among(unknown.configurations):
                 continue
@@ -497,7 +497,7 @@ class Parameters:
         share = (at - low) / (high - low)
         return [(below, 1.0 - share), (above, share)]
 
-    def _add_move(self, unknown: Move, site: Site, rows: _Rows) -> None:
+    def _add_move(self, unknown: Move, site: Site, rows: _SparseRows) -> None:
         column, size = self._index[unknown.name], 1.0
         if unknown.of:
             if unknown.of not in site.conditions and not covered(unknown.of, site.assembly):
@@ -573,7 +573,7 @@ def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
     )
 
 
-class _Rows:
+class _SparseRows:
     """Sparse rows of coefficients by address and column."""
 
     def __init__(self) -> None:

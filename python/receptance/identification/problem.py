@@ -22,8 +22,8 @@ from receptance.identification.mapping import FACTORS, ParameterMap, Parameters
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit
 from receptance.identification.peaks import find_bands, within
 from receptance.identification.unknowns import Unknown, Variables
+from receptance.model.addresses import Tied
 from receptance.model.joints import PointJoint
-from receptance.model.tables import Tied
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from receptance.model.addresses import place_on, points_of
-from receptance.model.beams import Part
+from receptance.model.beams import Part, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
     from receptance.model.beams import Material, Section, Segment
-    from receptance.model.mode_shapes import ModeShapes
+    from receptance.model.modes import ModeShapes
 
 __all__ = ["Drawing", "Mark", "draw_assemblies", "draw_mode_shapes"]
 
@@ -166,7 +165,7 @@ def _largest(assembly: Assembly) -> float:
     return _MM * max(segment.outer_diameter for part in parts for segment in part.segments)
 
 
-class _Rows:
+class _LabelRows:
     """Labels in rows above or below a drawing; a label goes to the first row in which it has room."""
 
     def __init__(self, start: float, step: float, scale: float, ends: tuple[float, float]) -> None:
@@ -214,8 +213,8 @@ class _Sketch:
         self.drawing, self.scale, self.ends, self.fills = drawing, scale, ends, fills
         self.radius = 0.5 * _largest(drawing.assembly)
         gap = 0.12 * scale
-        self.above = _Rows(self.radius + gap, _ROW * scale, scale, ends)
-        self.below = _Rows(-self.radius - gap, -_ROW * scale, scale, ends)
+        self.above = _LabelRows(self.radius + gap, _ROW * scale, scale, ends)
+        self.below = _LabelRows(-self.radius - gap, -_ROW * scale, scale, ends)
         self.rectangles: list[tuple[float, float, float, float, str, str]] = []
         """x, y, width, height, fill, hatch."""
         self.joints: list[tuple[float, float, float]] = []

@@ -17,7 +17,7 @@ from receptance.model.fields import Element, Field, Number
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
-    from receptance.model.tables import Flat
+    from receptance.model.addresses import Flat
 
 __all__ = ["ModalPart", "Mode"]
 
