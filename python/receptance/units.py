@@ -421,22 +421,9 @@ def _channel_kinds() -> dict[Dimension, tuple[str, str]]:
 def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
     """Return the factor from a recorded number to SI.
 
-    Parameters
-    ----------
-    owner, what : str
-        Named in errors, such as "HammerRecords 'hammer'" and "force_unit".
-    quantity : str
-        A key of `CHANNEL_UNITS`.
-    unit : str
-        A unit, such as "m/s^2", "um" or "g", or an expression with the sensitivity of a sensor, such as
-        "V/(2.25 mV/N)"; negative for a sensor of opposite sign.
-
-    Raises
-    ------
-    TypeError
-        Not text.
-    ValueError
-        An unknown unit, or the unit of another quantity.
+    `quantity` is a key of `CHANNEL_UNITS`. The unit may be an expression with the sensitivity of a sensor, such as
+    "V/(2.25 mV/N)", negative for a sensor of opposite sign. `owner` and `what`, such as "HammerRecords 'hammer'" and
+    "force_unit", are named in errors.
 
     Examples
     --------

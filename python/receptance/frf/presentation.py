@@ -28,22 +28,10 @@ PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
 
 
 def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
-    """Draw magnitude, phase and, if known, coherence of all entries of an FRF.
+    """Draw magnitude, phase and, if known, coherence of all entries of an FRF; see `Result.plot`.
 
     Lines outside the usable band are shaded. If the variance is known, a pale band around the magnitude is the 95 %
     interval.
-
-    Parameters
-    ----------
-    frf : FRF
-        One or several entries.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
     """
     rows = 3 if frf.coherence is not None else 2
     figure = surface(ax, 9.0, 5.4 + 1.4 * (rows - 2))

@@ -148,10 +148,7 @@ def check_coherence(
 ) -> tuple[NDArray[np.float64], str]:
     """Return coherence `(n, ...)` clipped to 0 to 1, and a note if rounding was clipped; NaN is kept.
 
-    Raises
-    ------
-    ValueError
-        A value below 0 or above 1 by more than rounding, with the cause and the remedy.
+    A value below 0 or above 1 by more than rounding is a ValueError with the cause and the remedy.
     """
     wrong = (coherence < -_COHERENCE_ROUNDING) | (coherence > 1.0 + _COHERENCE_ROUNDING)
     if wrong.any():

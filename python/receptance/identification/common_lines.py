@@ -41,20 +41,9 @@ def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tup
 def common_lines(
     observed: tuple[MeasuredFRF, ...],
 ) -> tuple[tuple[MeasuredFRF, ...], NDArray[Any], list[NDArray[np.intp]], int]:
-    """Return observations on common lines.
+    """Return observations, their common lines in Hz, rows of these in each, and the number of lines not common.
 
     If few lines are common, because the records had different lengths, all are resampled first.
-
-    Returns
-    -------
-    observed : tuple of MeasuredFRF
-        The given observations or resampled ones.
-    lines : ndarray
-        `(n,)` frequencies in Hz of the common lines.
-    rows : list of ndarray
-        Index of these lines in each observation.
-    dropped : int
-        Number of lines that are not common.
     """
     lines = _shared(observed)
     if lines.size < _FEW * min(observation.frequency_hz.size for observation in observed):

@@ -425,14 +425,8 @@ def _fit_constant_joint(
 ) -> tuple[dict[str, tuple[float, float]], NDArray[np.bool_], float]:
     """Fit a constant joint k + i w c to all lines, from medians over the informative ones and from a grid.
 
-    Returns
-    -------
-    typical : dict of str to (float, float)
-        Stiffness and dashpot of each term; empty without informative lines.
-    usable : ndarray
-        `(n, m)` whether the standard deviation at the constant joint is below `share` of the term.
-    rms : float
-        Root mean square of the residuals, in standard deviations.
+    The result is k and c of each term (none without informative lines), the mask `(n, m)` of standard deviations below
+    `share` of the term at this joint, and the root mean square of the residuals in standard deviations.
     """
     w = equations.angular_frequency
     starts = []

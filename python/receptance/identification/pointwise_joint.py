@@ -161,14 +161,10 @@ class Equations:
 
 
 def solve_lines(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
-    """Solve for the unknown terms on each line.
+    """Solve for the unknown terms on each line, `(n, m)`.
 
-    Returns
-    -------
-    terms : ndarray
-        `(n, m)`.
-    ambiguous : ndarray
-        `(n,)` whether several solutions fit; the one closest to those of the other lines was selected.
+    The mask `(n,)` tells on which lines several solutions fit; the one closest to those of the other lines was
+    selected.
     """
     count, pairs = len(equations.terms), equations.rigid.shape[1]
     linear = equations.one_structure and pairs >= len(TERMS)
@@ -284,16 +280,9 @@ def _gauss_newton_step(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.c
 def _select_consistent(
     eq: Equations, solutions: Sequence[NDArray[np.complex128]]
 ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
-    """Select one solution on each line.
+    """Select one solution on each line, `(n, m)`; the mask `(n,)` tells on which lines several fit.
 
     Where several fit about equally well, the one closest to the solutions of the other lines is selected.
-
-    Returns
-    -------
-    chosen : ndarray
-        `(n, m)`.
-    ambiguous : ndarray
-        `(n,)` whether several solutions fit.
     """
     found = np.stack(solutions, axis=1)
     costs = np.stack([eq.cost(x) for x in solutions], axis=1)
@@ -352,25 +341,10 @@ def _inverse(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
 def constant_joint(
     equations: Equations, start: NDArray[np.float64], lines: NDArray[np.bool_]
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Fit one joint k + i w c to the logarithms of the receptances on selected lines.
+    """Fit one joint k + i w c to the logarithms of the receptances on selected lines, from a start `(m, 2)` of k and c.
 
-    Stiffnesses keep the signs of the start, except that of the coupling.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equations of all lines.
-    start : ndarray
-        `(m, 2)` stiffnesses and dashpots.
-    lines : ndarray
-        `(n,)` mask of the lines.
-
-    Returns
-    -------
-    misfit : float
-        Sum of squares in variances.
-    stiffnesses, dashpots : ndarray
-        `(m,)` each.
+    Stiffnesses keep the signs of the start, except that of the coupling. The result is the sum of squares in variances,
+    the stiffnesses and the dashpots, `(m,)` each.
     """
     chosen, count = equations.select(lines), len(equations.terms)
     w = chosen.angular_frequency

@@ -131,15 +131,7 @@ class Task:
     def problem(
         self, lines: Sequence[NDArray[np.intp] | None] | None = None, smoothing: float | None = None
     ) -> Problem:
-        """Return the residuals as a problem of the core.
-
-        Parameters
-        ----------
-        lines : sequence of ndarray or None, optional
-            Lines of each observation; by default all within the bands.
-        smoothing : float, optional
-            As of `Problem`.
-        """
+        """Return the residuals as a problem of the core, on some lines of each observation; by default all in bands."""
         selected = self.selected
         if lines is not None:
             selected = tuple(observation.select(own) for observation, own in zip(self.observed, lines, strict=True))
@@ -570,13 +562,7 @@ class _CoreObservations:
 
 
 def slopes_at(observed: Sequence[Observed], threads: int | None) -> NDArray[np.float64]:
-    """Return the derivatives of the residuals of observations where all unknowns of their mappings are zero, `(n, p)`.
-
-    Raises
-    ------
-    InfeasibleError
-        The model has no value there.
-    """
+    """Return the derivatives of the residuals of observations where all unknowns of their maps are zero, `(n, p)`."""
     count = observed[0].mapping.shifts.shape[1]
     core = _unbounded(count, threads)
     added = _CoreObservations(core, observed, (), threads)

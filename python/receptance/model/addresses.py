@@ -121,13 +121,7 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
 
 
 def names_of(elements: Sequence[Any]) -> list[str]:
-    """Return the names of elements, with default names for unnamed ones.
-
-    Raises
-    ------
-    ValueError
-        A name of two elements, or one that is not a word of letters, digits and underscores.
-    """
+    """Return the names of elements, with default names for unnamed ones; raise for names that are no words or equal."""
     roles = [element.role for element in elements if not element.name]
     names: list[str] = []
     counts: dict[str, int] = {}
@@ -314,20 +308,11 @@ class Flat:
         columns: Mapping[str, int] | None = None,
         rates: Sequence[float] | None = None,
     ) -> int:
-        """Add a row to a table and return its number.
+        """Add a row to a table of `Tables` and return its number.
 
-        Parameters
-        ----------
-        table : str
-            A field of `Tables`.
-        nodes : sequence of int
-            First columns of the row: nodes, or the row of another table.
-        values : sequence of float
-            Values of an element, for the other columns.
-        columns : mapping, optional
-            Addresses of parameters with their numbers in `values`.
-        rates : sequence of float, optional
-            Factors from the values of the element to those in the table; by default 1.
+        The row has nodes, or the row of another table, then the values of an element. `columns` are the addresses of
+        parameters with their numbers in the values, `rates` factors from these values to those in the table, by default
+        1.
         """
         rows, number = self.rows[table], Tables._fields.index(table)
         for address, column in (columns or {}).items():
@@ -347,13 +332,9 @@ class Flat:
     def by_line(self, lines: NDArray[Any], force: NDArray[np.float64] | None = None) -> _core.ByLine | None:
         """Return the properties of the model that depend on the line, or None.
 
-        These are the tables of measured parts and the amplitudes of the force, on checked lines in Hz.
-
-        Raises
-        ------
-        ValueError
-            A line outside the table of a measured part or the band of a modal part; a force on a joint in micro-slip
-            without reference amplitudes.
+        These are the tables of measured parts and the amplitudes of the force, on checked lines in Hz. A line outside a
+        table or the band of a modal part is a ValueError, and so is a force on a joint in micro-slip without reference
+        amplitudes.
         """
         for modal in self.banded:
             modal.check_band(lines)
@@ -487,13 +468,7 @@ class Tied:
 
 
 def force_amplitudes(force: ArrayLike, lines: NDArray[Any], excitations: int) -> NDArray[np.float64]:
-    """Return the amplitudes of the force in N on each line.
-
-    Raises
-    ------
-    ValueError
-        Forces that are not positive numbers, a wrong number of forces, several excitations, or complex lines.
-    """
+    """Return the amplitudes `(n,)` of the force in N; raise unless they are positive, with one load and real lines."""
     if excitations != 1:
         raise ValueError(f"force needs exactly one excitation, and there are {excitations}")
     if np.any(lines.imag):

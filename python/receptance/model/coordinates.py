@@ -93,10 +93,7 @@ def as_coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coor
 def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> tuple[Coordinate, ...]:
     """Return the coordinates of a measurement's responses or excitations; `UnknownPosition` where no position is given.
 
-    Raises
-    ------
-    TypeError, ValueError
-        Another number than `count`, or an entry that is neither a coordinate nor a direction.
+    Another number than `count`, or an entry that is neither a coordinate nor a direction, is an error.
     """
     if side is None:
         return (UnknownPosition(),) * count

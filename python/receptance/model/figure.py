@@ -39,17 +39,7 @@ _MM = 1e3
 
 @dataclass(frozen=True)
 class Mark:
-    """A labelled point of an assembly.
-
-    Attributes
-    ----------
-    text : str
-        Label.
-    at : Coordinate
-        Part and position.
-    kind : {"response", "excitation"}
-        Motion, a triangle below, or load, an arrow from above.
-    """
+    """A labelled point: motion ("response"), a triangle below, or load ("excitation"), an arrow from above."""
 
     text: str
     at: Coordinate
@@ -66,20 +56,11 @@ class Drawing:
 
 
 def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, title: str = "") -> Figure:
-    """Draw assemblies below each other, all to the same scale, in mm from the tip.
+    """Draw assemblies below each other, all to the same scale, in mm from the tip; see `Result.plot`.
 
     Segments are drawn in section: bores are white, or have the fill of the material in them. Below are the lengths of
     segments and the names of parts, above the diameters (outer/inner) and the names of joints, attachments and points
     of measurement.
-
-    Parameters
-    ----------
-    drawings : sequence of Drawing
-        One assembly or several.
-    ax : Axes, optional
-        As in `Result.plot`.
-    title : str, optional
-        Title of the figure.
     """
     longest = max(_extent(one.assembly) for one in drawings)
     fills: dict[str, str] = {}
@@ -106,15 +87,7 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
 
 
 def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
-    """Draw the assembly and below it the deflection of each mode, over the distance from the tip in mm.
-
-    Parameters
-    ----------
-    shapes : ModeShapes
-        From `Assembly.mode_shapes`.
-    ax : Axes, optional
-        As in `Result.plot`.
-    """
+    """Draw the assembly and below it the deflection of each mode, over the distance from the tip; see `Result.plot`."""
     import numpy as np
 
     assembly = shapes.assembly

@@ -247,12 +247,8 @@ def _interpolated(
     """Return the columns of a table at given lines: exact at the lines of the table, by a cubic spline between them.
 
     The error of the spline is estimated from the table: the prediction of each line from every second other line has
-    double spacing, so its error is 16 times that of the spline.
-
-    Raises
-    ------
-    ValueError
-        A line outside the table, in a gap, or where the table is too coarse or too noisy.
+    double spacing, so its error is 16 times that of the spline. A line outside the table, in a gap, or where the table
+    is too coarse or too noisy is a ValueError.
     """
     outside = np.flatnonzero(_outside(known_hz, lines_hz))
     if outside.size:
@@ -424,13 +420,7 @@ class Mode(Element):
 
 
 def modal_entries(modes: Iterable[Mode], lines: NDArray[Any]) -> NDArray[np.complex128]:
-    """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`.
-
-    Raises
-    ------
-    ResonanceError
-        A line at the frequency of an undamped mode.
-    """
+    """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`."""
     return _core.modal_receptance(
         _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns() for mode in modes])
     )
