@@ -10,7 +10,7 @@ import numpy as np
 from receptance import _checks
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.identification.observations import MeasuredFRF, altered
-from receptance.model.terminals import EQUAL_LINES
+from receptance.model.terminals import EQUAL_LINES, nearest_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,14 +55,14 @@ def common_lines(
             f"there is no line that all of {', '.join(map(repr, observed))} have, and no band that all of them cover "
             "with the same exponential window; all receptances are needed on each line"
         )
-    rows = [_nearest(lines, observation.frequency_hz)[0] for observation in observed]
+    rows = [nearest_lines(observation.frequency_hz, lines)[0] for observation in observed]
     return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
 
 
 def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[Any]:
     lines: NDArray[Any] = observed[0].frequency_hz
     for observation in observed[1:]:
-        lines = lines[_nearest(lines, observation.frequency_hz)[1]]
+        lines = lines[nearest_lines(observation.frequency_hz, lines)[1]]
     return lines
 
 
@@ -83,7 +83,7 @@ def _spacing(observation: MeasuredFRF) -> float:
 def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]:
     """Return which lines an observation covers, gaps and other exponential windows excluded."""
     own = observation.frequency_hz
-    nearest, same = _nearest(lines, own)
+    nearest, same = nearest_lines(own, lines)
     if own.size < _SPLINE_LINES:
         return same
     after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
@@ -96,26 +96,15 @@ def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]
 
 def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
     if observation is widest:
-        rows = np.isin(observation.frequency_hz, lines)
-        fields: dict[str, Any] = {
-            name: value[rows]
-            for name, value in vars(observation).items()
-            if isinstance(value, np.ndarray) and value.shape == observation.frequency_hz.shape
-        }
-        return altered(observation, **fields)
+        return observation.select(np.isin(observation.frequency_hz, lines))
     owner = repr(observation)
     own = observation.frequency_hz.real
     # Lines on the edge of the band may lie outside by rounding.
     grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
     values, bend = grid.spline(observation.receptance)
     deviation = observation.standard_deviation
-    fields = {
-        name: grid.linear(value)
-        for name, value in vars(observation).items()
-        if isinstance(value, np.ndarray)
-        and value.shape == observation.frequency_hz.shape
-        and not np.iscomplexobj(value)
-    }
+    arrays = {name: getattr(observation, name) for name in ("standard_deviation", "correlated_lines", "force")}
+    fields = {name: grid.linear(array) for name, array in arrays.items() if array is not None}
     fields |= {"frequency_hz": lines, "receptance": values}
     notes = [
         *observation.notes,
@@ -124,15 +113,6 @@ def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF
     sharp = curvature_warning(grid, values, bend, None if deviation is None else grid.linear(deviation**2))
     notes += [f"{observation.label or owner}: {sharp}"] if sharp else []
     return altered(observation, **fields, notes=tuple(notes))
-
-
-def _nearest(lines: NDArray[Any], others: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return which of ascending other lines is nearest to each line, and whether it is the same but for rounding."""
-    after = np.clip(np.searchsorted(others.real, lines.real), 1, max(others.size - 1, 1))
-    after = np.minimum(after, others.size - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(others[after] - lines) < np.abs(others[before] - lines), after, before)
-    return nearest, np.abs(others[nearest] - lines) <= EQUAL_LINES * np.abs(lines)
 
 
 def masked_lines(masked: NDArray[Any], count: int) -> str:

@@ -79,8 +79,8 @@ class Floor:
     frequency: float = 1e-4
 
     def __post_init__(self) -> None:
-        for name in ("relative", "frequency"):
-            object.__setattr__(self, name, _checks.not_negative("Floor", name, getattr(self, name)))
+        names = ("relative", "frequency")
+        _checks.set_fields(self, {name: _checks.not_negative("Floor", name, getattr(self, name)) for name in names})
 
     def __bool__(self) -> bool:
         return self.relative > 0.0 or self.frequency > 0.0

@@ -68,7 +68,7 @@ class Power:
         if not isinstance(self.of, str) or not self.of:
             raise TypeError(f"Power: of is {self.of!r}, expected the name of a condition or an address")
         reference = _checks.positive(f"Power of {self.of!r}", "reference", self.reference)
-        object.__setattr__(self, "reference", reference)
+        _checks.set_fields(self, {"reference": reference})
         self.exponent("")
 
     def exponent(self, name: str) -> Unknown:
@@ -131,15 +131,14 @@ class Law(Unknown):
         super().__post_init__()
         owner = f"Law {self.address!r}"
         share = {str(a): _checks.number(owner, f"follows[{a!r}]", n) for a, n in dict(self.follows).items()}
-        object.__setattr__(self, "follows", share)
         if self.free and share:
             raise ValueError(f"{owner}: it is free and has parameters that follow it, expected one of the two")
         powers = (self.powers,) if isinstance(self.powers, Power) else tuple(self.powers)
         for index, power in enumerate(powers):
             if not isinstance(power, Power):
                 raise TypeError(f"{owner}: powers[{index}] is {power!r}, expected a Power")
-        object.__setattr__(self, "powers", powers)
-        object.__setattr__(self, "individual", _checks.not_negative(owner, "individual", self.individual))
+        individual = _checks.not_negative(owner, "individual", self.individual)
+        _checks.set_fields(self, {"follows": share, "powers": powers, "individual": individual})
         if self.free and (powers or self.individual):
             raise ValueError(f"{owner}: it is free and has powers or individual parts, expected one of the two")
         if not isinstance(self.along, str) or (self.along and not self.free):
@@ -220,9 +219,8 @@ class Tolerance:
         for address, deviation in moves.items():
             if deviation == 0.0:
                 raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected another number")
-        object.__setattr__(self, "moves", moves)
-        object.__setattr__(self, "configurations", listed(owner, self.configurations))
-        object.__setattr__(self, "labels", listed(owner, self.labels))
+        configurations, labels = (listed(owner, names) for names in (self.configurations, self.labels))
+        _checks.set_fields(self, {"moves": moves, "configurations": configurations, "labels": labels})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -267,7 +265,7 @@ class Move(Unknown):
 
     def __post_init__(self) -> None:
         if self.scale is None:
-            object.__setattr__(self, "scale", "linear")
+            _checks.set_fields(self, {"scale": "linear"})
         super().__post_init__()
         owner = f"Move {self.address!r}"
         moves = {address: _checks.number(owner, f"moves[{address!r}]", n) for address, n in dict(self.moves).items()}
@@ -275,8 +273,8 @@ class Move(Unknown):
             raise ValueError(f"{owner}: moves is empty, expected an address and a number")
         if self.scale != "linear":
             raise ValueError(f"{owner}: scale is {self.scale!r}, expected 'linear'")
-        object.__setattr__(self, "moves", moves)
-        object.__setattr__(self, "reference", _checks.positive(owner, "reference", self.reference))
+        reference = _checks.positive(owner, "reference", self.reference)
+        _checks.set_fields(self, {"moves": moves, "reference": reference})
 
     @property
     def addresses(self) -> tuple[str, ...]:

@@ -439,7 +439,7 @@ class _Outlook:
         ]
         problem = self._new.problem(x, point.root, observations)
         start = self._new.start(x)
-        rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
+        rows = problem.jacobian(start)
         *parts, known = np.split(rows, np.cumsum(problem.sizes))
         information = known.T @ known
         if self._candidate is not None:

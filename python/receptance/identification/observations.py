@@ -65,8 +65,9 @@ class _Observation:
         """Return the measurement with another configuration and conditions."""
         return altered(self, configuration=configuration, conditions=_conditions(repr(self), conditions))
 
-    def _fill(self, **fields: Any) -> None:
-        _checks.set_fields(self, fields)
+
+def _fill(target: object, **fields: Any) -> None:
+    _checks.set_fields(target, fields)
 
 
 def altered(target: _Any, **fields: Any) -> _Any:
@@ -219,7 +220,8 @@ class MeasuredFRF(_Observation):
         # This checks the coordinates. A complex line avoids resonances; a table must have all real lines.
         checked = lines if assembly.tabulated else [lines[0].real * (1.0 - 0.1j)]
         assembly.receptance(checked, response=places[0], excitation=places[1], threads=1)
-        self._fill(
+        _fill(
+            self,
             assembly=assembly,
             frequency_hz=lines,
             receptance=values,
@@ -432,7 +434,8 @@ class MeasuredFrequencies(_Observation):
         if standard_deviation_hz is not None:
             deviation = _checks.by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
         damping = _damping(owner, damping_ratio, standard_deviation_damping, deviation is not None, values.shape)
-        self._fill(
+        _fill(
+            self,
             assembly=assembly,
             frequency_hz=values,
             modes=numbers,

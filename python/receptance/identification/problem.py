@@ -292,11 +292,18 @@ class Problem:
         """Return the residuals at a point where the model has a value, without their derivatives."""
         if self._at is not None and np.array_equal(self._at, x) and np.isfinite(self._rows[0]).all():
             return self._rows[0]
-        return self._some(x, np.zeros(x.size, dtype=np.bool_))[0]
+        return self.rows(x, np.zeros(x.size, dtype=np.bool_))[0]
 
-    def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the derivatives by some variables; raises `InfeasibleError` where the model has no value."""
-        return self._some(x, free)[1]
+    def rows(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> _Rows:
+        """Return the residuals and their derivatives by some variables; raise where the model has no value."""
+        found = self.core.rows(np.ascontiguousarray(x), free)
+        if found is None:
+            raise InfeasibleError(self.reason(x))
+        if self._places is None:
+            return found
+        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
+        residual[self._places], slopes[self._places] = found
+        return residual, slopes
 
     def cost(self, x: NDArray[np.float64]) -> float:
         """Return half the sum of squares; infinite where the model has no value."""
@@ -415,23 +422,13 @@ class Problem:
         if self._at is None or not np.array_equal(self._at, x):
             self.evaluations += 1
             try:
-                self._rows = self._some(x, np.ones(x.size, dtype=np.bool_))
+                self._rows = self.rows(x, np.ones(x.size, dtype=np.bool_))
             except InfeasibleError:
                 self._rows = np.full(self.size, np.inf), np.zeros((self.size, x.size))
             for array in self._rows:
                 array.setflags(write=False)
             self._at = x.copy()
         return self._rows
-
-    def _some(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> _Rows:
-        found = self.core.rows(np.ascontiguousarray(x), free)
-        if found is None:
-            raise InfeasibleError(self.reason(x))
-        if self._places is None:
-            return found
-        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
-        residual[self._places], slopes[self._places] = found
-        return residual, slopes
 
 
 @dataclass(eq=False)

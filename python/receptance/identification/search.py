@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import units
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance.identification.observations import MeasuredFrequencies, altered
 from receptance.identification.peaks import peak_indices
 from receptance.identification.pointwise_joint import START_LOSS_FACTOR
-from receptance.identification.problem import COST_TOLERANCE
+from receptance.identification.problem import COST_TOLERANCE, End
 from receptance.identification.result import Start
 from receptance.model.addresses import QUANTITIES
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.observations import Observation
-    from receptance.identification.problem import End, Problem, Task
+    from receptance.identification.problem import Problem, Task
 
 __all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
 
@@ -94,23 +94,29 @@ def fit_direct(
     runs = []
     for i, start in enumerate(starts):
         owner = owners.get(i)
-        end = first[i] if owner is None else last[owner]
-        cost, message = end.cost, end.message
-        if owner is None and np.isfinite(cost):
-            cost = problem.cost(end.x)
-            message = "left on fewer lines, where other starts fit better"
-        runs.append(
-            Start(
-                start=problem.named(start),
-                values=problem.named(end.x),
-                variables=end.x,
-                cost=cost,
-                evaluations=max(int(spent[i]) + (last[i].evaluations if i in last else 0), 1),
-                converged=owner is not None and end.converged,
-                message=problem.reason(end.x) if end.status < 0 else message,
+        run = _run(problem, start, first[i] if owner is None else last[owner])
+        if owner is None and np.isfinite(run.cost):
+            run = replace(
+                run,
+                cost=problem.cost(run.variables),
+                converged=False,
+                message="left on fewer lines, where other starts fit better",
             )
-        )
+        runs.append(replace(run, evaluations=max(int(spent[i]) + (last[i].evaluations if i in last else 0), 1)))
     return runs
+
+
+def _run(problem: Problem, start: NDArray[np.float64], end: End) -> Start:
+    """Return a start with its end."""
+    return Start(
+        start=problem.named(start),
+        values=problem.named(end.x),
+        variables=end.x,
+        cost=end.cost,
+        evaluations=end.evaluations,
+        converged=end.converged,
+        message=problem.reason(end.x) if end.status < 0 else end.message,
+    )
 
 
 def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -304,16 +310,7 @@ def _best_run(
     best = min(runs, key=lambda run: run.cost, default=None)
     evaluations = problem.evaluations - before
     if best is None or not np.isfinite(best.cost):
-        values = problem.named(start)
-        return Start(
-            start=values,
-            values=values,
-            variables=start,
-            cost=np.inf,
-            evaluations=evaluations,
-            converged=False,
-            message=problem.reason(start),
-        )
+        return _run(problem, start, End(start, np.inf, np.inf, evaluations, -1, np.empty((0, 0))))
     return replace(best, start=problem.named(start), evaluations=evaluations)
 
 
@@ -323,8 +320,7 @@ def _finish(problem: Problem, run: Start, most: int) -> Start:
     if not end.cost < run.cost:
         return run
     message = end.message if end.converged else run.message
-    values = problem.named(end.x)
-    return replace(run, variables=end.x, values=values, cost=end.cost, converged=end.converged, message=message)
+    return replace(_run(problem, run.variables, end), start=run.start, evaluations=run.evaluations, message=message)
 
 
 def different_ends(
@@ -376,14 +372,12 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     total = weights.sum(axis=1) + mirrored.sum(axis=1)
     at = centres * (1.0 - 1j * width) + 1j * np.interp(centres, f, observation.frequency_hz.imag)
     values = (weights @ accelerance + mirrored @ accelerance.conj()) / total / at**2
-    return MeasuredFRF(
-        assembly=observation.assembly,
+    return altered(
+        observation,
         frequency_hz=at,
         receptance=values,
-        response=observation.response,
-        excitation=observation.excitation,
-        standard_deviation=0.5 * width,
-        label=observation.label,
-        configuration=observation.configuration,
-        conditions=observation.conditions,
+        standard_deviation=np.full(at.size, 0.5 * width),
+        correlated_lines=np.ones(at.size),
+        force=None,
+        ends=None,
     )

@@ -67,9 +67,9 @@ class Prior:
     standard_deviation: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", _checks.number("Prior", "mean", self.mean))
+        mean = _checks.number("Prior", "mean", self.mean)
         deviation = _checks.positive("Prior", "standard_deviation", self.standard_deviation)
-        object.__setattr__(self, "standard_deviation", deviation)
+        _checks.set_fields(self, {"mean": mean, "standard_deviation": deviation})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,15 +150,8 @@ class Unknown:
                 raise ValueError(f"{owner}: the prior's mean is {self.prior.mean:g}, expected more than zero")
         chosen = listed(owner, self.configurations)
         title = self.name or self.address + ("" if chosen is None else f" @ {', '.join(chosen)}")
-        for name, value in (
-            ("lower", lower),
-            ("upper", upper),
-            ("start", start),
-            ("scale", scale),
-            ("configurations", chosen),
-            ("name", title),
-        ):
-            object.__setattr__(self, name, value)
+        _checks.set_fields(self, {"lower": lower, "upper": upper, "start": start, "scale": scale})
+        _checks.set_fields(self, {"configurations": chosen, "name": title})
 
     @property
     def tied(self) -> bool:

@@ -42,11 +42,6 @@ class Terminal(Element, ABC):
         default="", compare=False
     )
 
-    @property
-    def addresses(self) -> tuple[str, ...]:
-        """Addresses of the parameters within the element."""
-        return RESIDUALS
-
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptance at the plane, `(n, 2, 2)` over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
 
@@ -196,7 +191,7 @@ class MeasuredPart(Terminal):
         lines = np.ascontiguousarray(_checks.frequencies(frequency_hz).real, dtype=np.float64)
         known = self.frequency_hz
         result = ~_outside(known, lines)
-        between = np.flatnonzero(result & _off_the_lines(known, lines))
+        between = np.flatnonzero(result & ~nearest_lines(known, lines)[1])
         if between.size:
             table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
             result[between] = _doubts(known, table, lines[between])[0] == 0
@@ -258,14 +253,11 @@ def _interpolated(
             f"it is not extrapolated: leave out the {outside.size} of {lines_hz.size} lines outside, "
             f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or measure the part in the whole band"
         )
-    if known_hz.size == 1:
-        return np.broadcast_to(table, (lines_hz.size, table.shape[1])).copy()
-    result = table[_nearest(known_hz, lines_hz)]
-    between = np.flatnonzero(_off_the_lines(known_hz, lines_hz))
-    if not between.size:
-        return result
-    _check_between(owner, known_hz, table, lines_hz[between])
-    result[between] = _spline(known_hz, table, lines_hz[between])
+    nearest, same = nearest_lines(known_hz, lines_hz)
+    result = table[nearest]
+    if not same.all():
+        _check_between(owner, known_hz, table, lines_hz[~same])
+        result[~same] = _spline(known_hz, table, lines_hz[~same])
     return result
 
 
@@ -277,16 +269,12 @@ def _after(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDAr
     return np.asarray(np.clip(np.searchsorted(known_hz, lines_hz), 1, max(known_hz.size - 1, 1)))
 
 
-def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the number of the line of the table that is nearest to each line."""
-    if known_hz.size == 1:
-        return np.zeros(lines_hz.size, dtype=np.intp)
-    after = _after(known_hz, lines_hz)
-    return np.where(lines_hz - known_hz[after - 1] < known_hz[after] - lines_hz, after - 1, after)
-
-
-def _off_the_lines(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray(np.abs(known_hz[_nearest(known_hz, lines_hz)] - lines_hz) > EQUAL_LINES * lines_hz)
+def nearest_lines(known_hz: NDArray[Any], lines_hz: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return which of ascending known lines is nearest to each line, and whether it is the same but for rounding."""
+    after = np.minimum(_after(known_hz.real, lines_hz.real), known_hz.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(known_hz[after] - lines_hz) < np.abs(known_hz[before] - lines_hz), after, before)
+    return nearest, np.abs(known_hz[nearest] - lines_hz) <= EQUAL_LINES * np.abs(lines_hz)
 
 
 _FEW, _IN_GAP, _INEXACT = 1, 2, 3
@@ -502,27 +490,15 @@ class ModalPart(Terminal):
                 f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or give modes of the whole band"
             )
 
-    def _mode_and_field(self, parameter: str) -> tuple[int, str]:
-        match = _MODE.fullmatch(parameter)
-        if match is None or parameter not in self.addresses:
-            raise ValueError(f"{self.owner} has no parameter {parameter!r}")
-        return int(match[1]), match[2]
-
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter, as `mode[0].frequency_hz`."""
-        if parameter in RESIDUALS:
-            return float(getattr(self, parameter))
-        index, quantity = self._mode_and_field(parameter)
-        return float(getattr(self.modes[index], quantity))
-
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the part with new values of some parameters, replaced together."""
         residuals: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
         modes = list(self.modes)
         for name in values.keys() - residuals.keys():
-            index, quantity = self._mode_and_field(name)
-            change: dict[str, Any] = {quantity: values[name]}
-            modes[index] = replace(modes[index], **change)
+            match = _MODE.fullmatch(name)
+            if match is None or int(match[1]) >= len(modes):
+                raise ValueError(f"{self.owner} has no parameter {name!r}")
+            modes[int(match[1])] = modes[int(match[1])].with_values({match[2]: values[name]})
         return replace(self, modes=tuple(modes), **residuals)
 
     def __repr__(self) -> str:
