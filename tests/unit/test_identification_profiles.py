@@ -236,11 +236,11 @@ def test_staged_fit_without_receptances():
     ],
 )
 def test_statements(interval, scale, words):
-    assert interval_statement(*interval, name="x", scale=scale) == words
+    assert interval_statement(*interval, scale=scale) == words
 
 
 def test_statements_of_ties():
-    assert "tied to joint.k_y" in interval_statement(1.0, 0.1, 4.0, name="x", scale="log", tied_to="joint.k_y")
+    assert "tied to joint.k_y" in interval_statement(1.0, 0.1, 4.0, scale="log", tied_to="joint.k_y")
 
 
 def test_the_figure_shows_every_profile():

@@ -256,17 +256,17 @@ def log_evidence(found: Identification) -> float:
     return total + 0.5 * len(found.unknowns) * math.log(2.0 * math.pi) + 0.5 * float(logarithm)
 
 
-def interval_statement(value: float, lower: float, upper: float, *, name: str, scale: str, tied_to: str = "") -> str:
+def interval_statement(value: float, lower: float, upper: float, *, scale: str, tied_to: str = "") -> str:
     """Return the meaning of an interval as text; open sides are 0 or -inf, and inf.
 
     Examples
     --------
     >>> from receptance.identification.likelihood import interval_statement
-    >>> interval_statement(1e5, 9.8e4, 1.02e5, name="joint.k_theta", scale="log")
+    >>> interval_statement(1e5, 9.8e4, 1.02e5, scale="log")
     'determined to 2 %'
-    >>> interval_statement(1e9, 4e7, float("inf"), name="joint.k_y", scale="log")
+    >>> interval_statement(1e9, 4e7, float("inf"), scale="log")
     'only a lower bound: 4e+07'
-    >>> interval_statement(1e9, 0.0, float("inf"), name="joint.k_y", scale="log", tied_to="joint.k_theta")
+    >>> interval_statement(1e9, 0.0, float("inf"), scale="log", tied_to="joint.k_theta")
     'tied to joint.k_theta: the data determine a combination of the two'
     """
     open_below = lower == 0.0 if scale == "log" else math.isinf(lower)
@@ -470,7 +470,7 @@ class _Profiler:
             paths=paths,
             threshold=self.threshold,
             statement=interval_statement(
-                value, lower, upper, name=name, scale=str(unknown.scale), tied_to=self._tied_to(index, paths)
+                value, lower, upper, scale=str(unknown.scale), tied_to=self._tied_to(index, paths)
             ),
             evaluations=self.problem.evaluations - before,
         )

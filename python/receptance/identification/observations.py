@@ -199,7 +199,7 @@ class MeasuredFRF(_Observation):
             )
             lines, values, correlated = lines[1:], values[1:], correlated[1:]
             deviation, forces = (given if given is None else given[1:] for given in (deviation, forces))
-        lines = _decaying(owner, _ascending(owner, lines))
+        lines = _decaying(owner, _checks.frequencies(lines, owner))
         if forces is not None and lines.dtype.kind == "c":
             raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
         if forces is not None and ends is not None:
@@ -426,7 +426,7 @@ class MeasuredFrequencies(_Observation):
     ) -> None:
         owner = _owner("MeasuredFrequencies", label, assembly)
         values = np.atleast_1d(_checks.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
-        values = _ascending(owner, values)
+        values = _checks.frequencies(values, owner).real
         numbers = tuple(range(1, values.size + 1)) if modes is None else _mode_numbers(owner, modes)
         if len(numbers) != values.size:
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
@@ -525,14 +525,6 @@ def _owner(kind: str, label: str, assembly: object) -> str:
 def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
     """Return conditions as numbers by name."""
     return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
-
-
-def _ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
-    """Return ascending frequencies, or raise."""
-    try:
-        return _checks.frequencies(array)
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"{owner}: {error}") from None
 
 
 def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
