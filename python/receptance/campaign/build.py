@@ -13,9 +13,8 @@ from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
 from receptance.identification import MeasuredFRF
-from receptance.identification.laws import Law, Move, Power
 from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.unknowns import Law, Move, Power, Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from receptance.campaign.values import kind_of
 from receptance.identification import MeasuredFRF
-from receptance.identification.laws import Move
+from receptance.identification.unknowns import Move
 from receptance.model.beams import Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies

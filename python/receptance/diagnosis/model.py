@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters, Site
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.problem import Problem, Task, Unit
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, SpreadJoint

@@ -13,14 +13,13 @@ from receptance import _checks
 from receptance._chances import chi_square_chance
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.covariance import covariance_of, variance_factor
-from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, Observation, as_observations
 from receptance.identification.peaks import check_bands
 from receptance.identification.problem import Problem, Task
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import fit_direct, fit_staged
-from receptance.identification.unknowns import Unknowns, Variables, as_unknowns
+from receptance.identification.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import numpy as np
 
 from receptance import _checks, units
 from receptance.identification.common_lines import check_observations, common_lines, masked_lines
-from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.pointwise_joint import (
@@ -21,7 +20,7 @@ from receptance.identification.pointwise_joint import (
     join_names,
     solve_lines,
 )
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Tolerance, Unknown
 from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell

@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.identification.laws import Law, Move, Tolerance, error_of
-from receptance.identification.unknowns import Unknown, as_unknowns, covered
+from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, as_unknowns, covered, error_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

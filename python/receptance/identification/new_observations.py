@@ -17,10 +17,9 @@ import numpy as np
 
 from receptance import _checks
 from receptance.identification.from_frf import Floor
-from receptance.identification.laws import Tolerance, error_of
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.problem import Observed, Problem
-from receptance.identification.unknowns import Variables
+from receptance.identification.unknowns import Tolerance, Variables, error_of
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 

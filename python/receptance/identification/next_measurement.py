@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.identification.unknowns import Tolerance
     from receptance.report.table import Cell, Interval
 
 __all__ = ["Expectation", "NextMeasurement", "RankedCandidate", "Target", "next_measurement"]

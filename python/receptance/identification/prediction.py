@@ -20,21 +20,20 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import confidence_multiplier, square_root
-from receptance.identification.laws import error_of
 from receptance.identification.mapping import FACTORS, Parameters
 from receptance.identification.new_observations import calculated
 from receptance.identification.peaks import PredictedMode, match_peaks
-from receptance.identification.unknowns import Variables
+from receptance.identification.unknowns import Variables, error_of
 from receptance.model.addresses import MovingCoordinate
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.mapping import Site
     from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
     from receptance.identification.result import Identification
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 __all__ = ["DECIBEL", "Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]

@@ -17,11 +17,10 @@ import numpy as np
 
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
-from receptance.identification.laws import Law
 from receptance.identification.mapping import FACTORS, ParameterMap, Parameters
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit
 from receptance.identification.peaks import find_bands, within
-from receptance.identification.unknowns import Unknown, Variables
+from receptance.identification.unknowns import Law, Unknown, Variables
 from receptance.model.addresses import Tied
 from receptance.model.joints import PointJoint
 

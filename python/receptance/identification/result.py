@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.likelihood import Profiles
     from receptance.identification.observations import Unit
     from receptance.identification.problem import Task
     from receptance.identification.sampling import Samples
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 

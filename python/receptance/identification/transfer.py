@@ -14,11 +14,10 @@ from receptance._threads import one_blas_thread
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.fit import identify
-from receptance.identification.laws import Law, Tolerance
 from receptance.identification.observations import MeasuredFRF, as_observations
 from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
-from receptance.identification.unknowns import Unknown, Unknowns, as_unknowns, covered
+from receptance.identification.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:

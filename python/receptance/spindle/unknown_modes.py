@@ -35,9 +35,9 @@ from receptance.model.terminals import RESIDUALS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.observations import Observation, Unit
     from receptance.identification.problem import Problem
+    from receptance.identification.unknowns import Tolerance
 
 __all__ = ["bounds_of_modes", "start_modes"]
 
