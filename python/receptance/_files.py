@@ -102,12 +102,8 @@ def created_folder(target: Path) -> Iterator[None]:
 def write_whole(contents: Mapping[Path, bytes]) -> None:
     """Write files under temporary names next to their targets, then rename all of them.
 
-    After an error or an interruption the targets are unchanged and no temporary file is left.
-
-    Raises
-    ------
-    OSError
-        A file that cannot be written; the message names it.
+    After an error, an OSError that names the file for example, or an interruption the targets are unchanged and no
+    temporary file is left.
 
     Examples
     --------

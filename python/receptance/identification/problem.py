@@ -347,22 +347,12 @@ class Problem:
         least: float = 0.0,
         of_all: bool = False,
     ) -> list[End]:
-        """Return the ends of fits from all starts.
+        """Return the ends of fits from all starts `(n, p)` within the bounds.
 
-        Parameters
-        ----------
-        starts : ndarray
-            `(n, p)` within the bounds.
-        most : int or ndarray, optional
-            Most evaluations of each fit.
-        free : ndarray of bool, optional
-            Which variables are fitted; the others are held where they start. By default all.
-        tolerance : float, optional
-            Relative change of the cost and of the variables at which a fit has converged.
-        least : float, optional
-            A fit has also converged where the predicted decrease of the cost by the next step is at most this.
-        of_all : bool, optional
-            Whether the normal matrices have the rows and columns of held variables.
+        `most` is the largest number of evaluations of each fit, `free` the mask of fitted variables; the others are
+        held. A fit has converged at a relative change of cost and variables of `tolerance`, and where the predicted
+        decrease of the cost by the next step is at most `least`. `of_all` keeps the rows and columns of held variables
+        in normal matrices.
         """
         moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
         limits = np.array(np.broadcast_to(most, len(starts)), dtype=np.int64)

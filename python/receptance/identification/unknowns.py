@@ -203,12 +203,7 @@ Unknowns: TypeAlias = Unknown | Sequence[Unknown] | Mapping[str, Bounds]
 
 
 def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
-    """Return unknowns that are given as objects, or as bounds by address.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Entries that are neither, bounds of another number than two or three, or fewer unknowns than `least`.
+    """Return unknowns that are given as objects, or as bounds by address, at least `least` of them.
 
     Examples
     --------

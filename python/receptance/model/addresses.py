@@ -176,15 +176,7 @@ def points_of(elements: Mapping[str, Any], name: str, attachment: Attachment) ->
 
 
 class MovingCoordinate:
-    """A coordinate that stays at an end of a segment when a length changes.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly whose lengths give the ends of the segments.
-    coordinate : Coordinate
-        A coordinate that is at no end of a segment keeps its position.
-    """
+    """A coordinate of an assembly that stays at an end of a segment when a length changes, elsewhere in place."""
 
     def __init__(self, assembly: Assembly, coordinate: Coordinate) -> None:
         self._coordinate = coordinate
@@ -432,14 +424,8 @@ def distinct(
 class Tied:
     """A model of the core as a function of addresses, for fits and sweeps that run in the core.
 
-    Attributes
-    ----------
-    flat : Flat
-        The tables of the assembly.
-    names : list of list of str
-        Parameters of each address, all of one value; none for an address of an observation, which is in no table.
-    points : ndarray
-        `(n, 2)` node and direction of the coordinates.
+    `names` are the parameters of each address, all of one value; none for an address of an observation, which is in no
+    table. `points` are node and direction of the coordinates, `(n, 2)`.
     """
 
     flat: Flat
