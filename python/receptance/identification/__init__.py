@@ -13,7 +13,7 @@
        |-- likelihood, sampling            constrained fits, profiles, intervals, draws from the posterior
        |-- prediction -> transfer          other assemblies, with intervals; held-out measurements (peaks)
        |-- new_observations -> next_measurement    hypothetical measurements and their information
-    common_lines, pointwise_joint -> inverse_coupling    the joint line by line, without a fit
+    pointwise_joint -> inverse_coupling                 the joint line by line, without a fit
 """
 
 from receptance.identification.fit import identify

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks, units
-from receptance.identification.common_lines import check_observations, common_lines, masked_lines
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
 from receptance.identification.pointwise_joint import (
     TERMS,
     Equations,
     constant_grid_starts,
     constant_joint,
     join_names,
+    masked_lines,
     solve_lines,
 )
 from receptance.identification.unknowns import Tolerance, Unknown

@@ -32,6 +32,7 @@ __all__ = [
     "constant_joint",
     "join_names",
     "linear_solution",
+    "masked_lines",
     "quadratic_solutions",
     "refine",
     "solve_lines",
@@ -54,6 +55,8 @@ _EQUIVALENT = 4.0
 """Solutions whose sum of squares is larger by up to this much, in variances, are not rejected by the data."""
 _CENTRES = 40
 """Lines whose solutions are tried as the common value when one of several solutions is selected."""
+_SHOWN = 5
+"""Number of masked lines that are listed by their frequency."""
 _CONSTANT_TOLERANCE = 1e-8
 """Relative change of misfit and variables at which the fit of a constant joint has converged."""
 
@@ -394,3 +397,11 @@ def constant_grid_starts(equations: Equations, lines: NDArray[np.bool_]) -> list
 def join_names(names: Sequence[str]) -> str:
     """Return names as text: "a, b and c"."""
     return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + f" and {names[-1]}"
+
+
+def masked_lines(masked: NDArray[Any], count: int) -> str:
+    """Return the note on the lines, of so many, whose equations have no finite and unique solution."""
+    shown = ", ".join(f"{line:g}" for line in masked.real[:_SHOWN])
+    more = f" and {masked.size - _SHOWN} more" if masked.size > _SHOWN else ""
+    reason = "their equations have no finite and unique solution"
+    return f"{masked.size} of {count} lines are masked, {reason}: {shown} Hz{more}"

@@ -12,9 +12,15 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.identification.common_lines import check_observations, common_lines, masked_lines
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.pointwise_joint import TERMS, Equations, linear_solution, quadratic_solutions, refine
+from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
+from receptance.identification.pointwise_joint import (
+    TERMS,
+    Equations,
+    linear_solution,
+    masked_lines,
+    quadratic_solutions,
+    refine,
+)
 from receptance.model.terminals import ENTRIES
 from receptance.spindle.blanks import blank_equations, check_bands, check_blanks
 from receptance.spindle.receptance import SpindleReceptance
