@@ -281,7 +281,10 @@ def conclude(
     inverse, correlation = covariance_of(problem.curvature_root(best.variables))
     residual = problem.value(best.variables)
     factor = 1.0 if known else variance_factor(residual, count, loss)
-    covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
+    # Infinite elements stay infinite if the factor is zero.
+    covariance = np.full_like(inverse, np.inf)
+    if np.isfinite(factor):
+        np.multiply(inverse, factor, out=covariance, where=np.isfinite(inverse))
     values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
     # Residuals are reported in the stated standard deviations.
@@ -316,11 +319,6 @@ def conclude(
         task=task,
         provenance=Provenance(seed=seed),
     )
-
-
-def _scaled(inverse: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    """Return factor times the matrix; infinite elements stay infinite if the factor is zero."""
-    return np.where(np.isinf(inverse), np.inf, np.where(np.isinf(inverse), 0.0, inverse) * factor)
 
 
 def _count_optima(

@@ -265,14 +265,13 @@ def _documented(kind: type, fields: Mapping[str, Field]) -> str:
             type_name = field.kind.__name__
         else:
             type_name = "int" if isinstance(field, Count) else _type_name(kind, name)
-        lines += [f"    {name} : {type_name}{optional}", *_wrapped(f"{text[0].upper()}{text[1:]}.")]
+        lines += [
+            f"    {name} : {type_name}{optional}",
+            *(" " * 8 + line for line in textwrap.wrap(f"{text[0].upper()}{text[1:]}.", 104)),
+        ]
     return "\n".join(lines) + "\n"
 
 
 def _type_name(kind: type, name: str) -> str:
     hint = get_args(get_type_hints(kind, include_extras=True)[name])[0]
     return str(getattr(hint, "__name__", hint)).replace("typing.", "").replace(" | ", " or ")
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 112, initial_indent=" " * 8, subsequent_indent=" " * 8)

@@ -118,13 +118,12 @@ def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
 
 def _extent(assembly: Assembly) -> float:
     """Return the length of a drawing in mm, with a box for a spindle."""
-    return sum(_lengths(element) for element in assembly.elements.values()) + _spindle_length(assembly)
+    return sum(_length(element) for element in assembly.elements.values()) + _spindle_length(assembly)
 
 
-def _lengths(element: Any) -> float:
-    if isinstance(element, Part):
-        return _MM * sum(segment.length for segment in element.segments)
-    return _MM * float(element.length) if isinstance(element, SpreadJoint) else 0.0
+def _length(element: Any) -> float:
+    """Return the length of an element of the chain in mm; zero for one at a point."""
+    return _MM * float(getattr(element, "length", 0.0))
 
 
 def _spindle_length(assembly: Assembly) -> float:
@@ -212,7 +211,7 @@ class _Sketch:
         joints: list[tuple[float, str, float]] = []
         for name, element in assembly.elements.items():
             self.starts[name] = x
-            length = _lengths(element)
+            length = _length(element)
             if isinstance(element, Part):
                 self._add_part(x, element)
                 names.append((x, x + length, name))
