@@ -9,8 +9,7 @@ from scipy.optimize import least_squares
 
 import plain_residuals
 from receptance.identification.mapping import Parameters
-from receptance.identification.problem import Observed, prior_table
-from receptance.identification.task import Task
+from receptance.identification.problem import Observed, Task, prior_table
 
 
 def task_of(observations: Any, unknowns: Any, unit: str = "logarithm", tolerances: Any = (), **settings: Any) -> Task:

@@ -40,12 +40,10 @@ if TYPE_CHECKING:
     )
     from receptance.io import read_frf
     from receptance.model.assembly import Assembly
-    from receptance.model.beams import CARBIDE, STEEL, Material, Part, Section, Segment
-    from receptance.model.complex_modes import DampedModes, damped_modes
+    from receptance.model.beams import CARBIDE, STEEL, Material, Part, Section, Segment, SpreadJoint
     from receptance.model.coordinates import Coordinate
-    from receptance.model.distributed import SpreadJoint
     from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
-    from receptance.model.mode_shapes import ModeShapes
+    from receptance.model.modes import DampedModes, ModeShapes, damped_modes
     from receptance.model.terminals import MeasuredPart, ModalPart, Mode
 
     __version__: str
@@ -115,12 +113,10 @@ _NAMES = {
     ],
     "io": ["read_frf"],
     "model.assembly": ["Assembly"],
-    "model.beams": ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment"],
-    "model.complex_modes": ["DampedModes", "damped_modes"],
+    "model.beams": ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment", "SpreadJoint"],
     "model.coordinates": ["Coordinate"],
-    "model.distributed": ["SpreadJoint"],
     "model.joints": ["ColletJoint", "GroundSpring", "MicroslipJoint", "PointJoint", "PointMass", "Resonator"],
-    "model.mode_shapes": ["ModeShapes"],
+    "model.modes": ["DampedModes", "ModeShapes", "damped_modes"],
     "model.terminals": ["MeasuredPart", "ModalPart", "Mode"],
 }
 _MODULES = (

@@ -39,13 +39,6 @@ def chi_square_chance(chi_square: ArrayLike, freedom: ArrayLike) -> NDArray[np.f
     For whole numbers of degrees of freedom it is a finite sum, with the error function for odd ones (Abramowitz and
     Stegun 26.4.4 and 26.4.5).
 
-    Parameters
-    ----------
-    chi_square : array_like
-        From 0 on.
-    freedom : array_like
-        Degrees of freedom above 0.
-
     Examples
     --------
     >>> from receptance._chances import chi_square_chance

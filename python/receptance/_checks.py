@@ -75,6 +75,24 @@ def numbers(owner: str, quantity: str, value: ArrayLike, kinds: str, expected: s
     return array
 
 
+def by_line(
+    owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...], *, least: float = 0.0
+) -> NDArray[np.float64]:
+    """Return finite numbers of a shape; a single number stands for all.
+
+    They are above zero, or at least `least` where this is given.
+    """
+    array = numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
+    if array.shape not in ((), shape):
+        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
+    array = np.ascontiguousarray(np.broadcast_to(array, shape))
+    bad = np.flatnonzero(~(np.isfinite(array) & ((array >= least) if least else (array > 0.0))))
+    if bad.size:
+        expected = f"a finite number {f'of at least {least:g}' if least else 'above zero'}"
+        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected {expected}")
+    return array
+
+
 def items(name: str, given: _T | Iterable[_T], kind: type[_T], *, least: int = 1, text: str = "") -> tuple[_T, ...]:
     """Return one object or several as a tuple; raise if one is not of the kind, or if there are too few.
 
@@ -124,44 +142,44 @@ def not_negative(owner: str, quantity: str, value: Any, *, unit: str = "") -> fl
     return result
 
 
-def frequencies(frequency_hz: ArrayLike) -> NDArray[np.float64] | NDArray[np.complex128]:
+def frequencies(frequency_hz: ArrayLike, owner: str = "") -> NDArray[np.float64] | NDArray[np.complex128]:
     """Return ascending, positive, finite frequency lines, real or complex, as a contiguous array `(n,)`.
 
     The result is contiguous and aligned, as required by the core, and may be the given array itself.
     """
-    array = unmasked("", "frequency_hz", frequency_hz)
+    array, name = unmasked(owner, "frequency_hz", frequency_hz), f"{owner}: frequency_hz" if owner else "frequency_hz"
     if array.dtype.kind not in "iufc":
-        raise TypeError(f"frequency_hz has dtype {array.dtype}, expected real or complex numbers in Hz")
+        raise TypeError(f"{name} has dtype {array.dtype}, expected real or complex numbers in Hz")
     if array.ndim > 1:
-        raise ValueError(f"frequency_hz has shape {array.shape}, expected one dimension")
+        raise ValueError(f"{name} has shape {array.shape}, expected one dimension")
     array = np.atleast_1d(array)
     array = array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
     if array.size == 0:
-        raise ValueError("frequency_hz is empty, expected at least one line")
+        raise ValueError(f"{name} is empty, expected at least one line")
     if not (array.flags.c_contiguous and array.flags.aligned):
         array = array.copy()
     real = array.real
     # Ascending values between a positive first and a finite last one are finite and positive: one pass suffices.
     ascends = bool((real[1:] > real[:-1]).all())
     if not (ascends and real[0] > 0.0 and real[-1] < np.inf and (array is real or np.isfinite(array.imag).all())):
-        raise _frequency_error(array)
+        raise _frequency_error(name, array)
     return array
 
 
-def _frequency_error(array: NDArray[Any]) -> ValueError:
+def _frequency_error(name: str, array: NDArray[Any]) -> ValueError:
     """Return the error for invalid frequency lines."""
     real = array.real
     if (bad := np.flatnonzero(~np.isfinite(array))).size:
-        return ValueError(f"frequency_hz[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
+        return ValueError(f"{name}[{bad[0]}] is {array[bad[0]]}, expected a finite number of Hz")
     if (bad := np.flatnonzero(real <= 0.0)).size:
         return ValueError(
-            f"frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
+            f"{name}[{bad[0]}] is {array[bad[0]]:g} Hz, expected more than zero "
             "(a free structure has no receptance at 0 Hz; omit that line)"
         )
     bad = np.flatnonzero(real[1:] <= real[:-1])
     first, second = real[bad[0]], real[bad[0] + 1]
     return ValueError(
-        f"frequency_hz is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
+        f"{name} is not ascending: line {bad[0] + 1} is {second:g} Hz after {first:g} Hz; "
         "sort the lines and omit repeated ones"
     )
 

@@ -18,21 +18,10 @@ EXTRAS = {
 
 
 def require(extra: str, purpose: str, *modules: str) -> None:
-    """Raise an error if a package of an extra is not installed; nothing is imported.
+    """Raise a MissingExtraError if a package of an extra is not installed; nothing is imported.
 
-    Parameters
-    ----------
-    extra : str
-        A key of `EXTRAS`.
-    purpose : str
-        What needs the packages: the beginning of the message.
-    *modules : str
-        Those of the extra that are needed; by default all.
-
-    Raises
-    ------
-    MissingExtraError
-        The message names the missing packages and the command that installs them.
+    The extra is a key of `EXTRAS`, of which `modules` are needed, by default all. `purpose` is the beginning of the
+    message, which names the missing packages and the command that installs them.
 
     Examples
     --------

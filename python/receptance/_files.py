@@ -29,13 +29,7 @@ def inert(text: str) -> str:
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Open a file for reading; pipes and devices, which may not end, are refused.
-
-    Raises
-    ------
-    OSError
-        A missing file, a folder, a pipe or a device.
-    """
+    """Open a file for reading; folders, and pipes and devices, which may not end, are refused with an OSError."""
     # Without O_NONBLOCK opening a pipe waits for a writer.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     descriptor = os.open(os.fspath(path), flags)
@@ -52,12 +46,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def read_whole(path: Path) -> bytes:
-    """Return the contents of a file of at most `LARGEST` bytes.
-
-    Raises
-    ------
-    OSError
-        As `open_file`, and a file that is larger.
+    """Return the contents of a file of at most `LARGEST` bytes; errors are those of `open_file`.
 
     Examples
     --------
@@ -95,13 +84,7 @@ def check_target(path: Path) -> None:
 
 @contextlib.contextmanager
 def created_folder(target: Path) -> Iterator[None]:
-    """Create a folder with its parents; after an error or an interruption the new ones are removed.
-
-    Raises
-    ------
-    OSError
-        The folder cannot be created; the message names it.
-    """
+    """Create a folder with its parents, or raise an OSError; after an error the new ones are removed."""
     new = [path for path in (target, *target.parents) if not path.exists()]
     try:
         target.mkdir(parents=True, exist_ok=True)
@@ -119,12 +102,8 @@ def created_folder(target: Path) -> Iterator[None]:
 def write_whole(contents: Mapping[Path, bytes]) -> None:
     """Write files under temporary names next to their targets, then rename all of them.
 
-    After an error or an interruption the targets are unchanged and no temporary file is left.
-
-    Raises
-    ------
-    OSError
-        A file that cannot be written; the message names it.
+    After an error, an OSError that names the file for example, or an interruption the targets are unchanged and no
+    temporary file is left.
 
     Examples
     --------

@@ -19,14 +19,8 @@ def lazily(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a package whose names are imported at first use.
 
-    Parameters
-    ----------
-    package : str
-        `__name__` of the package.
-    names : mapping
-        Names by the module of the package, or by the full name of another module, in which they are defined.
-    modules : iterable of str, optional
-        Modules of the package that are attributes of it as well.
+    `names` are listed by the module of the package, or by the full name of another module, in which they are defined.
+    `modules` are modules of the package that are attributes of it as well.
 
     Examples
     --------

@@ -120,17 +120,7 @@ class UnitError(ValueError):
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit; units of equal factor and dimension are equal.
-
-    Attributes
-    ----------
-    text : str
-        The unit as written.
-    factor : float
-        Factor from numbers in this unit to SI units.
-    dimension : Dimension
-        Powers of the base dimensions.
-    """
+    """A unit as written, its factor to SI units and its dimension; units of equal factor and dimension are equal."""
 
     text: str = field(compare=False)
     factor: float
@@ -285,18 +275,8 @@ def _read(text: str, gravity: bool = False) -> Unit:
 def parse_unit(text: str) -> Unit:
     """Return the unit of a text in the notation of analysers: `m/s^2/N`, `(m/s²)/N`, `g/lbf`, `um/N`, `rad/(N m)`.
 
-    Parameters
-    ----------
-    text : str
-        A unit, optionally with numbers such as the sensitivity of a sensor, `V/(2.25 mV/N)`. g is the acceleration of
-        gravity if the result is a motion or a motion per load, otherwise a gram.
-
-    Raises
-    ------
-    TypeError
-        Not text.
-    UnitError
-        A text that is not a known unit, or a level in dB.
+    It may have numbers such as the sensitivity of a sensor, `V/(2.25 mV/N)`. g is the acceleration of gravity if the
+    result is a motion or a motion per load, otherwise a gram. A level in dB is refused.
 
     Examples
     --------
@@ -421,22 +401,9 @@ def _channel_kinds() -> dict[Dimension, tuple[str, str]]:
 def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
     """Return the factor from a recorded number to SI.
 
-    Parameters
-    ----------
-    owner, what : str
-        Named in errors, such as "HammerRecords 'hammer'" and "force_unit".
-    quantity : str
-        A key of `CHANNEL_UNITS`.
-    unit : str
-        A unit, such as "m/s^2", "um" or "g", or an expression with the sensitivity of a sensor, such as
-        "V/(2.25 mV/N)"; negative for a sensor of opposite sign.
-
-    Raises
-    ------
-    TypeError
-        Not text.
-    ValueError
-        An unknown unit, or the unit of another quantity.
+    `quantity` is a key of `CHANNEL_UNITS`. The unit may be an expression with the sensitivity of a sensor, such as
+    "V/(2.25 mV/N)", negative for a sensor of opposite sign. `owner` and `what`, such as "HammerRecords 'hammer'" and
+    "force_unit", are named in errors.
 
     Examples
     --------
@@ -574,20 +541,9 @@ _RATES = {
 
 
 def parse(text: Any, quantity: Quantity) -> float:
-    """Return the value of a quantity in its unit.
+    """Return the value of a quantity, a number and a unit as text, in its unit; a plain number without a unit.
 
-    Parameters
-    ----------
-    text : str or float
-        A number and a unit; a plain number for a quantity without a unit.
-    quantity : Quantity
-        Expected quantity.
-
-    Raises
-    ------
-    ValueError
-        Not text, no unit, an unknown unit, another quantity, or a value out of range; the message begins with "is", so
-        the caller can put the name of the value before it.
+    The messages of errors begin with "is", so the caller can put the name of the value before them.
 
     Examples
     --------

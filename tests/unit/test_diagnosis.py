@@ -34,7 +34,7 @@ from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.identification import Move, Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
-from receptance.identification.task import Task
+from receptance.identification.problem import Task
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")

@@ -11,8 +11,8 @@ from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.screening import directions, in_common_basis, look_alike
 from receptance.diagnosis.tangents import slopes_of
 from receptance.identification import Law, Move, Tolerance
-from receptance.identification.laws import Power
 from receptance.identification.mapping import Parameters
+from receptance.identification.unknowns import Power
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)

@@ -11,8 +11,7 @@ from receptance.diagnosis import diagnose
 from receptance.diagnosis.measurement_causes import truncation_time
 from receptance.identification import Tolerance
 from receptance.identification.mapping import END, Parameters
-from receptance.identification.problem import Problem, Unit
-from receptance.identification.task import Task
+from receptance.identification.problem import Problem, Task, Unit
 
 RECORD = 0.08
 END_AT = 5039.5 / 72e3

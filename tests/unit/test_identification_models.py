@@ -27,7 +27,7 @@ from receptance import (
 from receptance.identification import Law, Power, Prior, Tolerance, identify
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import altered
-from receptance.identification.task import Task
+from receptance.identification.problem import Task
 from simulated_campaigns import simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -181,7 +181,7 @@ def test_rows_are_those_of_the_residuals(made):
     assert problem.value(x) == pytest.approx(residual, rel=1e-9, abs=1e-9)
     assert problem.jacobian(x) / scale == pytest.approx(jacobian / scale, rel=1e-7, abs=1e-9)
     free = RNG.random(x.size) < 0.5
-    assert problem.slopes(x, free) / scale[free] == pytest.approx(jacobian[:, free] / scale[free], abs=1e-8)
+    assert problem.rows(x, free)[1] / scale[free] == pytest.approx(jacobian[:, free] / scale[free], abs=1e-8)
     assert [part.size for part in problem.parts(residual)] == list(problem.sizes)
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Profiles, Tolerance, identify
-from receptance.identification.profiles import interval_statement
+from receptance.identification.likelihood import interval_statement
 from simulated_campaigns import confidence, simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 400)
@@ -236,11 +236,11 @@ def test_staged_fit_without_receptances():
     ],
 )
 def test_statements(interval, scale, words):
-    assert interval_statement(*interval, name="x", scale=scale) == words
+    assert interval_statement(*interval, scale=scale) == words
 
 
 def test_statements_of_ties():
-    assert "tied to joint.k_y" in interval_statement(1.0, 0.1, 4.0, name="x", scale="log", tied_to="joint.k_y")
+    assert "tied to joint.k_y" in interval_statement(1.0, 0.1, 4.0, scale="log", tied_to="joint.k_y")
 
 
 def test_the_figure_shows_every_profile():

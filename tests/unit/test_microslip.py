@@ -208,7 +208,7 @@ def test_errors_name_the_mistake() -> None:
         make().receptance(LINES, force=100.0)
     with pytest.raises(ValueError, match=r"joint.reference_theta is zero, expected the amplitude at level 1"):
         make(reference_theta=0.0).receptance(LINES, force=0.01)
-    with pytest.raises(ValueError, match=r"force is -1, expected more than zero N"):
+    with pytest.raises(ValueError, match=r"force\[0\] is -1, expected a finite number above zero"):
         make().receptance(LINES, force=-1.0)
     with pytest.raises(ValueError, match=r"force has shape \(2,\), expected one number or \(90,\)"):
         make().receptance(LINES, force=[1.0, 2.0])

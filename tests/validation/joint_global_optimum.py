@@ -20,9 +20,8 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from receptance.identification import Identification, identify
-from receptance.identification.problem import Problem
+from receptance.identification.problem import Problem, Task
 from receptance.identification.search import different_ends, fit_direct
-from receptance.identification.task import Task
 from simulated_campaigns import SimulatedCampaign, simulate_campaign
 
 STARTS = 64

@@ -13,13 +13,11 @@ from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
 from receptance.identification import MeasuredFRF
-from receptance.identification.laws import Law, Move, Power
 from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.unknowns import Law, Move, Power, Unknown, covered
 from receptance.model.assembly import Assembly
-from receptance.model.beams import STEEL, Material, Part, Segment
+from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.fields import Member, Number
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode

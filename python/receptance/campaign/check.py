@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from receptance.campaign.values import kind_of
 from receptance.identification import MeasuredFRF
-from receptance.identification.laws import Move
-from receptance.model.beams import Part, Segment
+from receptance.identification.unknowns import Move
+from receptance.model.beams import Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.figure import Drawing, Mark, draw_assemblies
 from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Table

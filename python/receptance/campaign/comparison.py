@@ -15,11 +15,10 @@ from receptance.campaign.problems import CampaignError
 from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import kind_of
 from receptance.identification import Identification, MeasuredFrequencies, MeasuredFRF
-from receptance.identification.laws import Law
 from receptance.identification.mapping import FACTORS
 from receptance.identification.observations import altered
 from receptance.identification.prediction import Forecast
-from receptance.identification.unknowns import covered
+from receptance.identification.unknowns import Law, covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:

@@ -135,7 +135,7 @@ class Prediction(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw predictions with their intervals, over the measurements; see `Result.plot`."""
-        from receptance.identification.figures.fit import draw_prediction
+        from receptance.identification.figures import draw_prediction
 
         return draw_prediction(self, ax)
 

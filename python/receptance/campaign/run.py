@@ -33,10 +33,10 @@ from receptance.identification import (
     next_measurement,
     transfer,
 )
-from receptance.identification.laws import Law
 from receptance.identification.mapping import Site
 from receptance.identification.observations import Observation
 from receptance.identification.pointwise_joint import TERMS
+from receptance.identification.unknowns import Law
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
         NextMeasurement,
         Transfer,
     )
-    from receptance.identification.laws import Tolerance
     from receptance.identification.next_measurement import Target
+    from receptance.identification.unknowns import Tolerance
     from receptance.stability import Stability
     from receptance.sweep import Candidates
 

@@ -50,8 +50,7 @@ from receptance.campaign.values import (
     parse_condition,
     parse_level,
 )
-from receptance.model.beams import Material, Segment
-from receptance.model.distributed import SpreadJoint
+from receptance.model.beams import Material, Segment, SpreadJoint
 from receptance.model.fields import Choice, Count, Element, Member, Number
 from receptance.model.fields import Field as Declaration
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator

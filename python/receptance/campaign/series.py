@@ -12,8 +12,7 @@ import numpy as np
 from receptance.campaign.values import kind_of, parse_condition
 from receptance.errors import ReceptanceError
 from receptance.identification import identify
-from receptance.identification.laws import Law
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.unknowns import Law, Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries

@@ -18,7 +18,7 @@ from receptance.campaign.problems import CampaignError, errors_about
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.identification import MeasuredFRF
-from receptance.model.complex_modes import damped_modes
+from receptance.model.modes import damped_modes
 from receptance.stability import (
     Lobes,
     Milling,

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from receptance.campaign.build import addresses_of, unknown_address
 from receptance.campaign.problems import path_text
 from receptance.campaign.values import Deviation
-from receptance.identification.laws import Tolerance
-from receptance.identification.unknowns import covered
+from receptance.identification.unknowns import Tolerance, covered
 from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
 

@@ -19,9 +19,8 @@ from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
-from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
-from receptance.identification.unknowns import Prior, Unknown, covered
+from receptance.identification.unknowns import Law, Move, Prior, Unknown, covered
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Choice, Count, Element, Member, Number
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.campaign.tolerances import Effects
     from receptance.diagnosis import Verdict
-    from receptance.identification.laws import Tolerance
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 __all__ = [

@@ -28,11 +28,11 @@ from receptance.diagnosis.thresholds import MARGIN, SIMULATION_LINES
 from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import Floor
-from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Site
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import InfeasibleError
+from receptance.identification.unknowns import Tolerance
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 

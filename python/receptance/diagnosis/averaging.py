@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.diagnosis.explanation import Explanation, Selection
-    from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 __all__ = ["Ensemble", "Target", "extension"]

@@ -13,8 +13,7 @@ import numpy as np
 from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Model, named_elements, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
-from receptance.identification.laws import Move
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Move, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.joints import GroundSpring, Resonator
 from receptance.model.terminals import ModalPart

@@ -9,8 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from receptance import _checks
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
-from receptance.identification.laws import Move
-from receptance.identification.unknowns import Prior, Unknown
+from receptance.identification.unknowns import Move, Prior, Unknown
 
 __all__ = [
     "Cause",

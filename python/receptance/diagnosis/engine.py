@@ -39,9 +39,8 @@ from receptance.diagnosis.verdict import Candidate, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import UNUSED_COHERENCE
-from receptance.identification.laws import Tolerance
 from receptance.identification.observations import MeasuredFrequencies, Observation
-from receptance.identification.unknowns import Unknowns, as_unknowns
+from receptance.identification.unknowns import Tolerance, Unknowns, as_unknowns
 
 __all__ = ["diagnose"]
 

@@ -38,8 +38,7 @@ from receptance.identification.search import fit_direct, fit_staged
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import Problem
-    from receptance.identification.task import Task
+    from receptance.identification.problem import Problem, Task
 
 __all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "in_parallel", "refit", "with_null"]
 

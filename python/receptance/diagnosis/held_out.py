@@ -20,10 +20,10 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
-from receptance.identification.laws import Tolerance
 from receptance.identification.new_observations import NewObservations, information_root
 from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.identification.problem import End, InfeasibleError, Problem
+from receptance.identification.unknowns import Tolerance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

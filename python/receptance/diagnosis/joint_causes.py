@@ -11,13 +11,11 @@ from typing import Any, TypeVar
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of, require_beams
 from receptance.diagnosis.thresholds import COLLET_GYRATION, LAYER_POINTS, SAME_PLACE, SHORTEST_SPREAD, VARIED
-from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.observations import MeasuredFRF, Observation, altered
-from receptance.identification.unknowns import covered
+from receptance.identification.unknowns import Law, Move, Tolerance, covered
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part, Section
+from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
 __all__ = ["JOINT_CAUSES", "overhang_of"]

@@ -8,16 +8,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from receptance.identification.laws import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters, Site
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
-from receptance.identification.problem import Problem, Unit
-from receptance.identification.task import Task
-from receptance.identification.unknowns import Unknown, covered
+from receptance.identification.problem import Problem, Task, Unit
+from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
-from receptance.model.distributed import SpreadJoint
+from receptance.model.beams import Part, SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import Terminal
 

@@ -17,8 +17,8 @@ from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEVEL
-from receptance.identification.laws import Law
 from receptance.identification.observations import Observation
+from receptance.identification.unknowns import Law
 
 __all__ = ["fit_again", "fit_levels", "has_levels", "starts_from_singles", "starts_of"]
 

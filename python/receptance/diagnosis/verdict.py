@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from receptance.diagnosis.fitting import Fit
     from receptance.diagnosis.held_out import Gain, Improvement
     from receptance.diagnosis.model import Model
-    from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 __all__ = ["Answer", "Candidate", "ProposedMeasurement", "Verdict"]

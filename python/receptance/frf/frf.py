@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf.arithmetic import is_number, multiplied, sum_fields
-from receptance.frf.interchange import Order, fields_from_pandas, fields_from_xarray, frame, ordered, reordered
+from receptance.frf.interchange import Order, dataset, fields_from_pandas, fields_from_xarray, frame, ordered, reordered
 from receptance.frf.plausibility import DRIVE_POINT_NOTE, drive_point_notes
 from receptance.frf.resampling import resample
 from receptance.frf.validation import check_form, check_lines, checked_fields
@@ -148,8 +147,7 @@ class FRF(Renderable):
         source: str = "",
         notes: Sequence[str] = (),
     ) -> None:
-        arguments = {name: value for name, value in locals().items() if name != "self"}
-        _checks.set_fields(self, checked_fields(**arguments))
+        _checks.set_fields(self, checked_fields(locals()))
         self._check_drive_points()
 
     @property
@@ -326,9 +324,7 @@ class FRF(Renderable):
             )
         return np.asarray(np.sqrt(self.log_variance) * interval_factor(level, self.degrees_of_freedom))
 
-    def with_coherence_variance(
-        self, *, averages: int | None = None, pool: bool = True, half_width: int | None = None
-    ) -> FRF:
+    def with_coherence_variance(self, *, averages: int | None = None, pool: bool = True) -> FRF:
         """Return the FRF with the variance computed from its coherence and number of averages.
 
         Parameters
@@ -337,8 +333,6 @@ class FRF(Renderable):
             Number of averages; that of the FRF by default.
         pool : bool, optional
             Whether neighbouring lines are pooled, see `receptance.frf.variance`.
-        half_width : int, optional
-            Number of lines pooled to each side; by default as many as are needed.
 
         Raises
         ------
@@ -353,7 +347,7 @@ class FRF(Renderable):
         variance, freedom = variance_from_coherence(self.coherence, n)
         known = np.full(self.shape, freedom)
         if pool:
-            variance, known = pool_entries(self, variance, known, half_width)
+            variance, known = pool_entries(self, variance, known)
         return self._copy(averages=int(n), log_variance=variance, degrees_of_freedom=known)
 
     def to_xarray(self) -> xarray.Dataset:
@@ -362,8 +356,6 @@ class FRF(Renderable):
         The values are the variable `frf`; coherence, log_variance and so on are variables if they are known. Units,
         long names and all other fields are attributes.
         """
-        from receptance.frf.presentation import dataset
-
         return dataset(self)
 
     @classmethod
@@ -464,21 +456,26 @@ class FRF(Renderable):
 
     def __add__(self, other: Any) -> Any:
         """Return the sum with an FRF on the same lines, with its variance, or with numbers as an array."""
-        return self._copy(**sum_fields(self, other, 1.0)) if isinstance(other, FRF) else self.values + other
+        return self._copy(**_sum_fields(self, other, 1.0)) if isinstance(other, FRF) else self.values + other
 
     def __sub__(self, other: Any) -> Any:
         """Return the difference from an FRF on the same lines, with its variance, or from numbers as an array."""
-        return self._copy(**sum_fields(self, other, -1.0)) if isinstance(other, FRF) else self.values - other
+        return self._copy(**_sum_fields(self, other, -1.0)) if isinstance(other, FRF) else self.values - other
 
     def __mul__(self, other: Any) -> Any:
         """Return the FRF times a number, or the product of the values with an array."""
-        return self._copy(**multiplied(self, other)) if is_number(other) else self.values * np.asarray(other)
+        return self._times(other) if _is_number(other) else self.values * np.asarray(other)
 
     def __truediv__(self, other: Any) -> Any:
         """Return the FRF over a number, or the quotient of the values and an array or another FRF."""
-        if is_number(other) and other != 0:
-            return self._copy(**multiplied(self, 1.0 / other))
+        if _is_number(other) and other != 0:
+            return self._times(1.0 / other)
         return self.values / np.asarray(other)
+
+    def _times(self, factor: complex) -> FRF:
+        if factor == 0:
+            raise ValueError(f"{self!r} times zero has no logarithm, expected a factor other than zero")
+        return self._copy(values=self.values * factor)
 
     __radd__ = __add__
     __rmul__ = __mul__
@@ -565,7 +562,7 @@ class FRF(Renderable):
         if recheck:
             arguments["notes"] = tuple(note for note in arguments["notes"] if not note.startswith(DRIVE_POINT_NOTE))
         copy = object.__new__(type(self))
-        _checks.set_fields(copy, checked_fields(**arguments))
+        _checks.set_fields(copy, checked_fields(arguments))
         if recheck:
             copy._check_drive_points(stacklevel=4)
         return copy
@@ -636,3 +633,62 @@ def _index(owner: str, quantity: str, item: Any, side: tuple[Coordinate, ...], l
     )
     count = "several" if matching else "none"
     raise ValueError(f"{owner}: {count} of the {quantity} is {item!r}; they are {listed}")
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value is one finite real or complex number."""
+    if isinstance(value, (bool, np.bool_, str)) or not np.isscalar(value):
+        return False
+    return bool(np.isfinite(np.asarray(value)).all())
+
+
+def _sum_fields(one: FRF, other: FRF, sign: float) -> dict[str, Any]:
+    """Return the changed fields of the sum or the difference of two FRFs with independent errors.
+
+    The degrees of freedom of the variance follow from those of both (Welch and Satterthwaite).
+
+    Raises
+    ------
+    ValueError
+        Other lines, another window, or other quantities.
+    """
+    other = other.to(one.form)
+    for name, same in (
+        ("lines", np.array_equal(one.frequency_hz, other.frequency_hz)),
+        ("decay rates", one.decay_rate == other.decay_rate),
+        ("units", one.units == other.units),
+    ):
+        if not same:
+            remedy = "; resample one of them" if name == "lines" else ""
+            raise ValueError(f"{one!r} and {other!r} have different {name}, expected the same{remedy}")
+    values = one.values + sign * other.values
+    changes: dict[str, Any] = {
+        "values": values,
+        "coherence": None,
+        "averages": None,
+        "log_variance": None,
+        "degrees_of_freedom": None,
+        "correlated_lines": np.maximum(one.correlated_lines, other.correlated_lines),
+        "usable": _both(one.usable, other.usable),
+        "notes": tuple(dict.fromkeys((*one.notes, *other.notes))),
+    }
+    if one.log_variance is None or other.log_variance is None:
+        return changes
+    parts = [np.abs(frf.values) ** 2 * frf.log_variance for frf in (one, other) if frf.log_variance is not None]
+    total = parts[0] + parts[1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        changes["log_variance"] = np.where(values == 0.0, np.inf, total / np.abs(values) ** 2)
+        weights = [
+            part**2 / (np.inf if frf.degrees_of_freedom is None else frf.degrees_of_freedom)
+            for part, frf in zip(parts, (one, other), strict=True)
+        ]
+        freedom = np.where(weights[0] + weights[1] > 0.0, total**2 / (weights[0] + weights[1]), np.inf)
+    if one.degrees_of_freedom is not None or other.degrees_of_freedom is not None:
+        changes["degrees_of_freedom"] = freedom
+    return changes
+
+
+def _both(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return one & other

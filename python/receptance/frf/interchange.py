@@ -17,11 +17,20 @@ if TYPE_CHECKING:
 
     from receptance.frf.frf import FRF
 
-__all__ = ["Order", "fields_from_pandas", "fields_from_xarray", "frame", "ordered", "reordered"]
+__all__ = ["Order", "dataset", "fields_from_pandas", "fields_from_xarray", "frame", "ordered", "reordered"]
 
 Order: TypeAlias = Literal["lines first", "lines last"]
 """Lines, responses, excitations (here and in pyFBS), or responses, excitations, lines (pyFRF, sdypy)."""
-FREQUENCY, RESPONSE, EXCITATION = "frequency_hz", "response", "excitation"
+FREQUENCY, RESPONSE, EXCITATION = _DIMENSIONS = ("frequency_hz", "response", "excitation")
+"""Dimensions of the data set."""
+_QUALITY = {
+    "coherence": "coherence",
+    "log_variance": "variance of the real and of the imaginary part of the logarithm",
+    "degrees_of_freedom": "degrees of freedom of the variance",
+}
+"""Fields with a number for each entry, and their long names."""
+_BY_LINE = ("correlated_lines", "usable")
+"""Fields with a number for each line."""
 
 
 def _check(order: str) -> None:
@@ -46,6 +55,44 @@ def reordered(values: ArrayLike, order: Order) -> NDArray[Any]:
     return np.moveaxis(found, -1, 0)
 
 
+def dataset(frf: FRF) -> xarray.Dataset:
+    """Return the FRF as an xarray data set; see `FRF.to_xarray`."""
+    require("sweep", "FRF.to_xarray", "xarray")
+    import xarray  # slow to import
+
+    arrays: dict[str, Any] = {"frf": (_DIMENSIONS, frf.values, {"long_name": frf.form})}
+    if len(frf.distinct_units) == 1:
+        arrays["frf"][2]["units"] = frf.unit
+    for name, long_name in _QUALITY.items():
+        if getattr(frf, name) is not None:
+            arrays[name] = (_DIMENSIONS, getattr(frf, name), {"long_name": long_name, "units": "1"})
+    for name in _BY_LINE:
+        if getattr(frf, name) is not None:
+            arrays[name] = (FREQUENCY, getattr(frf, name))
+    coordinates: dict[str, Any] = {
+        FREQUENCY: (FREQUENCY, frf.frequency_hz, {"long_name": "frequency", "units": "Hz"}),
+        "unit": (_DIMENSIONS[1:], np.array(frf.units)),
+    }
+    names = frf.labels or (None, None)
+    for title, side, labels in zip(_DIMENSIONS[1:], (frf.responses, frf.excitations), names, strict=True):
+        coordinates[title] = (title, [coordinate.describe() for coordinate in side])
+        coordinates[f"{title}_direction"] = (title, [coordinate.direction for coordinate in side])
+        if labels is not None:
+            coordinates[f"{title}_label"] = (title, list(labels))
+    attributes = {
+        "form": frf.form,
+        "decay_rate": frf.decay_rate,
+        "responses": [repr(coordinate) for coordinate in frf.responses],
+        "excitations": [repr(coordinate) for coordinate in frf.excitations],
+        "label": frf.label,
+        "source": frf.source,
+        "notes": list(frf.notes),
+    }
+    if frf.averages is not None:
+        attributes["averages"] = frf.averages
+    return xarray.Dataset(arrays, coordinates, attributes)
+
+
 def fields_from_xarray(data: xarray.Dataset) -> dict[str, Any]:
     """Return the arguments of an FRF from a data set of `FRF.to_xarray`."""
     missing = [name for name in ("frf", FREQUENCY) if name not in data.variables]
@@ -55,12 +102,9 @@ def fields_from_xarray(data: xarray.Dataset) -> dict[str, Any]:
             f"from_xarray: the data set has no {lacking}, expected one of FRF.to_xarray; build others with "
             "FRF(frequency_hz=..., values=...)"
         )
-    dims = (FREQUENCY, RESPONSE, EXCITATION)
-    fields: dict[str, Any] = {"frequency_hz": data[FREQUENCY].values, "values": data["frf"].transpose(*dims).values}
-    for name in ("coherence", "log_variance", "degrees_of_freedom"):
-        if name in data:
-            fields[name] = data[name].transpose(*dims).values
-    fields |= {name: data[name].values for name in ("correlated_lines", "usable") if name in data}
+    names = {"values": "frf", **{name: name for name in _QUALITY if name in data}}
+    fields: dict[str, Any] = {name: data[own].transpose(*_DIMENSIONS).values for name, own in names.items()}
+    fields |= {name: data[name].values for name in (FREQUENCY, *_BY_LINE) if name in data.variables}
     attributes = data.attrs
     fields |= {
         name: attributes[name] for name in ("form", "decay_rate", "averages", "label", "source") if name in attributes

@@ -138,21 +138,9 @@ def _with_remedies(convention: Convention, declared: str) -> str:
 def check_drive_point(
     frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], form: Form
 ) -> DrivePointVerdict:
-    """Compare the peaks of a drive point with the declared form.
+    """Compare the peaks of a drive point, `(n,)` lines in Hz and complex values, with the declared form.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray
-        `(n,)` ascending lines in Hz.
-    values : ndarray
-        `(n,)` complex.
-    form : {"receptance", "mobility", "accelerance"}
-        The declared form.
-
-    Returns
-    -------
-    DrivePointVerdict
-        Without conventions if no peak is prominent enough.
+    There are no conventions in the result if no peak is prominent enough.
 
     Examples
     --------
@@ -255,16 +243,9 @@ _CLEAR_RATIO = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class LowFrequencyRise:
-    """Lowest lines on which a receptance falls approximately as 1/f^2.
+    """Lowest lines on which a receptance falls approximately as 1/f^2, by a factor from the first to the last.
 
-    Attributes
-    ----------
-    lowest_hz, highest_hz : float
-        First and last of these lines in Hz.
-    factor : float
-        Ratio of the magnitudes at the first and the last of them.
-    noise_share : float
-        Share of the power of f^2 H that scatters from line to line: 0 for a smooth curve, 1 for noise.
+    `noise_share` is the share of the power of f^2 H that scatters from line to line: 0 for a smooth curve, 1 for noise.
     """
 
     lowest_hz: float
@@ -290,19 +271,8 @@ def low_frequency_rise(
 ) -> LowFrequencyRise | None:
     """Return the lowest lines on which a receptance falls approximately as 1/f^2, unlike that of a mass.
 
-    Parameters
-    ----------
-    frequency_hz : ndarray
-        `(n,)` ascending lines in Hz.
-    receptance : ndarray
-        `(n,)` complex, in m/N or in any other unit.
-    drive_point : bool
-        Whether response and excitation have the same coordinate; the receptance of a mass is negative there.
-
-    Returns
-    -------
-    LowFrequencyRise or None
-        None if there are no such lines over at least one octave.
+    The receptance, `(n,)` complex on lines in Hz, may be in any unit. At a drive point that of a mass is negative. None
+    if there are no such lines over at least one octave.
 
     Examples
     --------

@@ -1,28 +1,24 @@
-"""Figure, summary table and xarray data set of an FRF."""
+"""Figure and summary table of an FRF."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance._extras import require
 from receptance.model.coordinates import UnknownPosition
 from receptance.report import Table
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
 
 if TYPE_CHECKING:
-    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
     from receptance.frf import FRF
 
-__all__ = ["PHASE_FROM", "dataset", "draw_frf", "summary_table"]
+__all__ = ["PHASE_FROM", "draw_frf", "summary_table"]
 
-_DIMENSIONS = ("frequency_hz", "response", "excitation")
-"""Dimensions of the xarray data set."""
 _MAX_NAMED = 8
 """Most entries named in the legend; of more entries only the number is given."""
 _OPACITY = 0.24
@@ -32,22 +28,10 @@ PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
 
 
 def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
-    """Draw magnitude, phase and, if known, coherence of all entries of an FRF.
+    """Draw magnitude, phase and, if known, coherence of all entries of an FRF; see `Result.plot`.
 
     Lines outside the usable band are shaded. If the variance is known, a pale band around the magnitude is the 95 %
     interval.
-
-    Parameters
-    ----------
-    frf : FRF
-        One or several entries.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
     """
     rows = 3 if frf.coherence is not None else 2
     figure = surface(ax, 9.0, 5.4 + 1.4 * (rows - 2))
@@ -174,46 +158,3 @@ def _spacing(frf: FRF) -> str:
 def _band(frf: FRF) -> str:
     inside = frf.frequency_hz[frf.usable]
     return f", {inside[0]:g} to {inside[-1]:g} Hz" if inside.size else ""
-
-
-def dataset(frf: FRF) -> xarray.Dataset:
-    """Return the FRF as an xarray data set; see `FRF.to_xarray`."""
-    require("sweep", "FRF.to_xarray", "xarray")
-    import xarray  # slow to import
-
-    arrays: dict[str, Any] = {"frf": (_DIMENSIONS, frf.values, {"long_name": frf.form})}
-    if len(frf.distinct_units) == 1:
-        arrays["frf"][2]["units"] = frf.unit
-    long_names = {
-        "coherence": "coherence",
-        "log_variance": "variance of the real and of the imaginary part of the logarithm",
-        "degrees_of_freedom": "degrees of freedom of the variance",
-    }
-    for name, long_name in long_names.items():
-        if getattr(frf, name) is not None:
-            arrays[name] = (_DIMENSIONS, getattr(frf, name), {"long_name": long_name, "units": "1"})
-    for name in ("correlated_lines", "usable"):
-        if getattr(frf, name) is not None:
-            arrays[name] = (_DIMENSIONS[0], getattr(frf, name))
-    coordinates: dict[str, Any] = {
-        "frequency_hz": (_DIMENSIONS[0], frf.frequency_hz, {"long_name": "frequency", "units": "Hz"}),
-        "unit": (_DIMENSIONS[1:], np.array(frf.units)),
-    }
-    names = frf.labels or (None, None)
-    for title, side, labels in zip(_DIMENSIONS[1:], (frf.responses, frf.excitations), names, strict=True):
-        coordinates[title] = (title, [coordinate.describe() for coordinate in side])
-        coordinates[f"{title}_direction"] = (title, [coordinate.direction for coordinate in side])
-        if labels is not None:
-            coordinates[f"{title}_label"] = (title, list(labels))
-    attributes = {
-        "form": frf.form,
-        "decay_rate": frf.decay_rate,
-        "responses": [repr(coordinate) for coordinate in frf.responses],
-        "excitations": [repr(coordinate) for coordinate in frf.excitations],
-        "label": frf.label,
-        "source": frf.source,
-        "notes": list(frf.notes),
-    }
-    if frf.averages is not None:
-        attributes["averages"] = frf.averages
-    return xarray.Dataset(arrays, coordinates, attributes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from receptance.units import FORMS, Form
 __all__ = [
     "average_count",
     "check_coherence",
-    "check_correlated_lines",
     "check_form",
     "check_labels",
     "check_lines",
@@ -30,51 +29,36 @@ _COHERENCE_ROUNDING = 1e-4
 """Excess of a coherence over 1 (or below 0) that is attributed to rounding by the analyser or its file."""
 
 
-def checked_fields(
-    *,
-    frequency_hz: Any,
-    values: Any,
-    form: Any,
-    responses: Any,
-    excitations: Any,
-    decay_rate: Any,
-    coherence: Any,
-    averages: Any,
-    log_variance: Any,
-    degrees_of_freedom: Any,
-    correlated_lines: Any,
-    usable: Any,
-    labels: Any,
-    label: Any,
-    source: Any,
-    notes: Sequence[str],
-) -> dict[str, Any]:
+def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the validated fields of an `FRF` by name, or raise; see there for their meaning."""
+    label = given["label"]
     owner = f"FRF {label!r}" if label else "FRF"
-    lines = check_lines(owner, frequency_hz)
-    array = _response_values(owner, values, lines)
+    lines = check_lines(owner, given["frequency_hz"])
+    array = _response_values(owner, given["values"], lines)
     shape = array.shape
-    quality = per_entry(owner, "coherence", coherence, shape)
+    quality = per_entry(owner, "coherence", given["coherence"], shape)
     coherence_note = ""
     if quality is not None:
         quality, coherence_note = check_coherence(owner, quality, lines)
     checked: dict[str, Any] = {
         "frequency_hz": lines,
         "values": array,
-        "form": check_form(owner, form),
-        "responses": measured_coordinates(owner, "responses", responses, shape[1]),
-        "excitations": measured_coordinates(owner, "excitations", excitations, shape[2]),
-        "decay_rate": _checks.not_negative(owner, "decay_rate", decay_rate, unit="1/s"),
+        "form": check_form(owner, given["form"]),
+        "responses": measured_coordinates(owner, "responses", given["responses"], shape[1]),
+        "excitations": measured_coordinates(owner, "excitations", given["excitations"], shape[2]),
+        "decay_rate": _checks.not_negative(owner, "decay_rate", given["decay_rate"], unit="1/s"),
         "coherence": quality,
-        "averages": None if averages is None else average_count(owner, averages),
-        "log_variance": per_entry(owner, "log_variance", log_variance, shape, at_least=0.0),
-        "degrees_of_freedom": per_entry(owner, "degrees_of_freedom", degrees_of_freedom, shape, above=0.0),
-        "correlated_lines": check_correlated_lines(owner, correlated_lines, lines.size),
-        "usable": _usable_mask(owner, usable, lines.size),
-        "labels": check_labels(owner, labels, (shape[1], shape[2])),
+        "averages": None if given["averages"] is None else average_count(owner, given["averages"]),
+        "log_variance": per_entry(owner, "log_variance", given["log_variance"], shape, at_least=0.0),
+        "degrees_of_freedom": per_entry(owner, "degrees_of_freedom", given["degrees_of_freedom"], shape, above=0.0),
+        "correlated_lines": _checks.by_line(
+            owner, "correlated_lines", given["correlated_lines"], lines.shape, least=1.0
+        ),
+        "usable": _usable_mask(owner, given["usable"], lines.size),
+        "labels": check_labels(owner, given["labels"], (shape[1], shape[2])),
         "label": "" if label is None else str(label),
-        "source": "" if source is None else str(source),
-        "notes": check_texts(owner, "notes", notes) + ((coherence_note,) if coherence_note else ()),
+        "source": "" if given["source"] is None else str(given["source"]),
+        "notes": check_texts(owner, "notes", given["notes"]) + ((coherence_note,) if coherence_note else ()),
     }
     return _without_undefined_zero_line(owner, checked)
 
@@ -159,29 +143,12 @@ def per_entry(
     return array
 
 
-def check_correlated_lines(owner: str, value: ArrayLike, n: int) -> NDArray[np.float64]:
-    """Return numbers of lines per independent value `(n,)`, from a number, or a number per line."""
-    array = _checks.numbers(owner, "correlated_lines", value, "iuf", "real numbers").astype(np.float64)
-    if array.shape not in ((), (n,)):
-        raise ValueError(f"{owner}: correlated_lines has shape {array.shape}, expected one number or ({n},)")
-    array = np.ascontiguousarray(np.broadcast_to(array, (n,)))
-    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 1.0)))
-    if bad.size:
-        raise ValueError(
-            f"{owner}: correlated_lines[{bad[0]}] is {array[bad[0]]:g}, expected a finite number of at least 1"
-        )
-    return array
-
-
 def check_coherence(
     owner: str, coherence: NDArray[np.float64], frequency_hz: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], str]:
     """Return coherence `(n, ...)` clipped to 0 to 1, and a note if rounding was clipped; NaN is kept.
 
-    Raises
-    ------
-    ValueError
-        A value below 0 or above 1 by more than rounding, with the cause and the remedy.
+    A value below 0 or above 1 by more than rounding is a ValueError with the cause and the remedy.
     """
     wrong = (coherence < -_COHERENCE_ROUNDING) | (coherence > 1.0 + _COHERENCE_ROUNDING)
     if wrong.any():

@@ -47,26 +47,10 @@ LINES_AT_ONCE = 4096
 
 
 def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArray[np.float64], float]:
-    """Return the variance of the logarithm of an FRF from its coherence.
+    """Return the variance of the logarithm of an FRF from its coherence, and its degrees of freedom, 2 (n - 1).
 
-    Parameters
-    ----------
-    coherence : array_like
-        From 0 to 1, of any shape.
-    averages : int
-        Number of independent averages, at least 2.
-
-    Returns
-    -------
-    log_variance : ndarray
-        Variance of the real part and of the imaginary part; of the shape of `coherence`. Infinite where that is 0.
-    degrees_of_freedom : float
-        2 (n - 1).
-
-    Raises
-    ------
-    TypeError, ValueError
-        Coherence outside 0 to 1, or fewer than two averages.
+    It is that of the real part and of the imaginary part, of the shape of `coherence`; infinite where the coherence is
+    0.
 
     Examples
     --------
@@ -106,30 +90,12 @@ def pool_variance(
     correlated_lines: ArrayLike = 1.0,
     half_width: int | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pool the variance of one entry over neighbouring lines.
+    """Return the variance `(n,)` of one entry, pooled over neighbouring lines, and its degrees of freedom.
 
-    Parameters
-    ----------
-    values : ndarray
-        `(n,)` complex, in the measured form.
-    log_variance : ndarray
-        `(n,)` variance of each line; lines with infinite variance or a value of zero are returned unchanged.
-    degrees_of_freedom : array_like
-        Degrees of freedom of each line, one number or `(n,)`.
-    correlated_lines : array_like, optional
-        Number of neighbouring lines per independent value, one number or `(n,)`.
-    half_width : int, optional
-        Lines to each side; by default the fewest that give 60 degrees of freedom on the median line, at most 64.
-
-    Returns
-    -------
-    log_variance, degrees_of_freedom : ndarray
-        `(n,)` each. The degrees of freedom follow from the variance of the fit (Satterthwaite 1946).
-
-    Raises
-    ------
-    ValueError
-        A negative half width.
+    `values` are in the measured form. Degrees of freedom and correlated lines are one number or `(n,)`. The window has
+    the fewest lines that give 60 degrees of freedom on the median line, at most 64 to each side, or `half_width` lines.
+    Lines with infinite variance or a value of zero are returned unchanged. The degrees of freedom follow from the
+    variance of the fit (Satterthwaite 1946).
 
     Examples
     --------
@@ -215,23 +181,10 @@ def _fit(
 def additive_share(
     values: NDArray[np.complex128], log_variance: NDArray[np.float64], correlated_lines: ArrayLike = 1.0
 ) -> NDArray[np.float64]:
-    """Return the share of a in the variance a + b |H|^2 of one entry, from the lines around each line.
+    """Return the share `(n,)` of a in the variance a + b |H|^2 of one entry, from the lines around each line.
 
     Noise of the response is additive (a). Noise of the force and scatter between hits are proportional to the FRF (b).
-
-    Parameters
-    ----------
-    values : ndarray
-        `(n,)` complex, none of them zero.
-    log_variance : ndarray
-        `(n,)` finite.
-    correlated_lines : array_like, optional
-        Number of neighbouring lines per independent value, one number or `(n,)`.
-
-    Returns
-    -------
-    ndarray
-        `(n,)` from 0 to 1; 0 where |H| does not change with frequency.
+    The values are not zero and the variances finite. The share is 0 where |H| does not change with frequency.
 
     Examples
     --------
@@ -284,40 +237,21 @@ def lines_around(lines: NDArray[np.intp], half: int, stride: NDArray[np.intp], s
 
 
 def pool_entries(
-    frf: FRF, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64], half_width: int | None
+    frf: FRF, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return variance and degrees of freedom `(n, n_responses, n_excitations)`, pooled in each entry."""
     variance, freedom = log_variance.copy(), degrees_of_freedom.copy()
     for i, j in np.ndindex(frf.values.shape[1:]):
-        variance[:, i, j], freedom[:, i, j] = pool_variance(
-            frf.values[:, i, j],
-            log_variance[:, i, j],
-            degrees_of_freedom[:, i, j],
-            correlated_lines=frf.correlated_lines,
-            half_width=half_width,
-        )
+        entry = frf.values[:, i, j], log_variance[:, i, j], degrees_of_freedom[:, i, j]
+        variance[:, i, j], freedom[:, i, j] = pool_variance(*entry, correlated_lines=frf.correlated_lines)
     return variance, freedom
 
 
 def interval_factor(level: float, degrees_of_freedom: ArrayLike | None) -> NDArray[np.float64]:
-    """Return the half-width of a two-sided interval in standard deviations.
+    """Return the half-width of a two-sided interval of a level in standard deviations.
 
-    Parameters
-    ----------
-    level : float
-        Probability of the interval.
-    degrees_of_freedom : array_like or None
-        Degrees of freedom of the variance; None or infinite if the variance is known exactly.
-
-    Returns
-    -------
-    ndarray
-        Quantile of Student's t distribution, of the shape of `degrees_of_freedom`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A level outside 0 to 1.
+    It is a quantile of Student's t distribution, of the shape of the degrees of freedom of the variance; of the normal
+    distribution where these are None or infinite, because the variance is known exactly.
 
     Examples
     --------

@@ -3,24 +3,23 @@
 ::
 
     frf.FRF -> from_frf -> observations    MeasuredFRF, MeasuredFrequencies: data, standard deviations, assembly
-    unknowns, laws                         Unknown, Law, Tolerance: what is fitted, with bounds and priors
+    unknowns                               Unknown, Law, Tolerance: what is fitted, with bounds and priors
        |  mapping                          Parameters: unknowns -> addresses of each assembly (Site -> ParameterMap)
        v
-    task -> problem                        Task: input of a fit; Problem: residuals and fits, evaluated in the core
+    problem                                Task: input of a fit; Problem: residuals and fits, evaluated in the core
        |  search                           direct and staged fits from several starts
        v
     fit -> result                          identify -> Identification: values, covariance, residuals, advice
-       |-- likelihood, profiles, sampling  constrained fits, intervals, draws from the posterior
+       |-- likelihood, sampling            constrained fits, profiles, intervals, draws from the posterior
        |-- prediction -> transfer          other assemblies, with intervals; held-out measurements (peaks)
        |-- new_observations -> next_measurement    hypothetical measurements and their information
-    common_lines, pointwise_joint -> inverse_coupling    the joint line by line, without a fit
+    pointwise_joint -> inverse_coupling                 the joint line by line, without a fit
 """
 
 from receptance.identification.fit import identify
 from receptance.identification.from_frf import Floor
 from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings, invert_coupling
-from receptance.identification.laws import Law, Move, Power, Tolerance
-from receptance.identification.likelihood import ConstrainedFit, constrained_fit, log_evidence
+from receptance.identification.likelihood import ConstrainedFit, Profile, Profiles, constrained_fit, log_evidence
 from receptance.identification.new_observations import Candidate
 from receptance.identification.next_measurement import (
     Expectation,
@@ -31,11 +30,10 @@ from receptance.identification.next_measurement import (
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.peaks import PredictedMode, find_bands
 from receptance.identification.prediction import PredictedFrequencies, PredictedFRF, Scatter
-from receptance.identification.profiles import Profile, Profiles
 from receptance.identification.result import Identification, Start
 from receptance.identification.sampling import Samples
 from receptance.identification.transfer import Split, Transfer, transfer
-from receptance.identification.unknowns import Prior, Unknown
+from receptance.identification.unknowns import Law, Move, Power, Prior, Tolerance, Unknown
 
 __all__ = [
     "Candidate",

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance import _checks
-from receptance._chances import normal_quantile
+from receptance.frf.variance import interval_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -36,23 +35,8 @@ def is_uninformative(frequency_hz: ArrayLike, half_hz: ArrayLike) -> NDArray[np.
 
 
 def confidence_multiplier(level: float, degrees_of_freedom: float | None) -> float:
-    """Return the half width of a two-sided confidence interval in standard errors.
-
-    Parameters
-    ----------
-    level : float
-        Probability of the interval, between 0 and 1.
-    degrees_of_freedom : float or None
-        Of Student's t distribution; None for the normal distribution.
-    """
-    level = _checks.number("interval", "level", level)
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"interval: level is {level:g}, expected between 0 and 1")
-    if degrees_of_freedom is None:
-        return normal_quantile(0.5 + 0.5 * level)
-    from scipy.special import stdtrit  # the light part of scipy.stats
-
-    return float(stdtrit(max(degrees_of_freedom, 1), 0.5 + 0.5 * level))
+    """Return `interval_factor` of one number of degrees of freedom, at least 1; None for the normal distribution."""
+    return float(interval_factor(level, None if degrees_of_freedom is None else max(degrees_of_freedom, 1)))
 
 
 def variance_factor(residual: NDArray[np.float64], unknowns: int, smoothing: float | None) -> float:

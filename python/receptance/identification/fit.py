@@ -13,26 +13,25 @@ from receptance import _checks
 from receptance._chances import chi_square_chance
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.covariance import covariance_of, variance_factor
-from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, Observation, as_observations
 from receptance.identification.peaks import check_bands
+from receptance.identification.problem import Problem, Task
 from receptance.identification.result import Identification, Start
-from receptance.identification.search import GlobalSearch, Strategy
-from receptance.identification.task import Task
-from receptance.identification.unknowns import Unknowns, Variables, as_unknowns
+from receptance.identification.search import fit_direct, fit_staged
+from receptance.identification.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.observations import Unit
-    from receptance.identification.problem import Problem
 
 __all__ = ["conclude", "identify"]
 
 Objective = Literal["log", "percentage"]
 Noise = Literal["scaled", "stated"]
+Strategy = Literal["direct", "staged"]
 _SMOOTHING_PERCENT = 0.1
 """The cost is the absolute value of percentages well above this, and the square of those below."""
 _MAX_RESCALINGS = 10
@@ -167,14 +166,15 @@ def identify(
     for name, value, options in (
         ("objective", objective, get_args(Objective)),
         ("noise", noise, get_args(Noise)),
+        ("strategy", strategy, get_args(Strategy)),
     ):
         if value not in options:
             raise ValueError(f"{name} is {value!r}, expected one of {', '.join(options)}")
     if strategy == "staged" and objective != "log":
         raise ValueError('the strategy "staged" is for the objective "log"')
-    search = GlobalSearch(
-        strategy=strategy, starts=starts, seed=seed, max_evaluations=max_evaluations, tolerance=tolerance
-    )
+    for name, count, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
+        _checks.whole_number("identify", name, count, least=least)
+    _checks.positive("identify", "tolerance", tolerance)
     _checks.thread_count(threads)
     chosen = None if bands is None else check_bands(bands)
     units = _units(observed, objective)
@@ -195,7 +195,12 @@ def identify(
     notes += [*parameters.notes, *_weight_notes(observed, units, objective)]
 
     def fit(task: Task, problem: Problem) -> Identification:
-        runs = search.fits(task, problem, None if smoothing is None else task.approach())
+        begun = task.variables.draw(starts, seed)
+        if strategy == "staged":
+            runs = fit_staged(task, problem, begun, seed, max_evaluations, tolerance)
+        else:
+            easier = None if smoothing is None else task.approach()
+            runs = fit_direct(problem, begun, max_evaluations, tolerance, easier)
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(
                 f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}"
@@ -276,7 +281,10 @@ def conclude(
     inverse, correlation = covariance_of(problem.curvature_root(best.variables))
     residual = problem.value(best.variables)
     factor = 1.0 if known else variance_factor(residual, count, loss)
-    covariance = np.full_like(inverse, np.inf) if np.isinf(factor) else _scaled(inverse, factor)
+    # Infinite elements stay infinite if the factor is zero.
+    covariance = np.full_like(inverse, np.inf)
+    if np.isfinite(factor):
+        np.multiply(inverse, factor, out=covariance, where=np.isfinite(inverse))
     values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
     # Residuals are reported in the stated standard deviations.
@@ -311,11 +319,6 @@ def conclude(
         task=task,
         provenance=Provenance(seed=seed),
     )
-
-
-def _scaled(inverse: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    """Return factor times the matrix; infinite elements stay infinite if the factor is zero."""
-    return np.where(np.isinf(inverse), np.inf, np.where(np.isinf(inverse), 0.0, inverse) * factor)
 
 
 def _count_optima(

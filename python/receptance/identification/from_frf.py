@@ -79,8 +79,8 @@ class Floor:
     frequency: float = 1e-4
 
     def __post_init__(self) -> None:
-        for name in ("relative", "frequency"):
-            object.__setattr__(self, name, _checks.not_negative("Floor", name, getattr(self, name)))
+        names = ("relative", "frequency")
+        _checks.set_fields(self, {name: _checks.not_negative("Floor", name, getattr(self, name)) for name in names})
 
     def __bool__(self) -> bool:
         return self.relative > 0.0 or self.frequency > 0.0
@@ -291,17 +291,7 @@ def smoothed_variance(
     """Return the variances of the logarithm with |H|^2 from neighbouring lines, `(n,)`.
 
     Where no parabola through the neighbours fits, beside sharp resonances with little noise, |H|^2 is that of the line.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray
-        `(n,)`.
-    values : ndarray
-        `(n,)` complex, not zero.
-    log_variance : ndarray
-        `(n,)` variance from each line alone, finite.
-    correlated_lines : ndarray
-        `(n,)` number of neighbouring lines per independent value.
+    The values are not zero, the given variances those of each line alone.
     """
     result = log_variance.copy()
     values = values / np.abs(values).max()

@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks, units
-from receptance.identification.common_lines import check_observations, common_lines, masked_lines
-from receptance.identification.laws import Tolerance
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
 from receptance.identification.pointwise_joint import (
     TERMS,
     Equations,
     constant_grid_starts,
     constant_joint,
     join_names,
+    masked_lines,
     solve_lines,
 )
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Tolerance, Unknown
 from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell
@@ -253,7 +252,7 @@ class InverseCouplings(Results[InverseCoupling]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw real and imaginary part of each term of each joint, and condition numbers; see `Result.plot`."""
-        from receptance.identification.figures.inverse_coupling import draw_inverse_coupling
+        from receptance.identification.figures import draw_inverse_coupling
 
         return draw_inverse_coupling(self, ax)
 
@@ -425,14 +424,8 @@ def _fit_constant_joint(
 ) -> tuple[dict[str, tuple[float, float]], NDArray[np.bool_], float]:
     """Fit a constant joint k + i w c to all lines, from medians over the informative ones and from a grid.
 
-    Returns
-    -------
-    typical : dict of str to (float, float)
-        Stiffness and dashpot of each term; empty without informative lines.
-    usable : ndarray
-        `(n, m)` whether the standard deviation at the constant joint is below `share` of the term.
-    rms : float
-        Root mean square of the residuals, in standard deviations.
+    The result is k and c of each term (none without informative lines), the mask `(n, m)` of standard deviations below
+    `share` of the term at this joint, and the root mean square of the residuals in standard deviations.
     """
     w = equations.angular_frequency
     starts = []

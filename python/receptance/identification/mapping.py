@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks
-from receptance.identification.laws import Law, Move, Tolerance, error_of
-from receptance.identification.unknowns import Unknown, as_unknowns, covered
+from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, as_unknowns, covered, error_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -178,21 +177,9 @@ class ParameterMap:
         return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
 
     def around(self, more: ParameterMap, unknowns: NDArray[np.float64]) -> tuple[ParameterMap, NDArray[np.float64]]:
-        """Return the parameters of `more` as functions of its unknowns alone, where these unknowns have some values.
+        """Return the parameters of `more`, as of `joined`, as functions of its unknowns, where these have some values.
 
-        Parameters
-        ----------
-        more : ParameterMap
-            As of `joined`.
-        unknowns : ndarray
-            Values of the unknowns of this map.
-
-        Returns
-        -------
-        mapping : ParameterMap
-            The parameters less their shifts by these unknowns.
-        shifts : ndarray
-            These shifts.
+        They are without their shifts by the unknowns of this map, which are returned as well.
         """
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
         is_known = rows >= 0
@@ -206,13 +193,8 @@ class ParameterMap:
     def joined(self, more: ParameterMap, at: int) -> ParameterMap:
         """Return the functions of further unknowns too, which are inserted before the unknown of index `at`.
 
-        Parameters
-        ----------
-        more : ParameterMap
-            The parameters of the same assembly as functions of the further unknowns alone. It has no base for a
-            parameter that has one already.
-        at : int
-            Index of the first further unknown.
+        `more` are the parameters of the same assembly as functions of the further unknowns alone. It has no base for a
+        parameter that has one already.
         """
         count = more.exponents.shape[1]
         fresh = [i for i, address in enumerate(more.addresses) if address not in self.numbers]
@@ -322,13 +304,7 @@ class Parameters:
         self._maps = [(site, maps[key]) for key, site in zip(keys, sites, strict=True)]
 
     def plus(self, more: Sequence[Unknown]) -> Parameters:
-        """Return the parameters with more unknowns after the given ones; only these are checked and added to the maps.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As the constructor.
-        """
+        """Return the parameters with more unknowns after the given ones; only these are checked and mapped."""
         if not more:
             return self
         further = self.further(more)
@@ -348,12 +324,8 @@ class Parameters:
     def further(self, more: Sequence[Unknown]) -> Parameters | None:
         """Return the parameters of the same sites as functions of more unknowns alone.
 
-        None is returned where these are laws, or not independent of the given unknowns, which may be an error.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As the constructor.
+        None is returned where these are laws, or not independent of the given unknowns, which may be an error. The
+        unknowns are checked as by the constructor.
         """
         if any(isinstance(unknown, Law) for unknown in more):
             return None
@@ -393,17 +365,11 @@ class Parameters:
     def at(
         self, site: Site, tolerances: Sequence[Tolerance] | None = None, fresh: list[str] | None = None
     ) -> ParameterMap:
-        """Return the parameters of a site as functions of the unknowns.
+        """Return the parameters of a site, observed or not, as functions of the unknowns.
 
-        Parameters
-        ----------
-        site : Site
-            Observed or not.
-        tolerances : sequence of Tolerance, optional
-            Errors of this site; by default those of the fit.
-        fresh : list of str, optional
-            Names of errors that were not fitted; those that this site adds are appended. They follow the unknowns: the
-            map has `p + len(fresh)` columns, and the new unknowns are standard normal and independent.
+        The errors are those of the fit, or `tolerances`. Names of errors that were not fitted are appended to `fresh`.
+        They follow the unknowns: the map has `p + len(fresh)` columns, and the new unknowns are standard normal and
+        independent.
         """
         index = {**self._index, **{name: len(self._index) + i for i, name in enumerate(fresh or ())}}
 
@@ -416,7 +382,7 @@ class Parameters:
             return index[name]
 
         bases: dict[str, list[tuple[int, float]]] = {}
-        exponents, shifts = _Rows(), _Rows()
+        exponents, shifts = _SparseRows(), _SparseRows()
         for unknown in self.given:
             if not site.among(unknown.configurations):
                 continue
@@ -461,14 +427,9 @@ class Parameters:
     def extended(
         self, sites: Sequence[Site], tolerances: Sequence[Sequence[Tolerance]]
     ) -> tuple[list[ParameterMap], tuple[str, ...]]:
-        """Return the parameters of sites that were not fitted, and the names of errors that were not fitted.
+        """Return the parameters of sites that were not fitted, with errors of each, and the names of errors not fitted.
 
-        Parameters
-        ----------
-        sites : sequence of Site
-            The sites.
-        tolerances : sequence of sequence of Tolerance
-            Errors of each site. Errors of one name are one error, in the fit and in all sites.
+        Errors of one name are one error, in the fit and in all sites.
         """
         fresh: list[str] = []
         found = [self.at(site, own, fresh) for site, own in zip(sites, tolerances, strict=True)]
@@ -497,7 +458,7 @@ class Parameters:
         share = (at - low) / (high - low)
         return [(below, 1.0 - share), (above, share)]
 
-    def _add_move(self, unknown: Move, site: Site, rows: _Rows) -> None:
+    def _add_move(self, unknown: Move, site: Site, rows: _SparseRows) -> None:
         column, size = self._index[unknown.name], 1.0
         if unknown.of:
             if unknown.of not in site.conditions and not covered(unknown.of, site.assembly):
@@ -573,7 +534,7 @@ def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
     )
 
 
-class _Rows:
+class _SparseRows:
     """Sparse rows of coefficients by address and column."""
 
     def __init__(self) -> None:

@@ -17,10 +17,9 @@ import numpy as np
 
 from receptance import _checks
 from receptance.identification.from_frf import Floor
-from receptance.identification.laws import Tolerance, error_of
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.problem import Observed, Problem
-from receptance.identification.unknowns import Variables
+from receptance.identification.unknowns import Tolerance, Variables, error_of
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
@@ -243,14 +242,8 @@ class NewObservations:
     ) -> Problem:
         """Return the residuals of the observations, followed by those of the information of the fit.
 
-        Parameters
-        ----------
-        x : ndarray
-            `(p,)` fitted variables.
-        root : ndarray
-            `(p, p)`, R with R^T R the information of the fit at `x`.
-        observations : sequence of MeasuredFRF and MeasuredFrequencies, optional
-            The same observations with other data.
+        R is `root`, `(p, p)`, with R^T R the information of the fit at the fitted variables `x`. Other `observations`
+        have the same parameters and other data.
         """
         whole = np.eye(x.size + len(self.errors))
         whole[: x.size, : x.size] = root
@@ -264,23 +257,8 @@ def calculated(
 ) -> NDArray[np.complex128] | NDArray[np.float64]:
     """Return the noise-free data of an observation: receptances with its measuring chain, or frequencies in Hz.
 
-    The data that it has do not matter.
-
-    Parameters
-    ----------
-    observation : MeasuredFRF or MeasuredFrequencies
-        The observation.
-    mapping : ParameterMap
-        The parameters of its assembly.
-    variables : Variables
-        The variables that these are functions of.
-    x : ndarray
-        Values of the variables.
-
-    Raises
-    ------
-    InfeasibleError, ReceptanceError, ValueError
-        The model has no value there.
+    Its parameters are functions of variables with the values `x`; the data that it has do not matter. Where the model
+    has no value, an InfeasibleError, ReceptanceError or ValueError is raised.
     """
     if not isinstance(observation, MeasuredFrequencies):
         problem = Problem(variables, [Observed(observation, mapping, "logarithm")])

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification.likelihood import require_likelihood
+from receptance.identification.likelihood import Profile, require_likelihood
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
-from receptance.identification.profiles import Profile
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -20,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.result import Identification
+    from receptance.identification.unknowns import Tolerance
     from receptance.report.table import Cell, Interval
 
 __all__ = ["Expectation", "NextMeasurement", "RankedCandidate", "Target", "next_measurement"]
@@ -236,7 +235,7 @@ class NextMeasurement(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the present interval of each target and that with each candidate; see `Result.plot`."""
-        from receptance.identification.figures.next_measurement import draw_next_measurement
+        from receptance.identification.figures import draw_next_measurement
 
         return draw_next_measurement(self, ax)
 
@@ -320,11 +319,11 @@ def next_measurement(
     wide = _wide_profiles(known, dict(profiles or {}), report)
     points, notes = _points(known, wide)
     report(f"evaluating {len(candidates)} candidates at {len(points)} points")
-    now = _Now(known, points, wide)
+    present = _present(known, points, wide)
     ranking = []
     for candidate in candidates:
         report(f"evaluating {candidate.label}")
-        expected = _expected(known, candidate, points, now)
+        expected = _expected(known, candidate, points, present)
         shrink = float(np.exp(np.mean([np.log(max(one.shrink, _SMALLEST)) for one in expected.values()])))
         ranking.append(
             RankedCandidate(
@@ -405,7 +404,7 @@ class _Outlook:
     """The standard deviations of the targets, with a candidate or with the measurements of the fit alone."""
 
     def __init__(self, known: _Known, candidate: Candidate | None = None) -> None:
-        self._names = known.variables.names
+        self._known, self._names = known.found, known.variables.names
         self._targets, self._candidate = known.targets, candidate
         predicted = [target for target in known.targets if isinstance(target, Candidate)]
         self._hypotheses = predicted if candidate is None else [*predicted, candidate]
@@ -416,12 +415,12 @@ class _Outlook:
         )
 
     def values(self, x: NDArray[np.float64]) -> dict[str, float]:
-        """Return the values of the targets by name; 0 for the logarithm of a receptance."""
+        """Return the present values of the targets by name; 0 for the logarithm of a receptance."""
         found: dict[str, float] = {}
         data = iter(self._new.calculated(x))
         for target in self._targets:
             if isinstance(target, str):
-                found[target] = float(x[self._names.index(target)])
+                found[target] = self._known.values[target]
                 continue
             own = next(data)
             found |= zip(_names_of(target), [0.0] if target.modes is None else own.tolist(), strict=True)
@@ -440,7 +439,7 @@ class _Outlook:
         ]
         problem = self._new.problem(x, point.root, observations)
         start = self._new.start(x)
-        rows = problem.slopes(start, np.ones(start.size, dtype=np.bool_))
+        rows = problem.jacobian(start)
         *parts, known = np.split(rows, np.cumsum(problem.sizes))
         information = known.T @ known
         if self._candidate is not None:
@@ -545,69 +544,71 @@ def _quantiles_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
     return found
 
 
-class _Now:
-    """Values, standard deviations and intervals of the targets from the measurements of the fit alone."""
+def _about(value: float, scale: str, half: float) -> tuple[float, float]:
+    """Return the interval about a value; the half width is that of log10 of the value where the scale is "log"."""
+    return (value / 10.0**half, value * 10.0**half) if scale == "log" else (value - half, value + half)
 
-    def __init__(self, known: _Known, points: Sequence[_InformationPoint], profiles: Mapping[str, Profile]) -> None:
-        self._multiplier = known.multiplier
-        outlook = _Outlook(known)
-        self.values = outlook.values(known.x)
-        found = [outlook.deviations(point) for point in points]
-        self.deviations = {name: _geometric_mean([one[name] for one in found]) for name in self.values}
-        self.scales = dict.fromkeys(self.values, "linear")
-        self.intervals: dict[str, tuple[float, float]] = {}
-        for name in (target for target in known.targets if isinstance(target, str)):
-            i = known.variables.names.index(name)
-            self.scales[name] = str(known.variables.unknowns[i].scale)
-            self.values[name] = known.found.values[name]
+
+def _present(
+    known: _Known, points: Sequence[_InformationPoint], profiles: Mapping[str, Profile]
+) -> dict[str, Expectation]:
+    """Return values, standard deviations and intervals of the targets from the measurements of the fit alone."""
+    outlook = _Outlook(known)
+    found = [outlook.deviations(point) for point in points]
+    present = {}
+    for name, value in outlook.values(known.x).items():
+        deviation, scale = _geometric_mean([one[name] for one in found]), "linear"
+        interval: tuple[float, float] | None = None
+        if name in known.targets:
+            i = known.found.index(name)
+            scale = str(known.variables.unknowns[i].scale)
             if name in profiles:
                 ends = profiles[name]
-                to = np.log10 if self.scales[name] == "log" else np.asarray
+                to = np.log10 if scale == "log" else np.asarray
                 low, high = known.variables.limits[:, i]
                 low = low if ends.lower_open else float(to(ends.lower))
                 high = high if ends.upper_open else float(to(ends.upper))
-                self.deviations[name] = (high - low) / (2.0 * known.multiplier)
-                self.intervals[name] = (ends.lower, ends.upper)
-        for name in self.values:
-            self.intervals.setdefault(name, self.about(name, self.deviations[name]))
-
-    def about(self, name: str, deviation: float) -> tuple[float, float]:
-        """Return the interval about the present value for a standard deviation."""
-        value, half = self.values[name], self._multiplier * deviation
-        if self.scales[name] == "log":
-            return value / 10.0**half, value * 10.0**half
-        return value - half, value + half
+                deviation = (high - low) / (2.0 * known.multiplier)
+                interval = ends.lower, ends.upper
+        interval = interval or _about(value, scale, known.multiplier * deviation)
+        present[name] = Expectation(
+            name=name,
+            value=value,
+            scale=scale,
+            now=interval,
+            lower=interval[0],
+            upper=interval[1],
+            deviation=deviation,
+            deviation_now=deviation,
+            deviations=(),
+            stays_open=0.0,
+        )
+    return present
 
 
 def _expected(
-    known: _Known, candidate: Candidate, points: Sequence[_InformationPoint], now: _Now
+    known: _Known, candidate: Candidate, points: Sequence[_InformationPoint], present: Mapping[str, Expectation]
 ) -> dict[str, Expectation]:
     """Return the expectation of each target with a candidate, from all points."""
     outlook = _Outlook(known, candidate)
     found = [outlook.deviations(point) for point in points]
     low, high = known.variables.limits
     expected = {}
-    for name in now.values:
+    for name, now in present.items():
         deviations = [one[name] for one in found]
         open_share = 0.0
         if name in known.targets and name not in known.found.errors:
-            i = known.variables.names.index(name)
-            ends = [
-                (point.x[i], known.multiplier * deviation) for point, deviation in zip(points, deviations, strict=True)
-            ]
+            i = known.found.index(name)
+            ends = [(point.x[i], known.multiplier * one) for point, one in zip(points, deviations, strict=True)]
             open_share = sum(x + half > high[i] or x - half < low[i] for x, half in ends) / len(points)
         typical = _geometric_mean(deviations)
-        lower, upper = now.about(name, typical)
-        expected[name] = Expectation(
-            name=name,
-            value=now.values[name],
-            scale=now.scales[name],
-            now=now.intervals[name],
+        lower, upper = _about(now.value, now.scale, known.multiplier * typical)
+        expected[name] = replace(
+            now,
             # More data do not widen a side that is already bounded closely.
-            lower=max(lower, now.intervals[name][0]),
-            upper=min(upper, now.intervals[name][1]),
+            lower=max(lower, now.lower),
+            upper=min(upper, now.upper),
             deviation=typical,
-            deviation_now=now.deviations[name],
             deviations=tuple(deviations),
             stays_open=open_share,
         )

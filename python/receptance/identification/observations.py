@@ -1,4 +1,4 @@
-"""Measured receptances and natural frequencies, each of one assembly."""
+"""Measured receptances and natural frequencies, each of one assembly, and receptances on common lines."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf.validation import check_correlated_lines, check_form
+from receptance.frf.resampling import curvature_warning, interpolate
+from receptance.frf.validation import check_form
 from receptance.identification.mapping import FACTORS, Site
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
+from receptance.model.terminals import EQUAL_LINES, nearest_lines
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -24,11 +26,26 @@ if TYPE_CHECKING:
     from receptance.identification.from_frf import Floor
     from receptance.units import Form
 
-__all__ = ["MeasuredFRF", "MeasuredFrequencies", "Observation", "Unit", "altered", "as_observations"]
+__all__ = [
+    "MeasuredFRF",
+    "MeasuredFrequencies",
+    "Observation",
+    "Unit",
+    "altered",
+    "as_observations",
+    "check_observations",
+    "common_lines",
+]
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 
+_GAP = 1.5
+"""Times the median spacing of lines: nothing is interpolated across a wider gap."""
+_SPLINE_LINES = 4
+"""Least number of lines of a cubic spline."""
+_FEW = 0.5
+"""Resample if the common lines are fewer than this share of the lines, and of the lines after resampling."""
 _PER_LINE = ("frequency_hz", "receptance", "standard_deviation", "correlated_lines", "force")
 _Any = TypeVar("_Any", bound="_Observation")
 
@@ -65,8 +82,9 @@ class _Observation:
         """Return the measurement with another configuration and conditions."""
         return altered(self, configuration=configuration, conditions=_conditions(repr(self), conditions))
 
-    def _fill(self, **fields: Any) -> None:
-        _checks.set_fields(self, fields)
+
+def _fill(target: object, **fields: Any) -> None:
+    _checks.set_fields(target, fields)
 
 
 def altered(target: _Any, **fields: Any) -> _Any:
@@ -183,9 +201,9 @@ class MeasuredFRF(_Observation):
                 f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
             )
         sd = standard_deviation
-        deviation = None if sd is None else _positive_by_line(owner, "standard_deviation", sd, lines.shape)
-        forces = None if force is None else _positive_by_line(owner, "force", force, lines.shape)
-        correlated = check_correlated_lines(owner, correlated_lines, lines.size)
+        deviation = None if sd is None else _checks.by_line(owner, "standard_deviation", sd, lines.shape)
+        forces = None if force is None else _checks.by_line(owner, "force", force, lines.shape)
+        correlated = _checks.by_line(owner, "correlated_lines", correlated_lines, lines.shape, least=1.0)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -198,7 +216,7 @@ class MeasuredFRF(_Observation):
             )
             lines, values, correlated = lines[1:], values[1:], correlated[1:]
             deviation, forces = (given if given is None else given[1:] for given in (deviation, forces))
-        lines = _decaying(owner, _ascending(owner, lines))
+        lines = _decaying(owner, _checks.frequencies(lines, owner))
         if forces is not None and lines.dtype.kind == "c":
             raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
         if forces is not None and ends is not None:
@@ -219,7 +237,8 @@ class MeasuredFRF(_Observation):
         # This checks the coordinates. A complex line avoids resonances; a table must have all real lines.
         checked = lines if assembly.tabulated else [lines[0].real * (1.0 - 0.1j)]
         assembly.receptance(checked, response=places[0], excitation=places[1], threads=1)
-        self._fill(
+        _fill(
+            self,
             assembly=assembly,
             frequency_hz=lines,
             receptance=values,
@@ -424,15 +443,16 @@ class MeasuredFrequencies(_Observation):
     ) -> None:
         owner = _owner("MeasuredFrequencies", label, assembly)
         values = np.atleast_1d(_checks.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
-        values = _ascending(owner, values)
+        values = _checks.frequencies(values, owner).real
         numbers = tuple(range(1, values.size + 1)) if modes is None else _mode_numbers(owner, modes)
         if len(numbers) != values.size:
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
         deviation = None
         if standard_deviation_hz is not None:
-            deviation = _positive_by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
+            deviation = _checks.by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
         damping = _damping(owner, damping_ratio, standard_deviation_damping, deviation is not None, values.shape)
-        self._fill(
+        _fill(
+            self,
             assembly=assembly,
             frequency_hz=values,
             modes=numbers,
@@ -524,14 +544,6 @@ def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str,
     return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
 
 
-def _ascending(owner: str, array: NDArray[Any]) -> NDArray[Any]:
-    """Return ascending frequencies, or raise."""
-    try:
-        return _checks.frequencies(array)
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"{owner}: {error}") from None
-
-
 def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
     """Return the lines of an exponential window: imaginary parts of zero or less; real without a window."""
     bad = np.flatnonzero(lines.imag > 0.0)
@@ -541,18 +553,6 @@ def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
             "f - i sigma / (2 pi) for the window exp(-sigma t)"
         )
     return lines if lines.imag.any() else lines.real.astype(np.float64)
-
-
-def _positive_by_line(owner: str, quantity: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return positive numbers, one for each line; a single number stands for all."""
-    array = _checks.numbers(owner, quantity, value, "iuf", "real numbers").astype(np.float64)
-    if array.shape not in ((), shape):
-        raise ValueError(f"{owner}: {quantity} has shape {array.shape}, expected one number or {shape}")
-    array = np.broadcast_to(array, shape).copy()
-    bad = np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))
-    if bad.size:
-        raise ValueError(f"{owner}: {quantity}[{bad[0]}] is {array[bad[0]]:g}, expected a finite number above zero")
-    return array
 
 
 def _mode_numbers(owner: str, modes: Sequence[int]) -> tuple[int, ...]:
@@ -590,6 +590,92 @@ def _damping(
             f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
             "both, or neither"
         )
-    return values, None if deviation is None else _positive_by_line(
-        owner, "standard_deviation_damping", deviation, shape
-    )
+    return values, None if deviation is None else _checks.by_line(owner, "standard_deviation_damping", deviation, shape)
+
+
+def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tuple[MeasuredFRF, ...]:
+    """Return the observations as a tuple; raise unless all are receptances with standard deviations."""
+    found = _checks.items("observations", observations, MeasuredFRF)
+    for one in found:
+        if one.standard_deviation is None:
+            raise ValueError(
+                f"{one!r} has no standard deviation, which the uncertainty of the result needs; give it one"
+            )
+    return found
+
+
+def common_lines(
+    observed: tuple[MeasuredFRF, ...],
+) -> tuple[tuple[MeasuredFRF, ...], NDArray[Any], list[NDArray[np.intp]], int]:
+    """Return observations, their common lines in Hz, rows of these in each, and the number of lines not common.
+
+    If few lines are common, because the records had different lengths, all are resampled first.
+    """
+    lines = _shared(observed)
+    if lines.size < _FEW * min(observation.frequency_hz.size for observation in observed):
+        other = _resampled(observed)
+        if other and other[0].frequency_hz.size * _FEW > lines.size:
+            observed, lines = other, other[0].frequency_hz
+    if not lines.size:
+        raise ValueError(
+            f"there is no line that all of {', '.join(map(repr, observed))} have, and no band that all of them cover "
+            "with the same exponential window; all receptances are needed on each line"
+        )
+    rows = [nearest_lines(observation.frequency_hz, lines)[0] for observation in observed]
+    return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
+
+
+def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[Any]:
+    lines: NDArray[Any] = observed[0].frequency_hz
+    for observation in observed[1:]:
+        lines = lines[nearest_lines(observation.frequency_hz, lines)[1]]
+    return lines
+
+
+def _resampled(observed: tuple[MeasuredFRF, ...]) -> tuple[MeasuredFRF, ...]:
+    """Return observations on the lines of the one with the widest spacing that all cover; empty if there are none."""
+    widest = max(observed, key=_spacing)
+    lines = widest.frequency_hz
+    kept = np.ones(lines.size, dtype=np.bool_)
+    for observation in observed:
+        kept &= _covered(lines, observation)
+    return tuple(_resample(observation, lines[kept], widest) for observation in observed) if kept.any() else ()
+
+
+def _spacing(observation: MeasuredFRF) -> float:
+    return float(np.median(np.diff(observation.frequency_hz.real))) if observation.frequency_hz.size > 1 else np.inf
+
+
+def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]:
+    """Return which lines an observation covers, gaps and other exponential windows excluded."""
+    own = observation.frequency_hz
+    nearest, same = nearest_lines(own, lines)
+    if own.size < _SPLINE_LINES:
+        return same
+    after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
+    inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
+    dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(observation)
+    window = np.abs(lines.imag - own.imag[nearest]) <= EQUAL_LINES * np.abs(lines)
+    found: NDArray[np.bool_] = same | (inside & dense & window)
+    return found
+
+
+def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
+    if observation is widest:
+        return observation.select(np.isin(observation.frequency_hz, lines))
+    owner = repr(observation)
+    own = observation.frequency_hz.real
+    # Lines on the edge of the band may lie outside by rounding.
+    grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
+    values, bend = grid.spline(observation.receptance)
+    deviation = observation.standard_deviation
+    arrays = {name: getattr(observation, name) for name in ("standard_deviation", "correlated_lines", "force")}
+    fields = {name: grid.linear(array) for name, array in arrays.items() if array is not None}
+    fields |= {"frequency_hz": lines, "receptance": values}
+    notes = [
+        *observation.notes,
+        f"{observation.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}",
+    ]
+    sharp = curvature_warning(grid, values, bend, None if deviation is None else grid.linear(deviation**2))
+    notes += [f"{observation.label or owner}: {sharp}"] if sharp else []
+    return altered(observation, **fields, notes=tuple(notes))

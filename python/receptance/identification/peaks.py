@@ -197,24 +197,11 @@ def match_peaks(
     predicted: NDArray[np.complex128],
     noise: NDArray[np.float64] | None = None,
 ) -> list[PredictedMode]:
-    """Match the peaks of a measured and of a predicted response.
+    """Match the peaks of a measured and of a predicted response on `(n,)` lines, in order of frequency.
 
     Peaks of both are interpolated in the same way, so the spacing of the lines affects both alike. Measured peaks are
-    ignored if their prominence is small compared with the noise, the given one or the scatter from line to line.
-
-    Parameters
-    ----------
-    frequency_hz : ndarray
-        `(n,)` lines of both responses.
-    measured, predicted : ndarray
-        `(n,)` complex.
-    noise : ndarray, optional
-        `(n,)` standard deviation of the logarithm of the measured magnitude.
-
-    Returns
-    -------
-    list of PredictedMode
-        Matched and unmatched peaks in order of frequency.
+    ignored if their prominence is small compared with the noise, the given standard deviation of the logarithm or the
+    scatter from line to line.
     """
     lines = frequency_hz.real
     given = np.zeros(lines.size) if noise is None else noise

@@ -32,6 +32,7 @@ __all__ = [
     "constant_joint",
     "join_names",
     "linear_solution",
+    "masked_lines",
     "quadratic_solutions",
     "refine",
     "solve_lines",
@@ -54,6 +55,8 @@ _EQUIVALENT = 4.0
 """Solutions whose sum of squares is larger by up to this much, in variances, are not rejected by the data."""
 _CENTRES = 40
 """Lines whose solutions are tried as the common value when one of several solutions is selected."""
+_SHOWN = 5
+"""Number of masked lines that are listed by their frequency."""
 _CONSTANT_TOLERANCE = 1e-8
 """Relative change of misfit and variables at which the fit of a constant joint has converged."""
 
@@ -161,14 +164,10 @@ class Equations:
 
 
 def solve_lines(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
-    """Solve for the unknown terms on each line.
+    """Solve for the unknown terms on each line, `(n, m)`.
 
-    Returns
-    -------
-    terms : ndarray
-        `(n, m)`.
-    ambiguous : ndarray
-        `(n,)` whether several solutions fit; the one closest to those of the other lines was selected.
+    The mask `(n,)` tells on which lines several solutions fit; the one closest to those of the other lines was
+    selected.
     """
     count, pairs = len(equations.terms), equations.rigid.shape[1]
     linear = equations.one_structure and pairs >= len(TERMS)
@@ -284,16 +283,9 @@ def _gauss_newton_step(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.c
 def _select_consistent(
     eq: Equations, solutions: Sequence[NDArray[np.complex128]]
 ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
-    """Select one solution on each line.
+    """Select one solution on each line, `(n, m)`; the mask `(n,)` tells on which lines several fit.
 
     Where several fit about equally well, the one closest to the solutions of the other lines is selected.
-
-    Returns
-    -------
-    chosen : ndarray
-        `(n, m)`.
-    ambiguous : ndarray
-        `(n,)` whether several solutions fit.
     """
     found = np.stack(solutions, axis=1)
     costs = np.stack([eq.cost(x) for x in solutions], axis=1)
@@ -352,25 +344,10 @@ def _inverse(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
 def constant_joint(
     equations: Equations, start: NDArray[np.float64], lines: NDArray[np.bool_]
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Fit one joint k + i w c to the logarithms of the receptances on selected lines.
+    """Fit one joint k + i w c to the logarithms of the receptances on selected lines, from a start `(m, 2)` of k and c.
 
-    Stiffnesses keep the signs of the start, except that of the coupling.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equations of all lines.
-    start : ndarray
-        `(m, 2)` stiffnesses and dashpots.
-    lines : ndarray
-        `(n,)` mask of the lines.
-
-    Returns
-    -------
-    misfit : float
-        Sum of squares in variances.
-    stiffnesses, dashpots : ndarray
-        `(m,)` each.
+    Stiffnesses keep the signs of the start, except that of the coupling. The result is the sum of squares in variances,
+    the stiffnesses and the dashpots, `(m,)` each.
     """
     chosen, count = equations.select(lines), len(equations.terms)
     w = chosen.angular_frequency
@@ -420,3 +397,11 @@ def constant_grid_starts(equations: Equations, lines: NDArray[np.bool_]) -> list
 def join_names(names: Sequence[str]) -> str:
     """Return names as text: "a, b and c"."""
     return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + f" and {names[-1]}"
+
+
+def masked_lines(masked: NDArray[Any], count: int) -> str:
+    """Return the note on the lines, of so many, whose equations have no finite and unique solution."""
+    shown = ", ".join(f"{line:g}" for line in masked.real[:_SHOWN])
+    more = f" and {masked.size - _SHOWN} more" if masked.size > _SHOWN else ""
+    reason = "their equations have no finite and unique solution"
+    return f"{masked.size} of {count} lines are masked, {reason}: {shown} Hz{more}"

@@ -20,21 +20,20 @@ import numpy as np
 from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import confidence_multiplier, square_root
-from receptance.identification.laws import error_of
 from receptance.identification.mapping import FACTORS, Parameters
 from receptance.identification.new_observations import calculated
 from receptance.identification.peaks import PredictedMode, match_peaks
-from receptance.identification.unknowns import Variables
+from receptance.identification.unknowns import Variables, error_of
 from receptance.model.addresses import MovingCoordinate
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.mapping import Site
     from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
     from receptance.identification.result import Identification
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 __all__ = ["DECIBEL", "Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]
@@ -399,15 +398,7 @@ class Forecast:
     def observed_modes(
         self, measured: MeasuredFrequencies, noise: NDArray[np.float64] | None = None
     ) -> PredictedFrequencies:
-        """Return the natural frequencies of a measurement of this assembly.
-
-        Parameters
-        ----------
-        measured : MeasuredFrequencies
-            The measurement.
-        noise : ndarray, optional
-            `(n,)` its standard deviations in Hz; by default the stated ones.
-        """
+        """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
         found = self.modes(measured.modes)
         noise = measured.standard_deviation_hz if noise is None else noise
         deviations = np.zeros(len(found.modes)) if noise is None else noise
@@ -438,10 +429,7 @@ class Forecast:
     ) -> PredictedFRF:
         """Return a receptance with its scatter, and with its magnitudes for vectors drawn from the posterior.
 
-        Raises
-        ------
-        ReceptanceError
-            Fewer than half of the vectors have a model.
+        A ReceptanceError is raised if fewer than half of the vectors have a model.
         """
         response, excitation = response or Coordinate(), excitation or Coordinate()
         options: dict[str, Any] = {
@@ -478,16 +466,8 @@ class Forecast:
         """Return the receptance on the lines of a measurement of this assembly, as its measuring chain records it.
 
         A coordinate on a step between two segments stays on it. Gain, delay, window and early end of the record apply
-        where the fit has identified them.
-
-        Parameters
-        ----------
-        measured : MeasuredFRF
-            The measurement.
-        noise : ndarray, optional
-            `(n,)` standard deviation of its logarithm; by default the stated one.
-        draws, seed : optional
-            As in `receptance`.
+        where the fit has identified them. `noise` is the standard deviation of the measured logarithm, by default the
+        stated one; draws are those of `receptance`.
         """
         places = (
             MovingCoordinate(measured.assembly, one).on(self.assembly)

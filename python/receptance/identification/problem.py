@@ -1,4 +1,4 @@
-"""A least-squares problem of the core: observations and priors as a function of the fitted variables.
+"""The input of a fit, and its least-squares problem: observations and priors as functions of the fitted variables.
 
 The core computes residuals, derivatives, normal matrices and fits of receptances, truncated records, natural
 frequencies and damping ratios. A receptance of which one joint is unknown is reduced to that joint, so that the rest of
@@ -9,24 +9,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
-from receptance.identification.mapping import FACTORS
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Unit
+from receptance.identification.mapping import FACTORS, ParameterMap, Parameters
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit
+from receptance.identification.peaks import find_bands, within
+from receptance.identification.unknowns import Law, Unknown, Variables
+from receptance.model.addresses import Tied
 from receptance.model.joints import PointJoint
-from receptance.model.tables import Tied
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.mapping import ParameterMap
-    from receptance.identification.observations import Observation
-    from receptance.identification.unknowns import Unknown, Variables
+    from receptance.identification.peaks import Bands
     from receptance.model.assembly import Assembly
 
     _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -36,6 +37,7 @@ __all__ = [
     "InfeasibleError",
     "Observed",
     "Problem",
+    "Task",
     "Unit",
     "only_joint",
     "prior_table",
@@ -71,6 +73,104 @@ class Observed(NamedTuple):
     observation: Observation
     mapping: ParameterMap
     unit: Unit
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Observations, unknown parameters and units of the residuals.
+
+    Attributes
+    ----------
+    observed : tuple of MeasuredFRF and MeasuredFrequencies
+        The observations.
+    parameters : Parameters
+        The unknowns and their map to parameters of the assemblies.
+    units : tuple of str
+        Unit of the residuals of each observation.
+    bands : list of (float, float) or None
+        Bands of the lines that are used, in Hz; by default all.
+    band_width_percent : float
+        Half width of bands around peaks, with percentages.
+    threads : int or None
+        As in `Assembly.receptance`.
+    noise_factor : float
+        Factor of the standard deviations of `observed` over the stated ones, see `noisier`.
+    """
+
+    observed: tuple[Observation, ...]
+    parameters: Parameters
+    units: tuple[Unit, ...]
+    bands: Bands | None = None
+    band_width_percent: float = 5.0
+    threads: int | None = None
+    noise_factor: float = 1.0
+
+    @cached_property
+    def variables(self) -> Variables:
+        """The fitted vector."""
+        return Variables(self.parameters.unknowns)
+
+    @cached_property
+    def mappings(self) -> list[ParameterMap]:
+        """Parameters of each observation's assembly as functions of the unknowns."""
+        return self.parameters.of([observation.site(i) for i, observation in enumerate(self.observed)])
+
+    @cached_property
+    def selected(self) -> tuple[Observation, ...]:
+        """The observations on the lines within the bands."""
+        return tuple(
+            self._in_bands(observation, unit) for observation, unit in zip(self.observed, self.units, strict=True)
+        )
+
+    @property
+    def independent_values(self) -> float:
+        """Effective number of independent real numbers that are fitted."""
+        return sum(one.independent_values for one in self.selected)
+
+    def problem(
+        self, lines: Sequence[NDArray[np.intp] | None] | None = None, smoothing: float | None = None
+    ) -> Problem:
+        """Return the residuals as a problem of the core, on some lines of each observation; by default all in bands."""
+        selected = self.selected
+        if lines is not None:
+            selected = tuple(observation.select(own) for observation, own in zip(self.observed, lines, strict=True))
+        observed = [Observed(*one) for one in zip(selected, self.mappings, self.units, strict=True)]
+        return Problem(self.variables, observed, self.threads, smoothing=smoothing)
+
+    def approach(self) -> Problem:
+        """Return a problem whose fit is a start for percentages: logarithms on all lines.
+
+        Percentages in bands around measured peaks do not depend on calculated peaks outside of them.
+        """
+        return replace(
+            self, units=tuple(observation.unit for observation in self.observed), band_width_percent=0.0
+        ).problem()
+
+    def noisier(self, factor: float) -> Task:
+        """Return the task with the stated standard deviations times a factor."""
+        more = factor / self.noise_factor
+        return replace(
+            self, observed=tuple(observation.noisier(more) for observation in self.observed), noise_factor=factor
+        )
+
+    def without_errors(self) -> Task:
+        """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
+        exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.given]
+        sites = [observation.site(i) for i, observation in enumerate(self.observed)]
+        return replace(self, parameters=Parameters(exact, (), sites))
+
+    def on(self, observed: Sequence[Observation]) -> Task:
+        """Return the task with other data, one observation for each, all with standard deviations."""
+        units: list[Unit] = ["standard deviations"] * len(observed)
+        return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
+
+    def _in_bands(self, observation: Observation, unit: Unit) -> Observation:
+        if not isinstance(observation, MeasuredFRF):
+            return observation
+        bands = self.bands
+        if bands is None and unit == "percent":
+            bands = find_bands(observation, width_percent=self.band_width_percent)
+        return observation if bands is None else observation.select(within(observation, bands))
 
 
 class End(NamedTuple):
@@ -191,11 +291,18 @@ class Problem:
         """Return the residuals at a point where the model has a value, without their derivatives."""
         if self._at is not None and np.array_equal(self._at, x) and np.isfinite(self._rows[0]).all():
             return self._rows[0]
-        return self._some(x, np.zeros(x.size, dtype=np.bool_))[0]
+        return self.rows(x, np.zeros(x.size, dtype=np.bool_))[0]
 
-    def slopes(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the derivatives by some variables; raises `InfeasibleError` where the model has no value."""
-        return self._some(x, free)[1]
+    def rows(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> _Rows:
+        """Return the residuals and their derivatives by some variables; raise where the model has no value."""
+        found = self.core.rows(np.ascontiguousarray(x), free)
+        if found is None:
+            raise InfeasibleError(self.reason(x))
+        if self._places is None:
+            return found
+        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
+        residual[self._places], slopes[self._places] = found
+        return residual, slopes
 
     def cost(self, x: NDArray[np.float64]) -> float:
         """Return half the sum of squares; infinite where the model has no value."""
@@ -240,22 +347,12 @@ class Problem:
         least: float = 0.0,
         of_all: bool = False,
     ) -> list[End]:
-        """Return the ends of fits from all starts.
+        """Return the ends of fits from all starts `(n, p)` within the bounds.
 
-        Parameters
-        ----------
-        starts : ndarray
-            `(n, p)` within the bounds.
-        most : int or ndarray, optional
-            Most evaluations of each fit.
-        free : ndarray of bool, optional
-            Which variables are fitted; the others are held where they start. By default all.
-        tolerance : float, optional
-            Relative change of the cost and of the variables at which a fit has converged.
-        least : float, optional
-            A fit has also converged where the predicted decrease of the cost by the next step is at most this.
-        of_all : bool, optional
-            Whether the normal matrices have the rows and columns of held variables.
+        `most` is the largest number of evaluations of each fit, `free` the mask of fitted variables; the others are
+        held. A fit has converged at a relative change of cost and variables of `tolerance`, and where the predicted
+        decrease of the cost by the next step is at most `least`. `of_all` keeps the rows and columns of held variables
+        in normal matrices.
         """
         moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
         limits = np.array(np.broadcast_to(most, len(starts)), dtype=np.int64)
@@ -314,23 +411,13 @@ class Problem:
         if self._at is None or not np.array_equal(self._at, x):
             self.evaluations += 1
             try:
-                self._rows = self._some(x, np.ones(x.size, dtype=np.bool_))
+                self._rows = self.rows(x, np.ones(x.size, dtype=np.bool_))
             except InfeasibleError:
                 self._rows = np.full(self.size, np.inf), np.zeros((self.size, x.size))
             for array in self._rows:
                 array.setflags(write=False)
             self._at = x.copy()
         return self._rows
-
-    def _some(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> _Rows:
-        found = self.core.rows(np.ascontiguousarray(x), free)
-        if found is None:
-            raise InfeasibleError(self.reason(x))
-        if self._places is None:
-            return found
-        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
-        residual[self._places], slopes[self._places] = found
-        return residual, slopes
 
 
 @dataclass(eq=False)
@@ -461,13 +548,7 @@ class _CoreObservations:
 
 
 def slopes_at(observed: Sequence[Observed], threads: int | None) -> NDArray[np.float64]:
-    """Return the derivatives of the residuals of observations where all unknowns of their mappings are zero, `(n, p)`.
-
-    Raises
-    ------
-    InfeasibleError
-        The model has no value there.
-    """
+    """Return the derivatives of the residuals of observations where all unknowns of their maps are zero, `(n, p)`."""
     count = observed[0].mapping.shifts.shape[1]
     core = _unbounded(count, threads)
     added = _CoreObservations(core, observed, (), threads)

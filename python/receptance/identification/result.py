@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.identification.laws import Tolerance
+    from receptance.identification.likelihood import Profiles
     from receptance.identification.observations import Unit
-    from receptance.identification.profiles import Profiles
+    from receptance.identification.problem import Task
     from receptance.identification.sampling import Samples
-    from receptance.identification.task import Task
+    from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
@@ -336,7 +336,7 @@ class Identification(Result):
         >>> found.profiles()
         Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
         """
-        from receptance.identification.profiles import profile_likelihoods
+        from receptance.identification.likelihood import profile_likelihoods
 
         return profile_likelihoods(self, names, level=level, progress=progress)
 
@@ -551,7 +551,7 @@ class Identification(Result):
         """Draw measurements, fitted model and intervals, or the parameters of a series; see `Result.plot`."""
         if self.series:
             return self.series.plot(ax)
-        from receptance.identification.figures.fit import draw_identification
+        from receptance.identification.figures import draw_identification
 
         return draw_identification(self, ax)
 

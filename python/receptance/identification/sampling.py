@@ -140,7 +140,7 @@ class Samples(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw a histogram of each parameter with its 95 % interval; see `Result.plot`."""
-        from receptance.identification.figures.likelihood import draw_samples
+        from receptance.identification.figures import draw_samples
 
         return draw_samples(self, ax)
 
@@ -198,42 +198,12 @@ def sample_posterior(
             progress(f"sampling, step {done}")
         if np.all(done > 2 * _MIN_LENGTH * lengths):
             break
-    return _samples(found, sampler, done, seed)
-
-
-def _draw_starts(
-    found: Identification,
-    walkers: int,
-    density: Callable[[NDArray[np.float64]], float],
-    rng: np.random.Generator,
-) -> NDArray[np.float64]:
-    """Draw the walkers' starts around the optimum, with its standard errors, where the model has a value."""
-    low, high = found.task.variables.limits
-    deviation = np.sqrt(np.diag(found.covariance))
-    deviation = np.minimum(np.where(np.isfinite(deviation), deviation, np.inf), _START_RANGE * (high - low))
-    inside = np.clip(found.vector, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    kept: list[NDArray[np.float64]] = []
-    shrink = 1.0
-    while len(kept) < walkers:
-        x = inside + shrink * deviation * rng.standard_normal(inside.size)
-        x = np.where(x < low, 2.0 * low - x, np.where(x > high, 2.0 * high - x, x))
-        if np.isfinite(density(x)):
-            kept.append(x)
-        else:
-            shrink *= 0.9
-            if shrink < 1e-9:
-                raise ReceptanceError("the model has no value around the fit, so walkers cannot start there")
-    return np.array(kept)
-
-
-def _samples(found: Identification, sampler: Any, done: int, seed: int) -> Samples:
     chain = sampler.get_chain()
     lengths = np.asarray(sampler.get_autocorr_time(tol=0))
     slowest = float(np.max(lengths)) if np.isfinite(lengths).all() else float(done)
     burnt = min(int(_BURN_IN * slowest) + 1, done // 2)
     kept = chain[burnt:]
-    variables = found.task.variables
-    values = variables.to_values(kept.reshape(-1, chain.shape[2]))
+    values = found.task.variables.to_values(kept.reshape(-1, chain.shape[2]))
     acceptance = float(np.mean(sampler.acceptance_fraction))
     notes = []
     if done < _MIN_LENGTH * slowest:
@@ -259,3 +229,28 @@ def _samples(found: Identification, sampler: Any, done: int, seed: int) -> Sampl
         notes=tuple(notes),
         provenance=Provenance(seed=seed),
     )
+
+
+def _draw_starts(
+    found: Identification,
+    walkers: int,
+    density: Callable[[NDArray[np.float64]], float],
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Draw the walkers' starts around the optimum, with its standard errors, where the model has a value."""
+    low, high = found.task.variables.limits
+    deviation = np.sqrt(np.diag(found.covariance))
+    deviation = np.minimum(np.where(np.isfinite(deviation), deviation, np.inf), _START_RANGE * (high - low))
+    inside = np.clip(found.vector, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    kept: list[NDArray[np.float64]] = []
+    shrink = 1.0
+    while len(kept) < walkers:
+        x = inside + shrink * deviation * rng.standard_normal(inside.size)
+        x = np.where(x < low, 2.0 * low - x, np.where(x > high, 2.0 * high - x, x))
+        if np.isfinite(density(x)):
+            kept.append(x)
+        else:
+            shrink *= 0.9
+            if shrink < 1e-9:
+                raise ReceptanceError("the model has no value around the fit, so walkers cannot start there")
+    return np.array(kept)

@@ -12,16 +12,16 @@ their ends are starts of the problem itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance import _checks, units
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance import units
+from receptance.identification.observations import MeasuredFrequencies, altered
 from receptance.identification.peaks import peak_indices
 from receptance.identification.pointwise_joint import START_LOSS_FACTOR
-from receptance.identification.problem import COST_TOLERANCE
+from receptance.identification.problem import COST_TOLERANCE, End
 from receptance.identification.result import Start
 from receptance.model.addresses import QUANTITIES
 
@@ -29,12 +29,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.observations import Observation
-    from receptance.identification.problem import End, Problem
-    from receptance.identification.task import Task
+    from receptance.identification.problem import Problem, Task
 
-__all__ = ["Continuation", "GlobalSearch", "Strategy", "different_ends", "fit_direct", "fit_staged", "smeared"]
-
-Strategy = Literal["direct", "staged"]
+__all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
 
 _DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
@@ -71,79 +68,17 @@ _MIN_LINES = 8
 """Least number of lines for a stage."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class GlobalSearch:
-    """Settings of a search for the global optimum.
-
-    Parameters
-    ----------
-    strategy, starts, seed, max_evaluations, tolerance
-        As in `identify`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Invalid settings.
-    """
-
-    strategy: Strategy
-    starts: int
-    seed: int
-    max_evaluations: int
-    tolerance: float
-
-    def __post_init__(self) -> None:
-        if self.strategy not in get_args(Strategy):
-            raise ValueError(f"strategy is {self.strategy!r}, expected one of {', '.join(get_args(Strategy))}")
-        for name, least in (("starts", 1), ("seed", 0), ("max_evaluations", 1)):
-            _checks.whole_number("identify", name, getattr(self, name), least=least)
-        _checks.positive("identify", "tolerance", self.tolerance)
-
-    def fits(self, task: Task, problem: Problem, easier: Problem | None = None) -> list[Start]:
-        """Return the fits of the problem of a task from drawn starts.
-
-        Parameters
-        ----------
-        task : Task
-            The input of the fit.
-        problem : Problem
-            The problem of the task.
-        easier : Problem, optional
-            A problem whose ends replace the starts of a direct fit.
-        """
-        x, most = task.variables.draw(self.starts, self.seed), self.max_evaluations
-        if self.strategy == "staged":
-            return fit_staged(task, problem, x, self.seed, most, self.tolerance)
-        ends = None if easier is None else easier.fit(x, most, tolerance=_STAGE_TOLERANCE)
-        return fit_direct(problem, x, most, self.tolerance, ends)
-
-
 def fit_direct(
-    problem: Problem, starts: NDArray[np.float64], most: int, tolerance: float, begun: Sequence[End] | None = None
+    problem: Problem, starts: NDArray[np.float64], most: int, tolerance: float, easier: Problem | None = None
 ) -> list[Start]:
-    """Fit from all starts on some of the lines, and refine the best distinct ends on all lines.
+    """Fit from all starts `(n, p)` on some of the lines, and refine the best distinct ends on all lines.
 
-    Parameters
-    ----------
-    problem : Problem
-        The least-squares problem.
-    starts : ndarray
-        `(n, p)`.
-    most : int
-        Largest number of evaluations from each start.
-    tolerance : float
-        Relative change of the cost and of the variables at which a fit has converged.
-    begun : sequence of End, optional
-        Ends of an easier problem, which replace the starts.
-
-    Returns
-    -------
-    list of Start
-        One for each start. Ends that are not refined are reported with their cost on all lines.
+    `most` is the largest number of evaluations from each start. Ends of `easier` replace the starts. The result has one
+    run for each start; ends that are not refined are reported with their cost on all lines.
     """
     spent, at = np.zeros(len(starts), dtype=np.int64), np.array(starts)
-    if begun is not None:
-        spent, at = _continued(begun, at)
+    if easier is not None:
+        spent, at = _continued(easier.fit(at, most, tolerance=_STAGE_TOLERANCE), at)
     few = problem.thinned(_DIRECT_LINES)
     first: list[End] = []
     owners = {i: i for i in range(len(starts))}
@@ -159,23 +94,29 @@ def fit_direct(
     runs = []
     for i, start in enumerate(starts):
         owner = owners.get(i)
-        end = first[i] if owner is None else last[owner]
-        cost, message = end.cost, end.message
-        if owner is None and np.isfinite(cost):
-            cost = problem.cost(end.x)
-            message = "left on fewer lines, where other starts fit better"
-        runs.append(
-            Start(
-                start=problem.named(start),
-                values=problem.named(end.x),
-                variables=end.x,
-                cost=cost,
-                evaluations=max(int(spent[i]) + (last[i].evaluations if i in last else 0), 1),
-                converged=owner is not None and end.converged,
-                message=problem.reason(end.x) if end.status < 0 else message,
+        run = _run(problem, start, first[i] if owner is None else last[owner])
+        if owner is None and np.isfinite(run.cost):
+            run = replace(
+                run,
+                cost=problem.cost(run.variables),
+                converged=False,
+                message="left on fewer lines, where other starts fit better",
             )
-        )
+        runs.append(replace(run, evaluations=max(int(spent[i]) + (last[i].evaluations if i in last else 0), 1)))
     return runs
+
+
+def _run(problem: Problem, start: NDArray[np.float64], end: End) -> Start:
+    """Return a start with its end."""
+    return Start(
+        start=problem.named(start),
+        values=problem.named(end.x),
+        variables=end.x,
+        cost=end.cost,
+        evaluations=end.evaluations,
+        converged=end.converged,
+        message=problem.reason(end.x) if end.status < 0 else end.message,
+    )
 
 
 def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -369,16 +310,7 @@ def _best_run(
     best = min(runs, key=lambda run: run.cost, default=None)
     evaluations = problem.evaluations - before
     if best is None or not np.isfinite(best.cost):
-        values = problem.named(start)
-        return Start(
-            start=values,
-            values=values,
-            variables=start,
-            cost=np.inf,
-            evaluations=evaluations,
-            converged=False,
-            message=problem.reason(start),
-        )
+        return _run(problem, start, End(start, np.inf, np.inf, evaluations, -1, np.empty((0, 0))))
     return replace(best, start=problem.named(start), evaluations=evaluations)
 
 
@@ -388,8 +320,7 @@ def _finish(problem: Problem, run: Start, most: int) -> Start:
     if not end.cost < run.cost:
         return run
     message = end.message if end.converged else run.message
-    values = problem.named(end.x)
-    return replace(run, variables=end.x, values=values, cost=end.cost, converged=end.converged, message=message)
+    return replace(_run(problem, run.variables, end), start=run.start, evaluations=run.evaluations, message=message)
 
 
 def different_ends(
@@ -441,14 +372,12 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     total = weights.sum(axis=1) + mirrored.sum(axis=1)
     at = centres * (1.0 - 1j * width) + 1j * np.interp(centres, f, observation.frequency_hz.imag)
     values = (weights @ accelerance + mirrored @ accelerance.conj()) / total / at**2
-    return MeasuredFRF(
-        assembly=observation.assembly,
+    return altered(
+        observation,
         frequency_hz=at,
         receptance=values,
-        response=observation.response,
-        excitation=observation.excitation,
-        standard_deviation=0.5 * width,
-        label=observation.label,
-        configuration=observation.configuration,
-        conditions=observation.conditions,
+        standard_deviation=np.full(at.size, 0.5 * width),
+        correlated_lines=np.ones(at.size),
+        force=None,
+        ends=None,
     )

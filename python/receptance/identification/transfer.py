@@ -14,11 +14,10 @@ from receptance._threads import one_blas_thread
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.fit import identify
-from receptance.identification.laws import Law, Tolerance
 from receptance.identification.observations import MeasuredFRF, as_observations
 from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
-from receptance.identification.unknowns import Unknown, Unknowns, as_unknowns, covered
+from receptance.identification.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -204,7 +203,7 @@ class Transfer(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw errors of natural frequencies with their intervals, and receptances with bands; see `Result.plot`."""
-        from receptance.identification.figures.transfer import draw_transfer
+        from receptance.identification.figures import draw_transfer
 
         return draw_transfer(self, ax)
 
@@ -349,21 +348,19 @@ def transfer(
         near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]
         kept = [o for o in observed if o.configuration not in group]
         fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
-        predictor = _HeldOutPredictor(fit, [u for u in given if u not in here], errors, draws, seed)
+        lost = [u for u in given if u not in here]
+        split = Split(
+            held_out=group,
+            fitted=tuple(dict.fromkeys(o.configuration for o in kept)),
+            identified=fit,
+            modes=(),
+            frfs=(),
+            not_predicted=(),
+        )
         for observation in observed:
             if observation.configuration in group:
-                predictor.predict(observation)
-        found.append(
-            Split(
-                held_out=group,
-                fitted=tuple(dict.fromkeys(o.configuration for o in kept)),
-                identified=fit,
-                modes=tuple(predictor.modes),
-                frfs=tuple(predictor.frfs),
-                not_predicted=tuple(dict.fromkeys(predictor.reasons)),
-                notes=tuple(predictor.notes),
-            )
-        )
+                split = _with_prediction(split, observation, lost, errors, draws, seed)
+        found.append(split)
     return Transfer(splits=tuple(found), level=level, seed=seed)
 
 
@@ -408,54 +405,53 @@ def _in_some(
     return any(covered(address, site.assembly) for address in addresses for site in among)
 
 
-@dataclass
-class _HeldOutPredictor:
-    """A fit and its predictions of held-out observations; `lost` are the unknowns that the fit does not have."""
+def _with_prediction(
+    split: Split,
+    observation: Observation,
+    lost: Sequence[Unknown],
+    tolerances: Sequence[Tolerance],
+    draws: int,
+    seed: int,
+) -> Split:
+    """Return a split with the prediction of an observation, or the reason why there is none.
 
-    fit: Identification | None
-    lost: Sequence[Unknown]
-    tolerances: Sequence[Tolerance]
-    draws: int
-    seed: int
-    modes: list[PredictedMode] = field(default_factory=list)
-    frfs: list[PredictedFRF] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    def predict(self, observation: Observation) -> None:
-        """Add the prediction of an observation, or the reason why there is none."""
-        site = replace(observation.site(0), factors=())
-        given = () if self.fit is None else self.fit.task.parameters.given
-        missing = [u.address for u in self.lost if _in_some((u.address,), u.configurations, None, [site])]
-        shared = any(_in_some((u.address,), u.configurations, None, [site]) for u in given)
-        if missing or not shared or self.fit is None:
-            names = ", ".join(missing) or "none of the identified parameters"
-            self.reasons.append(
-                f"{observation.configuration}: {names} {'is in' if missing else 'in'} no configuration that is left"
-            )
-            return
+    `lost` are the unknowns that the fit does not have.
+    """
+    fit, site = split.identified, replace(observation.site(0), factors=())
+    given = () if fit is None else fit.task.parameters.given
+    missing = [u.address for u in lost if _in_some((u.address,), u.configurations, None, [site])]
+    shared = any(_in_some((u.address,), u.configurations, None, [site]) for u in given)
+    if missing or not shared or fit is None:
+        names = ", ".join(missing) or "none of the identified parameters"
+        reason = f"{names} {'is in' if missing else 'in'} no configuration that is left"
+    else:
         try:
-            forecast = Forecast(self.fit, site, self.tolerances)
-            if isinstance(observation, MeasuredFRF):
-                frf = self._frf(observation, self.fit, forecast)
-                self.frfs.append(frf)
-                self.modes += [peak for peak in frf.peaks if peak.measured_hz is not None]
-            else:
-                self.modes += forecast.observed_modes(observation, _readings(observation, self.fit)).modes
+            forecast = Forecast(fit, site, tolerances)
+            if not isinstance(observation, MeasuredFRF):
+                modes = forecast.observed_modes(observation, _readings(observation, fit)).modes
+                return replace(split, modes=(*split.modes, *modes))
+            frf, notes = _predicted_frf(observation, fit, forecast, draws, seed)
+            peaks = tuple(peak for peak in frf.peaks if peak.measured_hz is not None)
+            return replace(split, frfs=(*split.frfs, frf), modes=split.modes + peaks, notes=(*split.notes, *notes))
         except (ValueError, ReceptanceError) as error:
-            self.reasons.append(f"{observation.configuration}: {error}")
+            reason = str(error)
+    reasons = dict.fromkeys([*split.not_predicted, f"{observation.configuration}: {reason}"])
+    return replace(split, not_predicted=tuple(reasons))
 
-    def _frf(self, observation: MeasuredFRF, fit: Identification, forecast: Forecast) -> PredictedFRF:
-        noise = observation.standard_deviation
-        if noise is None or not fit.known_scatter:
-            noise = np.full(
-                observation.frequency_hz.size, _residual_deviation(fit) if "logarithm" in fit.units else 0.0
-            )
-        try:
-            return forecast.observed(observation, noise, draws=self.draws, seed=self.seed)
-        except ReceptanceError as error:
-            self.notes.append(f"{observation.label or observation.configuration}: its band is linear, because {error}")
-            return forecast.observed(observation, noise, seed=self.seed)
+
+def _predicted_frf(
+    observation: MeasuredFRF, fit: Identification, forecast: Forecast, draws: int, seed: int
+) -> tuple[PredictedFRF, list[str]]:
+    """Return the prediction of a receptance, and a note where its band is linear for want of models."""
+    noise = observation.standard_deviation
+    if noise is None or not fit.known_scatter:
+        deviation = _residual_deviation(fit) if "logarithm" in fit.units else 0.0
+        noise = np.full(observation.frequency_hz.size, deviation)
+    try:
+        return forecast.observed(observation, noise, draws=draws, seed=seed), []
+    except ReceptanceError as error:
+        note = f"{observation.label or observation.configuration}: its band is linear, because {error}"
+        return forecast.observed(observation, noise, seed=seed), [note]
 
 
 def _residual_deviation(fit: Identification) -> float:

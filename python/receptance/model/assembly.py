@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property, lru_cache
 from math import tau
 from typing import TYPE_CHECKING, Any
@@ -13,36 +13,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
+    MOTIONS,
     Attachment,
     ChainElement,
+    Flat,
+    Motion,
+    Tied,
     check_chain,
+    distinct,
     edges_of,
+    flatten,
+    force_amplitudes,
     listed,
     names_of,
     points_of,
+    rows_of,
     segment_fields,
 )
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.model.joints import PointJoint
-from receptance.model.tables import (
-    MOTIONS,
-    Flat,
-    Motion,
-    Tied,
-    distinct,
-    flatten,
-    force_amplitudes,
-    rows_of,
-)
 from receptance.model.terminals import MeasuredPart
-from receptance.report import Renderable, Table
+from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.model.mode_shapes import ModeShapes
+    from receptance.model.modes import ModeShapes
 
 __all__ = ["Assembly"]
 
@@ -172,7 +170,7 @@ class Assembly(Renderable):
         return draw_assemblies([Drawing(self)], ax)
 
     def mode_shapes(self, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
-        """Return the shapes of the modes with damping up to a frequency; see `receptance.model.mode_shapes`.
+        """Return the shapes of the modes with damping up to a frequency; see `receptance.model.modes`.
 
         Parameters
         ----------
@@ -183,7 +181,7 @@ class Assembly(Renderable):
         threads : int, optional
             As in `receptance`.
         """
-        from receptance.model.mode_shapes import mode_shapes
+        from receptance.model.modes import mode_shapes
 
         return mode_shapes(self, upper_hz, points=points, threads=threads)
 
@@ -194,9 +192,7 @@ class Assembly(Renderable):
 
     def tables(self) -> list[Table]:
         """Return the tables of `summary`: elements and attachments with their values."""
-        from receptance.model.presentation import element_tables
-
-        return element_tables(self)
+        return _element_tables(self)
 
     def drawing(self) -> Figure:
         """Return the figure that a notebook shows: the assembly to scale."""
@@ -393,12 +389,12 @@ class Assembly(Renderable):
                 self._named(address)  # raises if there is no such parameter
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
-        for (name, i), fields in in_segments.items():
+        for (name, i), own in in_segments.items():
             segments = list(elements[name].segments)
-            segments[i] = segments[i].with_values(fields)
+            segments[i] = segments[i].with_values(own)
             elements[name] = replace(elements[name], segments=tuple(segments))
-        for name, fields in changes.items():
-            elements[name] = elements[name].with_values(fields)
+        for name, own in changes.items():
+            elements[name] = elements[name].with_values(own)
         for name, attachment in self._attachments.items():
             # An attachment at an end of a segment stays there, as its derivative assumes.
             part, along = points_of(self._elements, name, attachment)
@@ -599,3 +595,51 @@ class Assembly(Renderable):
         return contents == others
 
     __hash__ = None  # type: ignore[assignment]
+
+
+def _element_tables(assembly: Assembly) -> list[Table]:
+    """Return the segments of the parts, and the other elements with the values that are not zero."""
+    segments: list[tuple[Any, ...]] = []
+    others: list[tuple[str, str, str]] = []
+    for name, element in {**assembly.elements, **assembly.attachments}.items():
+        if isinstance(element, Part):
+            for number, segment in enumerate(element.segments):
+                segments.append(
+                    (
+                        name if number == 0 else "",
+                        number,
+                        1e3 * segment.length,
+                        1e3 * segment.outer_diameter,
+                        1e3 * segment.inner_diameter,
+                        segment.material.name,
+                        segment.core.name if segment.core is not None else "",
+                    )
+                )
+        else:
+            others.append((name, type(element).__name__, _values(element)))
+    columns = (
+        "part",
+        Column("segment", form="d"),
+        Column("length", "mm"),
+        Column("outer diameter", "mm"),
+        Column("inner diameter", "mm"),
+        "material",
+        "core",
+    )
+    tables = [Table("Parts", columns, segments).without_empty()]
+    if others:
+        tables.append(Table("Joints and attachments, SI units", ("name", "kind", "values"), others))
+    return tables
+
+
+def _values(element: Any) -> str:
+    found = []
+    for one in fields(element) if is_dataclass(element) else ():
+        value = getattr(element, one.name)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or value == 0.0:
+            continue
+        found.append(f"{one.name} {value:.4g}")
+    where = getattr(element, "position", None)
+    if where is not None and f"position {where:.4g}" not in found if isinstance(where, float) else where == "end":
+        found.append(f"position {where}")
+    return ", ".join(found)

@@ -93,22 +93,17 @@ def as_coordinates(side: Coordinate | Sequence[Coordinate] | None) -> tuple[Coor
 def measured_coordinates(owner: str, quantity: str, side: Side, count: int) -> tuple[Coordinate, ...]:
     """Return the coordinates of a measurement's responses or excitations; `UnknownPosition` where no position is given.
 
-    Raises
-    ------
-    TypeError, ValueError
-        Another number than `count`, or an entry that is neither a coordinate nor a direction.
+    Another number than `count`, or an entry that is neither a coordinate nor a direction, is an error.
     """
     if side is None:
         return (UnknownPosition(),) * count
     points = tuple(side) if isinstance(side, Iterable) and not isinstance(side, str) else (side,)
     if len(points) != count:
         raise ValueError(f"{owner}: there are {len(points)} {quantity} for values with {count}, expected {count}")
-    return tuple(_measured_coordinate(owner, f"{quantity}[{index}]", point) for index, point in enumerate(points))
-
-
-def _measured_coordinate(owner: str, quantity: str, point: object) -> Coordinate:
-    if isinstance(point, Coordinate):
-        return point
-    if point in ("y", "theta"):
-        return UnknownPosition(point)
-    raise TypeError(f"{owner}: {quantity} is {point!r}, expected a Coordinate, or 'y' or 'theta' for a direction alone")
+    for index, point in enumerate(points):
+        if not isinstance(point, Coordinate) and point not in ("y", "theta"):
+            raise TypeError(
+                f"{owner}: {quantity}[{index}] is {point!r}, expected a Coordinate, or 'y' or 'theta' for a direction "
+                "alone"
+            )
+    return tuple(point if isinstance(point, Coordinate) else UnknownPosition(point) for point in points)

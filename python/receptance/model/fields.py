@@ -33,13 +33,7 @@ __all__ = [
 
 
 class Field:
-    """A field that is not passed to the core.
-
-    Parameters
-    ----------
-    doc : str
-        Description without a verb.
-    """
+    """A field that is not passed to the core, with a description without a verb."""
 
     doc: str
 
@@ -56,17 +50,7 @@ AttachedPosition = Annotated[
 
 @dataclass(frozen=True)
 class Number(Field):
-    """A number with a unit and bounds.
-
-    Parameters
-    ----------
-    quantity : Quantity
-        Unit and bounds.
-    doc : str
-        As in `Field`.
-    parameter : bool, optional
-        Whether it is a parameter of assemblies, with an address and a column.
-    """
+    """A number with the unit and bounds of a quantity; a parameter of assemblies has an address and a column."""
 
     quantity: Quantity
     doc: str
@@ -94,15 +78,7 @@ class Choice(Field):
 
 @dataclass(frozen=True)
 class Member(Field):
-    """An element within an element.
-
-    Parameters
-    ----------
-    doc : str
-        As in `Field`.
-    prefix : str
-        Prefix of the addresses of its parameters in its owner; "" for addresses like those of the owner.
-    """
+    """An element within an element, and the prefix of the addresses of its parameters; "" for those of the owner."""
 
     kind: type[Element]
     doc: str
@@ -114,14 +90,7 @@ class Member(Field):
 class CoreColumn:
     """A column of the row of an element in the tables of the core.
 
-    Attributes
-    ----------
-    address : str
-        Address of the parameter within the element; empty if the column is not a parameter.
-    path : tuple of str
-        Names of the nested fields.
-    field : Field
-        Declaration of the field.
+    The address within the element is empty if the column is not a parameter; the path are the names of nested fields.
     """
 
     address: str
@@ -206,13 +175,7 @@ class Element:
         return f"{type(self).__name__} {name!r}" if name else type(self).__name__
 
     def check(self) -> None:
-        """Check types and bounds of all fields, and convert numbers to float.
-
-        Raises
-        ------
-        TypeError, ValueError
-            A wrong type or value; the message names class, element, field and the expected value.
-        """
+        """Check types and bounds of all fields, and convert numbers to float; errors name class, element and field."""
         for name, field in self.declared.items():
             value = getattr(self, name)
             if isinstance(field, Number):
@@ -302,14 +265,13 @@ def _documented(kind: type, fields: Mapping[str, Field]) -> str:
             type_name = field.kind.__name__
         else:
             type_name = "int" if isinstance(field, Count) else _type_name(kind, name)
-        lines += [f"    {name} : {type_name}{optional}", *_wrapped(f"{text[0].upper()}{text[1:]}.")]
+        lines += [
+            f"    {name} : {type_name}{optional}",
+            *(" " * 8 + line for line in textwrap.wrap(f"{text[0].upper()}{text[1:]}.", 104)),
+        ]
     return "\n".join(lines) + "\n"
 
 
 def _type_name(kind: type, name: str) -> str:
     hint = get_args(get_type_hints(kind, include_extras=True)[name])[0]
     return str(getattr(hint, "__name__", hint)).replace("typing.", "").replace(" | ", " or ")
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 112, initial_indent=" " * 8, subsequent_indent=" " * 8)

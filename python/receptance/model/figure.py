@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from receptance.model.addresses import place_on, points_of
-from receptance.model.beams import Part
+from receptance.model.beams import Part, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.distributed import SpreadJoint
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
     from receptance.model.beams import Material, Section, Segment
-    from receptance.model.mode_shapes import ModeShapes
+    from receptance.model.modes import ModeShapes
 
 __all__ = ["Drawing", "Mark", "draw_assemblies", "draw_mode_shapes"]
 
@@ -40,17 +39,7 @@ _MM = 1e3
 
 @dataclass(frozen=True)
 class Mark:
-    """A labelled point of an assembly.
-
-    Attributes
-    ----------
-    text : str
-        Label.
-    at : Coordinate
-        Part and position.
-    kind : {"response", "excitation"}
-        Motion, a triangle below, or load, an arrow from above.
-    """
+    """A labelled point: motion ("response"), a triangle below, or load ("excitation"), an arrow from above."""
 
     text: str
     at: Coordinate
@@ -67,20 +56,11 @@ class Drawing:
 
 
 def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, title: str = "") -> Figure:
-    """Draw assemblies below each other, all to the same scale, in mm from the tip.
+    """Draw assemblies below each other, all to the same scale, in mm from the tip; see `Result.plot`.
 
     Segments are drawn in section: bores are white, or have the fill of the material in them. Below are the lengths of
     segments and the names of parts, above the diameters (outer/inner) and the names of joints, attachments and points
     of measurement.
-
-    Parameters
-    ----------
-    drawings : sequence of Drawing
-        One assembly or several.
-    ax : Axes, optional
-        As in `Result.plot`.
-    title : str, optional
-        Title of the figure.
     """
     longest = max(_extent(one.assembly) for one in drawings)
     fills: dict[str, str] = {}
@@ -107,15 +87,7 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
 
 
 def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
-    """Draw the assembly and below it the deflection of each mode, over the distance from the tip in mm.
-
-    Parameters
-    ----------
-    shapes : ModeShapes
-        From `Assembly.mode_shapes`.
-    ax : Axes, optional
-        As in `Result.plot`.
-    """
+    """Draw the assembly and below it the deflection of each mode, over the distance from the tip; see `Result.plot`."""
     import numpy as np
 
     assembly = shapes.assembly
@@ -146,13 +118,12 @@ def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
 
 def _extent(assembly: Assembly) -> float:
     """Return the length of a drawing in mm, with a box for a spindle."""
-    return sum(_lengths(element) for element in assembly.elements.values()) + _spindle_length(assembly)
+    return sum(_length(element) for element in assembly.elements.values()) + _spindle_length(assembly)
 
 
-def _lengths(element: Any) -> float:
-    if isinstance(element, Part):
-        return _MM * sum(segment.length for segment in element.segments)
-    return _MM * float(element.length) if isinstance(element, SpreadJoint) else 0.0
+def _length(element: Any) -> float:
+    """Return the length of an element of the chain in mm; zero for one at a point."""
+    return _MM * float(getattr(element, "length", 0.0))
 
 
 def _spindle_length(assembly: Assembly) -> float:
@@ -166,7 +137,7 @@ def _largest(assembly: Assembly) -> float:
     return _MM * max(segment.outer_diameter for part in parts for segment in part.segments)
 
 
-class _Rows:
+class _LabelRows:
     """Labels in rows above or below a drawing; a label goes to the first row in which it has room."""
 
     def __init__(self, start: float, step: float, scale: float, ends: tuple[float, float]) -> None:
@@ -214,8 +185,8 @@ class _Sketch:
         self.drawing, self.scale, self.ends, self.fills = drawing, scale, ends, fills
         self.radius = 0.5 * _largest(drawing.assembly)
         gap = 0.12 * scale
-        self.above = _Rows(self.radius + gap, _ROW * scale, scale, ends)
-        self.below = _Rows(-self.radius - gap, -_ROW * scale, scale, ends)
+        self.above = _LabelRows(self.radius + gap, _ROW * scale, scale, ends)
+        self.below = _LabelRows(-self.radius - gap, -_ROW * scale, scale, ends)
         self.rectangles: list[tuple[float, float, float, float, str, str]] = []
         """x, y, width, height, fill, hatch."""
         self.joints: list[tuple[float, float, float]] = []
@@ -240,7 +211,7 @@ class _Sketch:
         joints: list[tuple[float, str, float]] = []
         for name, element in assembly.elements.items():
             self.starts[name] = x
-            length = _lengths(element)
+            length = _length(element)
             if isinstance(element, Part):
                 self._add_part(x, element)
                 names.append((x, x + length, name))

@@ -14,7 +14,7 @@ from receptance import _checks, _core, units
 from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number
 
 if TYPE_CHECKING:
-    from receptance.model.tables import Flat
+    from receptance.model.addresses import Flat
 
 __all__ = ["ColletJoint", "GroundSpring", "MicroslipJoint", "PointJoint", "PointMass", "Resonator"]
 

@@ -6,6 +6,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import tau
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -17,7 +18,7 @@ from receptance.model.fields import Element, Field, Number
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
-    from receptance.model.tables import Flat
+    from receptance.model.addresses import Flat
 
 __all__ = ["ModalPart", "Mode"]
 
@@ -26,6 +27,22 @@ RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 """Parameters that every terminal has, in the order of the entries of its receptance."""
 ENTRIES = ((0, 0), (1, 1), (0, 1))
 """Indices of y over force, theta over moment and y over moment in the (y, theta) matrix."""
+
+
+EQUAL_LINES = 1e-9
+"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
+_MAX_ERROR = 0.01
+"""Largest interpolation error, relative to the values around it."""
+_ERROR_RATIO = 16.0
+"""Ratio of the errors of a cubic spline for double and single spacing."""
+_GAP = 2.5
+"""Ratio of an interval to its neighbours from which it is a gap without interpolation."""
+_NEIGHBOURS = 4
+"""Lines or intervals to each side from which the usual value and spacing are taken."""
+_MIN_LINES = 8
+"""Least lines of a table that is interpolated."""
+_FEW, _IN_GAP, _INEXACT = 1, 2, 3
+"""Why a table has no value between its lines."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,11 +58,6 @@ class Terminal(Element, ABC):
     name: Annotated[str, Field("first word of the addresses of its parameters, as in `spindle.residual_y`")] = field(
         default="", compare=False
     )
-
-    @property
-    def addresses(self) -> tuple[str, ...]:
-        """Addresses of the parameters within the element."""
-        return RESIDUALS
 
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptance at the plane, `(n, 2, 2)` over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
@@ -176,9 +188,16 @@ class MeasuredPart(Terminal):
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
         return self.table_entries(lines) + self._residual()
 
+    @cached_property
+    def _table(self) -> NDArray[np.complex128]:
+        """The entries on the lines of the table, `(n, 3)`."""
+        return np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
+
     def table_entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return the entries without the residuals."""
-        table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
+        """Return the entries without the residuals: exact at the lines of the table, by a cubic spline between them.
+
+        A line outside the table, in a gap, or where the table is too coarse or too noisy is a ValueError.
+        """
         decay = 0.0 - lines.imag * tau
         if np.any(np.abs(decay - self.decay_rate) > 1e-9 * (np.abs(lines) + self.decay_rate)):
             raise ValueError(
@@ -186,7 +205,21 @@ class MeasuredPart(Terminal):
                 f"{self.decay_rate:g} 1/s; fit a ModalPart, which is defined at any complex frequency"
             )
         owner = f"{self.owner} ({self.source})" if self.source else self.owner
-        return _interpolated(owner, self.frequency_hz, table, np.ascontiguousarray(lines.real))
+        real = np.ascontiguousarray(lines.real)
+        outside = np.flatnonzero(self._outside(real))
+        if outside.size:
+            low, high = self.frequency_hz[[0, -1]]
+            raise ValueError(
+                f"{owner} is known from {low:g} to {high:g} Hz, and the line at {real[outside[0]]:g} Hz is outside; "
+                f"it is not extrapolated: leave out the {outside.size} of {real.size} lines outside, "
+                f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or measure the part in the whole band"
+            )
+        nearest, same = nearest_lines(self.frequency_hz, real)
+        result = self._table[nearest]
+        if not same.all():
+            self._check_between(owner, real[~same])
+            result[~same] = _spline(self.frequency_hz, self._table, real[~same])
+        return result
 
     def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
         """Return on which real lines in Hz the part has a value, `(n,)`: within its band, and not in a gap.
@@ -194,12 +227,70 @@ class MeasuredPart(Terminal):
         The others of a measured FRF are left out by `frf.with_(usable=part.covers(frf.frequency_hz))`.
         """
         lines = np.ascontiguousarray(_checks.frequencies(frequency_hz).real, dtype=np.float64)
-        known = self.frequency_hz
-        result = ~_outside(known, lines)
-        between = np.flatnonzero(result & _off_the_lines(known, lines))
+        result = ~self._outside(lines)
+        between = np.flatnonzero(result & ~nearest_lines(self.frequency_hz, lines)[1])
         if between.size:
-            table = np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
-            result[between] = _doubts(known, table, lines[between])[0] == 0
+            result[between] = self._doubts(lines[between])[0] == 0
+        return result
+
+    def _outside(self, lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
+        low, high = self.frequency_hz[0] * (1.0 - EQUAL_LINES), self.frequency_hz[-1] * (1.0 + EQUAL_LINES)
+        return np.asarray((lines_hz < low) | (lines_hz > high))
+
+    def _doubts(self, lines_hz: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return why the table has no value at lines between its own, 0 where it has one, and the relative error."""
+        known = self.frequency_hz
+        if known.size < _MIN_LINES:
+            return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
+        after = _after(known, lines_hz)
+        spacing, n = np.diff(known), _NEIGHBOURS
+        usual = np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
+        error = self._error
+        worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
+        gap = (spacing > _GAP * usual)[after - 1]
+        return np.where(gap, _IN_GAP, np.where(worst > _MAX_ERROR, _INEXACT, 0)), worst
+
+    def _check_between(self, owner: str, lines_hz: NDArray[np.float64]) -> None:
+        """Raise where the table has no value at lines between its own."""
+        doubts, worst = self._doubts(lines_hz)
+        if not doubts.any():
+            return
+        # The first doubt in the order of the list, of which the first line.
+        kind = min(doubts[doubts > 0].tolist())
+        at = int(np.flatnonzero(doubts == kind)[0])
+        line, known = lines_hz[at], self.frequency_hz
+        if kind == _FEW:
+            raise ValueError(f"{owner} has {known.size} lines, too few to interpolate to {line:g} Hz; use its lines")
+        leave_out = "leave the line out, `frf.with_(usable=part.covers(frf.frequency_hz))`"
+        if kind == _IN_GAP:
+            after = _after(known, lines_hz)[at]
+            raise ValueError(
+                f"{owner} is not known between {known[after - 1]:g} and {known[after]:g} Hz, at the line at "
+                f"{line:g} Hz; {leave_out}, or fit a ModalPart"
+            )
+        raise ValueError(
+            f"{owner}: interpolation to {line:g} Hz has an error of about {100.0 * worst[at]:.2g} %: the lines are too "
+            f"far apart or too noisy; use its lines, {leave_out}, or fit a ModalPart"
+        )
+
+    @cached_property
+    def _error(self) -> NDArray[np.float64]:
+        """The relative error of the spline around each line, `(n, 3)`.
+
+        The prediction of each line from every second other line has double spacing, so its error is 16 times that of
+        the spline.
+        """
+        known, table = self.frequency_hz, self._table
+        off = np.zeros(table.shape)
+        for start in (0, 1):
+            kept, other = slice(start, None, 2), slice(1 - start, None, 2)
+            inside = (known[other] >= known[kept][0]) & (known[other] <= known[kept][-1])
+            rows = np.arange(known.size)[other][inside]
+            off[rows] = np.abs(_spline(known[kept], table[kept], known[rows]) - table[rows]) / _ERROR_RATIO
+        window = np.ones(2 * _NEIGHBOURS + 1) / (2 * _NEIGHBOURS + 1)
+        sizes = (np.pad(column, _NEIGHBOURS, "edge") for column in np.abs(table).T)
+        local = np.stack([np.convolve(size, window, "valid") for size in sizes], axis=1)
+        result: NDArray[np.float64] = off / np.maximum(local, 1e-300)
         return result
 
     def __eq__(self, other: object) -> bool:
@@ -227,131 +318,16 @@ def _check_finite(owner: str, name: str, array: NDArray[Any]) -> None:
         raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
 
 
-EQUAL_LINES = 1e-9
-"""Relative difference of the frequencies of equal lines: rounding of written frequencies."""
-_MAX_ERROR = 0.01
-"""Largest interpolation error, relative to the values around it."""
-_ERROR_RATIO = 16.0
-"""Ratio of the errors of a cubic spline for double and single spacing."""
-_GAP = 2.5
-"""Ratio of an interval to its neighbours from which it is a gap without interpolation."""
-_NEIGHBOURS = 4
-"""Lines or intervals to each side from which the usual value and spacing are taken."""
-_MIN_LINES = 8
-"""Least lines of a table that is interpolated."""
-
-
-def _interpolated(
-    owner: str, known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Return the columns of a table at given lines: exact at the lines of the table, by a cubic spline between them.
-
-    The error of the spline is estimated from the table: the prediction of each line from every second other line has
-    double spacing, so its error is 16 times that of the spline.
-
-    Raises
-    ------
-    ValueError
-        A line outside the table, in a gap, or where the table is too coarse or too noisy.
-    """
-    outside = np.flatnonzero(_outside(known_hz, lines_hz))
-    if outside.size:
-        low, high = known_hz[0], known_hz[-1]
-        raise ValueError(
-            f"{owner} is known from {low:g} to {high:g} Hz, and the line at {lines_hz[outside[0]]:g} Hz is outside; "
-            f"it is not extrapolated: leave out the {outside.size} of {lines_hz.size} lines outside, "
-            f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or measure the part in the whole band"
-        )
-    if known_hz.size == 1:
-        return np.broadcast_to(table, (lines_hz.size, table.shape[1])).copy()
-    result = table[_nearest(known_hz, lines_hz)]
-    between = np.flatnonzero(_off_the_lines(known_hz, lines_hz))
-    if not between.size:
-        return result
-    _check_between(owner, known_hz, table, lines_hz[between])
-    result[between] = _spline(known_hz, table, lines_hz[between])
-    return result
-
-
-def _outside(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray((lines_hz < known_hz[0] * (1.0 - EQUAL_LINES)) | (lines_hz > known_hz[-1] * (1.0 + EQUAL_LINES)))
-
-
 def _after(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(np.clip(np.searchsorted(known_hz, lines_hz), 1, max(known_hz.size - 1, 1)))
 
 
-def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the number of the line of the table that is nearest to each line."""
-    if known_hz.size == 1:
-        return np.zeros(lines_hz.size, dtype=np.intp)
-    after = _after(known_hz, lines_hz)
-    return np.where(lines_hz - known_hz[after - 1] < known_hz[after] - lines_hz, after - 1, after)
-
-
-def _off_the_lines(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray(np.abs(known_hz[_nearest(known_hz, lines_hz)] - lines_hz) > EQUAL_LINES * lines_hz)
-
-
-_FEW, _IN_GAP, _INEXACT = 1, 2, 3
-"""Why a table has no value between its lines."""
-
-
-def _doubts(
-    known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return why the table has no value at lines between its own, 0 where it has one, and the interpolation error."""
-    if known_hz.size < _MIN_LINES:
-        return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
-    after = _after(known_hz, lines_hz)
-    spacing = np.diff(known_hz)
-    usual = np.array([np.median(spacing[max(i - _NEIGHBOURS, 0) : i + _NEIGHBOURS + 1]) for i in range(spacing.size)])
-    error = _error(known_hz, table)
-    worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
-    gap = (spacing > _GAP * usual)[after - 1]
-    return np.where(gap, _IN_GAP, np.where(worst > _MAX_ERROR, _INEXACT, 0)), worst
-
-
-def _check_between(
-    owner: str, known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
-) -> None:
-    doubts, worst = _doubts(known_hz, table, lines_hz)
-    if not doubts.any():
-        return
-    # The first doubt in the order of the list, of which the first line.
-    kind = min(doubts[doubts > 0].tolist())
-    at = int(np.flatnonzero(doubts == kind)[0])
-    line = lines_hz[at]
-    if kind == _FEW:
-        raise ValueError(f"{owner} has {known_hz.size} lines, too few to interpolate to {line:g} Hz; use its lines")
-    leave_out = "leave the line out, `frf.with_(usable=part.covers(frf.frequency_hz))`"
-    if kind == _IN_GAP:
-        after = _after(known_hz, lines_hz)[at]
-        raise ValueError(
-            f"{owner} is not known between {known_hz[after - 1]:g} and {known_hz[after]:g} Hz, at the line at "
-            f"{line:g} Hz; {leave_out}, or fit a ModalPart"
-        )
-    raise ValueError(
-        f"{owner}: interpolation to {line:g} Hz has an error of about {100.0 * worst[at]:.2g} %: the lines are too far "
-        f"apart or too noisy; use its lines, {leave_out}, or fit a ModalPart"
-    )
-
-
-def _error(known_hz: NDArray[np.float64], table: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the relative error of the spline around each line, `(n, columns)`."""
-    size = np.abs(table)
-    off = np.zeros(size.shape)
-    for start in (0, 1):
-        kept = slice(start, None, 2)
-        other = slice(1 - start, None, 2)
-        inside = (known_hz[other] >= known_hz[kept][0]) & (known_hz[other] <= known_hz[kept][-1])
-        lines = known_hz[other][inside]
-        rows = np.arange(known_hz.size)[other][inside]
-        off[rows] = np.abs(_spline(known_hz[kept], table[kept], lines) - table[rows]) / _ERROR_RATIO
-    window = np.ones(2 * _NEIGHBOURS + 1) / (2 * _NEIGHBOURS + 1)
-    local = np.stack([np.convolve(np.pad(column, _NEIGHBOURS, "edge"), window, "valid") for column in size.T], axis=1)
-    result: NDArray[np.float64] = off / np.maximum(local, 1e-300)
-    return result
+def nearest_lines(known_hz: NDArray[Any], lines_hz: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return which of ascending known lines is nearest to each line, and whether it is the same but for rounding."""
+    after = np.minimum(_after(known_hz.real, lines_hz.real), known_hz.size - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(known_hz[after] - lines_hz) < np.abs(known_hz[before] - lines_hz), after, before)
+    return nearest, np.abs(known_hz[nearest] - lines_hz) <= EQUAL_LINES * np.abs(lines_hz)
 
 
 def _spline(
@@ -424,13 +400,7 @@ class Mode(Element):
 
 
 def modal_entries(modes: Iterable[Mode], lines: NDArray[Any]) -> NDArray[np.complex128]:
-    """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`.
-
-    Raises
-    ------
-    ResonanceError
-        A line at the frequency of an undamped mode.
-    """
+    """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`."""
     return _core.modal_receptance(
         _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns() for mode in modes])
     )
@@ -512,27 +482,15 @@ class ModalPart(Terminal):
                 f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or give modes of the whole band"
             )
 
-    def _mode_and_field(self, parameter: str) -> tuple[int, str]:
-        match = _MODE.fullmatch(parameter)
-        if match is None or parameter not in self.addresses:
-            raise ValueError(f"{self.owner} has no parameter {parameter!r}")
-        return int(match[1]), match[2]
-
-    def value(self, parameter: str) -> float:
-        """Return the value of a parameter, as `mode[0].frequency_hz`."""
-        if parameter in RESIDUALS:
-            return float(getattr(self, parameter))
-        index, quantity = self._mode_and_field(parameter)
-        return float(getattr(self.modes[index], quantity))
-
     def with_values(self, values: Mapping[str, float]) -> Self:
         """Return the part with new values of some parameters, replaced together."""
         residuals: dict[str, Any] = {name: value for name, value in values.items() if name in RESIDUALS}
         modes = list(self.modes)
         for name in values.keys() - residuals.keys():
-            index, quantity = self._mode_and_field(name)
-            change: dict[str, Any] = {quantity: values[name]}
-            modes[index] = replace(modes[index], **change)
+            match = _MODE.fullmatch(name)
+            if match is None or int(match[1]) >= len(modes):
+                raise ValueError(f"{self.owner} has no parameter {name!r}")
+            modes[int(match[1])] = modes[int(match[1])].with_values({match[2]: values[name]})
         return replace(self, modes=tuple(modes), **residuals)
 
     def __repr__(self) -> str:

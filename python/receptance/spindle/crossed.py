@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.identification.common_lines import check_observations, common_lines
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
 from receptance.model.coordinates import Coordinate
 from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.identification.common_lines import check_observations, common_lines
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
 from receptance.identification.pointwise_joint import linear_solution
 from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 

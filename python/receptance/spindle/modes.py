@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Identification, MeasuredFRF, Tolerance, Unknown, identify
-from receptance.identification.common_lines import check_observations
 from receptance.identification.covariance import square_root
+from receptance.identification.observations import check_observations
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.spindle.blanks import check_blanks

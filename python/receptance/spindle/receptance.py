@@ -12,9 +12,15 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.identification.common_lines import check_observations, common_lines, masked_lines
-from receptance.identification.observations import MeasuredFRF
-from receptance.identification.pointwise_joint import TERMS, Equations, linear_solution, quadratic_solutions, refine
+from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
+from receptance.identification.pointwise_joint import (
+    TERMS,
+    Equations,
+    linear_solution,
+    masked_lines,
+    quadratic_solutions,
+    refine,
+)
 from receptance.model.terminals import ENTRIES, MeasuredPart
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.figure import COLOURS, NORMAL_95, PALE, draw_condition, finished, set_up, surface, title_left

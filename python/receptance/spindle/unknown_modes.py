@@ -25,8 +25,8 @@ import numpy as np
 from receptance._peaks import local_maxima
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF
+from receptance.identification.problem import Task
 from receptance.identification.search import fit_staged
-from receptance.identification.task import Task
 from receptance.identification.unknowns import Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
@@ -35,9 +35,9 @@ from receptance.model.terminals import RESIDUALS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.laws import Tolerance
     from receptance.identification.observations import Observation, Unit
     from receptance.identification.problem import Problem
+    from receptance.identification.unknowns import Tolerance
 
 _DAMPING = (1e-3, 0.03, 0.3)
 """Lower bound, start and upper bound of damping ratios."""

@@ -1,4 +1,4 @@
-"""Complex modes of an assembly: natural frequencies, damping ratios and dynamic stiffness, with derivatives.
+"""Complex modes of an assembly: frequencies, damping ratios, dynamic stiffness with derivatives, and mode shapes.
 
 The poles of the receptances are the zeros of a determinant. The core finds them by Newton's method from the undamped
 natural frequencies, moved by the losses to first order, and by a count with the argument principle. Residues and
@@ -9,21 +9,26 @@ dG/dp = R w_r' / (w - w_r)^2 + R' / (w - w_r) + ....
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import tau
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.model.addresses import listed
+from receptance.model.addresses import edges_of, listed
+from receptance.model.beams import Part, SpreadJoint
+from receptance.model.coordinates import Coordinate
+from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
-    from receptance.model.coordinates import Coordinate
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-__all__ = ["DampedModes", "circles", "damped_modes"]
+    from receptance.model.assembly import Assembly
+
+__all__ = ["DampedModes", "ModeShapes", "damped_modes", "mode_shapes"]
 
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""
@@ -161,7 +166,7 @@ def _ascending(lines: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray
     return order, ascending + 1e-15 * np.arange(ascending.size) * ascending.real
 
 
-def circles(
+def _circles(
     poles: NDArray[np.complex128], more: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.intp], NDArray[np.complex128], NDArray[np.complex128]]:
     """Return lines on small circles around poles, and more lines: their order, the ascending lines and the offsets.
@@ -172,7 +177,7 @@ def circles(
     others = np.concatenate([poles, -poles.conj()])
     distance = np.abs(poles[:, None] - others[None, :])
     distance[np.arange(poles.size), np.arange(poles.size)] = np.inf
-    radius = _RADIUS * np.minimum(distance.min(axis=1), np.abs(poles))
+    radius = _RADIUS * np.minimum(distance.min(axis=1, initial=np.inf), np.abs(poles))
     offset = radius[:, None] * np.exp(1j * tau * (0.3 + np.arange(_CIRCLE)) / _CIRCLE)
     lines = (poles[:, None] + offset).ravel()
     order, ascending = _ascending(lines if more is None else np.concatenate([lines, more]))
@@ -187,32 +192,23 @@ def _modes_of_poles(
     threads: int | None,
     missed: int,
 ) -> DampedModes:
-    if not poles.size:
-        empty, none = np.zeros(0), np.zeros((0, 3, len(parameters)))
-        return DampedModes(
-            frequency_hz=empty,
-            damping_ratio=empty,
-            dynamic_stiffness=empty,
-            residue=empty.astype(np.complex128),
-            log_slopes=none,
-            missed=missed,
-        )
     peaks = np.repeat(poles.real, 2) * np.tile([1.0 - _STEP, 1.0 + _STEP], poles.size)
-    order, ascending, offset = circles(poles, peaks)
+    order, ascending, offset = _circles(poles, peaks)
     g = np.empty(ascending.size, np.complex128)
     dg = np.empty((ascending.size, len(parameters)), np.complex128)
-    g[order], dg[order] = assembly.derivatives(
-        ascending, parameters, response=coordinates[0], excitation=coordinates[1], threads=threads
-    )
+    if poles.size:
+        g[order], dg[order] = assembly.derivatives(
+            ascending, parameters, response=coordinates[0], excitation=coordinates[1], threads=threads
+        )
     count = poles.size * _CIRCLE
-    around, slopes = g[:count].reshape(poles.size, _CIRCLE), dg[:count].reshape(poles.size, _CIRCLE, -1)
+    around, slopes = g[:count].reshape(poles.size, _CIRCLE), dg[:count].reshape(poles.size, _CIRCLE, len(parameters))
     residue = np.mean(around * offset, axis=1)
     pole_slopes = np.mean(slopes * offset[:, :, None] ** 2, axis=1) / residue[:, None]
     size = np.abs(poles)
     # w_r = |w_r| (sqrt(1 - zeta^2) + i zeta), so ln w_r = ln |w_r| + i arcsin(zeta).
     relative = pole_slopes / poles[:, None]
     damping = poles.imag / size
-    at_peak, at_peak_slopes = g[count:].reshape(-1, 2), dg[count:].reshape(poles.size, 2, -1)
+    at_peak, at_peak_slopes = g[count:].reshape(-1, 2), dg[count:].reshape(poles.size, 2, len(parameters))
     stiffness = 1.0 / np.abs(at_peak.mean(axis=1))
     fixed_line = np.mean(at_peak_slopes / at_peak[:, :, None], axis=1).real
     along_lines = np.diff(np.log(np.abs(at_peak)), axis=1)[:, 0] / (2.0 * _STEP * poles.real)
@@ -232,3 +228,164 @@ def _modes_of_poles(
         log_slopes=log_slopes,
         missed=missed,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModeShapes(Result):
+    """Shapes of the modes of an assembly, normalised to unit modal mass.
+
+    Attributes
+    ----------
+    frequency_hz, damping_ratio : ndarray
+        `(k,)` natural frequencies in Hz and damping ratios, as in `DampedModes`.
+    part : tuple of str
+        `(n,)` part of each point.
+    position, distance : ndarray
+        `(n,)` distance in m from the tip-side end of the part, and from the tip of the assembly. There are two points
+        at a joint, one on each part.
+    y, theta : ndarray
+        `(k, n)` complex deflection in 1/kg^(1/2) and slope in rad/(m kg^(1/2)). The receptance between two points is
+        the sum of y_i y_j / (w_r^2 - w^2 + 2 i zeta_r w_r w) over the modes. The largest deflection is close to the
+        real axis and positive; imaginary parts are due to damping.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> shapes = bar.mode_shapes(12e3)
+    >>> f"{shapes.frequency_hz[0]:.0f} Hz, {shapes.y[0, 0].real:.2f} 1/kg^(1/2) at {shapes.distance[0]:.1f} m"
+    '8389 Hz, 3.77 1/kg^(1/2) at 0.0 m'
+    """
+
+    heading: ClassVar[str] = "Mode shapes"
+    assembly: Assembly = field(repr=False)
+    frequency_hz: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64] = field(repr=False)
+    part: tuple[str, ...] = field(repr=False)
+    position: NDArray[np.float64] = field(repr=False)
+    distance: NDArray[np.float64] = field(repr=False)
+    y: NDArray[np.complex128] = field(repr=False)
+    theta: NDArray[np.complex128] = field(repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return self.frequency_hz.size
+
+    def tables(self) -> list[Table]:
+        """Return frequency, damping ratio and largest deflection of each mode."""
+        most = np.abs(self.y).argmax(axis=1)
+        rows = [
+            (
+                number + 1,
+                float(self.frequency_hz[number]),
+                100.0 * float(self.damping_ratio[number]),
+                float(abs(self.y[number, at])),
+                f"{self.part[at]}, {1e3 * self.position[at]:.4g} mm",
+            )
+            for number, at in enumerate(most)
+        ]
+        columns = (
+            Column("mode", form="d"),
+            Column("frequency", "Hz", ".1f"),
+            Column("damping ratio", "%", ".3g"),
+            Column("largest deflection", "1/kg^0.5"),
+            "at",
+        )
+        return [Table("Modes", columns, rows)]
+
+    def data(self) -> dict[str, Any]:
+        """Return frequencies, damping ratios, points and shapes."""
+        names = ("frequency_hz", "damping_ratio", "part", "position", "distance", "y", "theta")
+        return {name: getattr(self, name) for name in names}
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the deflection of each mode over the assembly, with the outline of its parts to scale along the axis.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            As in `Result.plot`.
+        """
+        from receptance.model.figure import draw_mode_shapes
+
+        return draw_mode_shapes(self, ax)
+
+
+def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
+    """Return the shapes of the modes of an assembly with its damping up to a frequency; see `Assembly.mode_shapes`.
+
+    The residues of the receptances at the poles are means over small circles around them, as in `damped_modes`. Of the
+    ends of all parts the load acts where a mode responds most.
+    """
+    _checks.whole_number("mode_shapes", "points", points, least=2)
+    names, positions, distances = _points(assembly, points)
+    modes = damped_modes(assembly, upper_hz, threads=threads)
+    responses = [Coordinate(part, at, way) for way in ("y", "theta") for part, at in zip(names, positions, strict=True)]
+    ends = _ends(names, positions)
+    poles = modes.poles_hz
+    order, lines, offset = _circles(poles)
+    around = np.empty((lines.size, len(responses), len(ends)), np.complex128)
+    if poles.size:
+        found = assembly.receptance(lines, response=responses, excitation=ends, threads=threads)
+        around[order] = found.reshape(around.shape)
+    around = around.reshape(*offset.shape, len(responses), len(ends))
+    residues = np.mean(around * offset[:, :, None, None], axis=1) * tau
+    constants = -2.0 * tau * poles.real[:, None, None] * residues
+    shapes = np.array([_normalised(one, responses, ends, len(names)) for one in constants], dtype=np.complex128)
+    y, theta = shapes.reshape(poles.size, 2, len(names)).transpose(1, 0, 2)
+    return ModeShapes(
+        assembly=assembly,
+        frequency_hz=modes.frequency_hz,
+        damping_ratio=modes.damping_ratio,
+        part=tuple(names),
+        position=np.array(positions),
+        distance=np.array(distances),
+        y=y,
+        theta=theta,
+        notes=(f"{modes.missed} modes were counted and not found",) if modes.missed else (),
+    )
+
+
+def _points(assembly: Assembly, count: int) -> tuple[list[str], list[float], list[float]]:
+    """Return part, position and distance from the tip of points at all ends of segments and evenly between them."""
+    lengths = {
+        name: element.length for name, element in assembly.elements.items() if isinstance(element, (Part, SpreadJoint))
+    }
+    step = sum(lengths.values()) / (count - 1)
+    names: list[str] = []
+    positions: list[float] = []
+    distances: list[float] = []
+    start = 0.0
+    for name, length in lengths.items():
+        element = assembly.elements[name]
+        if isinstance(element, Part):
+            edges = np.array(edges_of(element))
+            inside = np.linspace(0.0, length, max(int(np.ceil(length / step)), 1) + 1)
+            # Points closer together than rounding would be one point.
+            gap = np.abs(inside[:, None] - edges[None, :]).min(axis=1)
+            own = np.sort(np.concatenate([edges, inside[gap > 1e-3 * step]]))
+            names += [name] * own.size
+            positions += own.tolist()
+            distances += (start + own).tolist()
+        start += length
+    return names, positions, distances
+
+
+def _ends(names: Sequence[str], positions: Sequence[float]) -> list[Coordinate]:
+    """Return the ends of all parts."""
+    found: dict[str, list[float]] = {}
+    for name, at in zip(names, positions, strict=True):
+        found.setdefault(name, []).append(at)
+    return [Coordinate(name, at) for name, own in found.items() for at in (own[0], own[-1])]
+
+
+def _normalised(
+    constants: NDArray[np.complex128], responses: Sequence[Coordinate], ends: Sequence[Coordinate], count: int
+) -> NDArray[np.complex128]:
+    """Return a shape from the modal constants of responses (rows) and loads (columns)."""
+    drives = np.array([constants[responses.index(end), column] for column, end in enumerate(ends)])
+    column = int(np.abs(drives).argmax())
+    shape = constants[:, column] / np.sqrt(drives[column])
+    largest = shape[:count][np.abs(shape[:count]).argmax()]
+    return np.asarray(shape if largest.real >= 0.0 else -shape)

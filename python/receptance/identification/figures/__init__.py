@@ -1,1 +1,0 @@
-"""Figures of identifications, profiles, samples, predictions, transfers, inverse couplings and next measurements."""
