@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from receptance._text import did_you_mean, instead_of, one_of
-from receptance.campaign.problems import path_text
+from receptance.campaign.problems import CampaignError, path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
@@ -112,6 +112,9 @@ class Builder:
             warnings.simplefilter("always")
             try:
                 made = build(*arguments, **options)
+            except CampaignError as error:  # of a table in a file of its own
+                self.problems.add(path, "; ".join(map(str, error.problems)))
+                return None
             except (ValueError, TypeError, OSError, ReceptanceError) as error:
                 self.problems.add(path, _without_owner(str(error)))
                 return None

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from receptance import units
-from receptance._files import read_whole
-from receptance._text import did_you_mean, one_of, shown
+from receptance._text import shown
+from receptance.campaign.csv_rows import read_rows
+from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.tolerances import attachment_effects, tolerances_of
 from receptance.campaign.values import Condition, Deviation, parse_deviation, parse_share
 from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
 from receptance.identification.observations import altered
-from receptance.io.text import truncation_notes
-from receptance.units import FORMS, parse
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +44,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Frequencies",
-    "FrequencyTableError",
     "Measurement",
     "MeasurementReader",
     "damping_of",
@@ -530,12 +527,9 @@ def _unsigned(written: str) -> str:
 
 # Natural frequencies --------------------------------------------------------------------------------------------------
 
-_COLUMNS = ("mode", "frequency", "standard_deviation", "damping_ratio", "damping_deviation")
-_SHARES = ("damping_ratio", "damping_deviation")
 _UNKNOWN = "unknown"
 _RATIO = 'a damping ratio such as "1.2 %", or "unknown"'
 _SPREAD = 'a standard deviation such as "5 %" of the ratio, or a number'
-_HEAD = re.compile(r"\s*(?P<name>\w+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 
 
 @dataclass(frozen=True)
@@ -559,8 +553,16 @@ class Frequencies:
     damping_deviation: list[float] | None = None
 
 
-class FrequencyTableError(ValueError):
-    """A CSV file of natural frequencies cannot be read; the message names the line."""
+@dataclass(frozen=True, kw_only=True)
+class _ModeRow:
+    """A row of a CSV file of natural frequencies."""
+
+    line: int
+    frequency: Annotated[float, units.FREQUENCY]
+    mode: int | None = None
+    standard_deviation: Annotated[float | None, units.FREQUENCY] = None
+    damping_ratio: Annotated[float | None, units.DAMPING_RATIO] = None
+    damping_deviation: Annotated[float | None, units.SHARE] = None
 
 
 def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) -> list[float] | None:
@@ -594,84 +596,29 @@ def read_frequencies(path: Path) -> Frequencies:
 
     Raises
     ------
-    FrequencyTableError
-        A line cannot be read.
+    CampaignError
+        The file has mistakes; all of them are listed with their lines. It is a ValueError.
     OSError
         The file cannot be opened.
     """
-    try:
-        text = read_whole(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
-    # A number at the end of a truncated file is still a number, so that only the missing end of line shows it.
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    truncation_notes(text, lines)
-    rows = [
-        (number, cells)
-        for number, cells in ((n, _cells(n, line)) for n, line in lines)
-        if cells and cells[0].strip() and not cells[0].lstrip().startswith("#")
-    ]
-    if not rows:
-        raise FrequencyTableError("the table is empty, expected a line that names the columns and one for each mode")
-    columns = _columns(*rows[0])
-    found: dict[str, list[Any]] = {name: [] for name, _ in columns}
-    for number, cells in rows[1:]:
-        if len(cells) != len(columns):
-            raise FrequencyTableError(f"line {number} has {len(cells)} cells, expected {len(columns)}")
-        for (name, unit), cell in zip(columns, cells, strict=True):
-            found[name].append(_cell(number, name, unit, cell.strip()))
-    if not found["frequency"]:
-        raise FrequencyTableError("there is no frequency below the line that names the columns")
-    names = ("frequency", *(name for name in _COLUMNS if name != "frequency"))
-    return Frequencies(*(found.get(name) for name in names))  # type: ignore[arg-type]
+    rows = read_rows(path, _ModeRow, number_last=True)
 
+    def column(name: str, *, empty: bool = False) -> list[Any] | None:
+        cells = [getattr(row, name) for row in rows]
+        if all(cell is None for cell in cells):
+            return None
+        for row, cell in zip(rows, cells, strict=True):
+            if cell is None and not empty:
+                raise CampaignError(path, [Issue((name.replace("_", " "),), "is empty", row.line)])
+        return [math.nan if cell is None else cell for cell in cells]
 
-def _cells(number: int, line: str) -> list[str]:
-    try:
-        return next(csv.reader([line]), [])
-    except csv.Error as error:
-        raise FrequencyTableError(f"line {number} cannot be split into cells: {error}") from None
-
-
-def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
-    columns: list[tuple[str, str]] = []
-    for cell in cells:
-        match = _HEAD.fullmatch(cell)
-        name = match["name"] if match else cell.strip()
-        unit = (match["unit"] or "").strip() if match else ""
-        if name.endswith("_hz") and not unit:
-            name, unit = name.removesuffix("_hz"), "Hz"
-        if name not in _COLUMNS:
-            # Unknown columns are not quoted: the file may be of any kind.
-            near = did_you_mean(name, _COLUMNS)
-            what = f' "{cell.strip()}"' if near else ""
-            text = f"line {number} names a column{what} that is not known, expected {one_of(_COLUMNS)}{near}"
-            raise FrequencyTableError(text)
-        expected = "%" if name in _SHARES else "Hz"
-        if name != "mode" and not unit:
-            raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [{expected}]"')
-        if name in _SHARES and unit not in ("%", "1"):
-            raise FrequencyTableError(f'line {number}: the column "{name}" is in {unit}, expected "{name} [%]"')
-        columns.append((name, unit))
-    names = [name for name, _ in columns]
-    if len(set(names)) != len(names) or "frequency" not in names:
-        raise FrequencyTableError(f'line {number} names {", ".join(names)}, expected each once and "frequency [Hz]"')
-    return columns
-
-
-def _cell(number: int, name: str, unit: str, cell: str) -> float | int:
-    try:
-        if name in _SHARES:
-            share = 0.01 if unit == "%" else 1.0
-            return float(cell) * share if cell else math.nan
-        return int(cell) if name == "mode" else parse(f"{cell} {unit}", units.FREQUENCY)
-    except ValueError as error:
-        words = str(error)
-        if name == "mode":
-            words = f'is "{cell}", expected the number of a mode, from 1 on'
-        elif name in _SHARES:
-            words = f'is "{cell}", expected a number, or nothing'
-        raise FrequencyTableError(f"line {number}: {name} {words}") from None
+    return Frequencies(
+        frequency_hz=[row.frequency for row in rows],
+        modes=column("mode"),
+        deviation_hz=column("standard_deviation"),
+        damping=column("damping_ratio", empty=True),
+        damping_deviation=column("damping_deviation", empty=True),
+    )
 
 
 def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
