@@ -275,7 +275,7 @@ class Builder:
         if table.reference is None:
             self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
             return None
-        return table.reference.value
+        return table.reference
 
     def _law(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Law | None:
         powers: tuple[Power, ...] = ()

@@ -15,7 +15,7 @@ from receptance._text import shown
 from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.tolerances import attachment_effects, tolerances_of
-from receptance.campaign.values import Condition, Deviation, parse_deviation, parse_share
+from receptance.campaign.values import Deviation, parse_deviation, parse_share
 from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
 from receptance.identification.observations import altered
 from receptance.units import FORMS
@@ -80,8 +80,6 @@ class Measurement:
         Name of the sensor at the response coordinate.
     files : tuple of str
         Names of the data files.
-    conditions : dict of str to Condition
-        Conditions of the measurement.
     effects : dict
         Errors: by error and address the standard deviation in SI units.
     notes : tuple of str
@@ -94,7 +92,6 @@ class Measurement:
     observation: Observation
     sensor: str | None
     files: tuple[str, ...]
-    conditions: dict[str, Condition] = field(default_factory=dict)
     effects: Effects = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -153,7 +150,6 @@ class MeasurementReader:
             observation=observation.configured(table.assembly, self._conditions(table)),
             sensor=table.sensor,
             files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-            conditions=table.conditions,
             effects=self._errors(table.assembly, table.sensor, *table.attachments),
             notes=tuple(self.builder.notes[before:]),
         )
@@ -196,8 +192,7 @@ class MeasurementReader:
 
     def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
         """Return the conditions of an assembly with those of a measurement."""
-        conditions = {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
-        return {key: condition.value for key, condition in conditions.items()}
+        return {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
 
     def _errors(self, assembly: str, *points: str | None) -> Effects:
         """Return the errors of an assembly with those of sensors and attachments."""

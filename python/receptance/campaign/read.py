@@ -21,10 +21,11 @@ from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.stability import build_cut
 from receptance.campaign.tolerances import Effects, assembly_effects
-from receptance.campaign.values import OWNERS, References, parse_condition
+from receptance.campaign.values import OWNERS, References
 from receptance.errors import warn_user
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
+from receptance.units import parse_any
 
 if TYPE_CHECKING:
     from receptance.campaign.problems import KeyPath, Problems
@@ -99,7 +100,6 @@ def campaign_fields(
     table, builder, built = _build(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
     reader = MeasurementReader(table, builder, file.parent, effects)
-    conditions = {name: assembly.conditions for name, assembly in table.assemblies.items() if assembly.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         say(f"reading {name}")
@@ -124,7 +124,6 @@ def campaign_fields(
         "measurements": measurements,
         "unknowns": tuple(built.unknowns.values()),
         "effects": effects,
-        "conditions": conditions,
         "places": places,
         "candidates": {name: one for name, one in possible.items() if one is not None},
         "cuts": {name: cut for name, cut in cuts.items() if cut is not None},
@@ -399,7 +398,7 @@ def _conditioned(data: Mapping[str, Any], over: str) -> bool:
 def _check_units(levels: list[Any], problems: Problems) -> None:
     """Add a mistake for the first level of a different quantity than the level before."""
     try:
-        units = [parse_condition(level).unit for level in levels]
+        units = [parse_any(level)[1] if isinstance(level, str) else "" for level in levels]
     except ValueError:
         return  # the validation of the condition reports the mistake
     for index, (before, unit) in enumerate(pairwise(units), 1):

@@ -191,7 +191,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
         for name, own in squares.items():
             title = f"{law.name} @ {name}"
             if title in fit.values and np.isfinite(fit.standard_errors[title]):
-                level = campaign.conditions[name][table.over].value / factor
+                level = campaign.site(name).conditions[table.over] / factor
                 left = max(float(np.sqrt(np.mean(own))), 1.0) if fit.known_scatter else 1.0
                 rows.append((level, fit.values[title], fit.standard_errors[title] * left))
         rows.sort()
@@ -220,7 +220,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
             else None
         )
         if match and float(match[1]):
-            return match[2], parse_condition(level).value / float(match[1])
+            return match[2], parse_condition(level) / float(match[1])
     return "", 1.0
 
 

@@ -37,7 +37,6 @@ __all__ = [
     "AtAddress",
     "BrokenReferenceError",
     "ByAddress",
-    "Condition",
     "DataFile",
     "Deviation",
     "DeviationShare",
@@ -230,37 +229,21 @@ def _deviation_schema(quantity: Quantity) -> dict[str, Any]:
 # Conditions and levels -----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Condition:
-    """A number with a unit that describes a configuration or a measurement.
-
-    Attributes
-    ----------
-    value : float
-        Value in SI units.
-    unit : str
-        SI unit, empty for a plain number.
-    """
-
-    value: float
-    unit: str
-
-
-def parse_condition(written: Any) -> Condition:
-    """Return a condition from its value in the file.
+def parse_condition(written: Any) -> float:
+    """Return the value of a condition in SI units from its value in the file.
 
     Examples
     --------
     >>> from receptance.campaign.values import parse_condition
     >>> parse_condition("5 kN")
-    Condition(value=5000.0, unit='kg m/s^2')
+    5000.0
     """
     if isinstance(written, bool) or not isinstance(written, (str, int, float)):
         raise ValueError(f"is {shown(written)}, expected text with a number and a unit, or a plain number")
-    value, unit = parse_any(written) if isinstance(written, str) else (float(written), "")
+    value = parse_any(written)[0] if isinstance(written, str) else float(written)
     if not math.isfinite(value):
         raise ValueError(f"is {shown(written)}, expected a finite number")
-    return Condition(value, unit)
+    return value
 
 
 def parse_level(written: Any) -> tuple[float, bool]:

@@ -356,8 +356,8 @@ def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
         if isinstance(like, MeasuredFRF):
             response, excitation = campaign.places.get(name, (Coordinate(), Coordinate()))
             like = altered(like, response=response, excitation=excitation)
-    conditions = {key: one.value for key, one in campaign.conditions.get(name, {}).items()}
-    bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=conditions)
+    site = campaign.site(name)
+    bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=site.conditions)
     return _applied(verdict, "", bare, campaign.effects.get(name, {}))
 
 
