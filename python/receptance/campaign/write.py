@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import copy
 import os
+import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import tomli_w
 
 from receptance import units
 from receptance._files import write_whole
@@ -19,6 +22,7 @@ from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
+from receptance.errors import ReceptanceWarning
 from receptance.identification.laws import Law, Move
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import Prior, Unknown, covered
@@ -39,12 +43,14 @@ if TYPE_CHECKING:
 __all__ = [
     "Materials",
     "attachment_table",
+    "changed_lines",
     "element_table",
     "extended_data",
     "extended_text",
     "quantity",
     "quantity_at",
     "unknown_table",
+    "with_campaign_lines",
     "write_extended",
 ]
 
@@ -255,8 +261,6 @@ def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     ValueError
         There is no extended model, or a campaign file cannot describe it.
     """
-    import tomli_w
-
     return tomli_w.dumps(extended_data(campaign, verdict, folder))
 
 
@@ -602,3 +606,93 @@ def _check(campaign: Campaign, verdict: Verdict, data: dict[str, Any], folder: P
             "the extended model cannot be written as a campaign: its chi-square would be "
             f"{chi_square:.6g} instead of {fit.chi_square:.6g}"
         )
+
+
+# Lines that add an explanation to a file ------------------------------------------------------------------------------
+
+_OWN = ("title", "description", "settings")
+"""Keys that every extended campaign has of its own."""
+_LONG = re.compile(r"^(-?\d[\d.]*(?:e[-+]?\d+)?)(?= |$)")
+
+
+def with_campaign_lines(campaign: Campaign, verdict: Verdict) -> Verdict:
+    """Return the verdict with the lines that add its explanation to the file; without them if there are none."""
+    if verdict.explanation is None or not verdict.final:
+        return verdict
+    with warnings.catch_warnings():
+        # Warnings on the data were given when they were read.
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        try:
+            return replace(verdict, campaign_lines=changed_lines(campaign, verdict))
+        except ValueError:
+            return verdict
+
+
+def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:
+    """Return the lines in which the extended model of a diagnosis differs from the campaign file.
+
+    They are what `extended_text` writes without roles and start values of the unknowns that the campaign has. Numbers
+    have six digits. Measurements with the same lines share them.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    verdict : Verdict
+        Result of its diagnosis.
+
+    Raises
+    ------
+    ValueError
+        There is no extended model, or a campaign file cannot describe it.
+    """
+    before = {key: value for key, value in campaign.contents.items() if key not in _OWN}
+    after = {
+        key: value for key, value in extended_data(campaign, verdict, campaign.file.parent).items() if key not in _OWN
+    }
+    for name, table in after["measurements"].items():
+        given = before["measurements"][name]
+        table.pop("role", None)
+        if "role" in given:
+            table["role"] = given["role"]
+    for name, table in after.get("unknowns", {}).items():
+        if "start" in table and (given := before.get("unknowns", {}).get(name)) is not None:
+            table.pop("start")
+            table |= {"start": given["start"]} if "start" in given else {}
+    changed = _shortened(_changes(before, after))
+    # Measurements with the same lines share them.
+    groups: dict[str, tuple[dict[str, Any], list[str]]] = {}
+    for name, table in changed.pop("measurements", {}).items():
+        groups.setdefault(tomli_w.dumps(table), (table, []))[1].append(name)
+    lines = [line for line in tomli_w.dumps({k: v for k, v in changed.items() if v}).splitlines() if line]
+    for table, (first, *others) in groups.values():
+        head, *own = tomli_w.dumps({"measurements": {first: table}}).splitlines()
+        lines += [head, *([f"# the same for {', '.join(others)}"] if others else []), *own]
+    return tuple(lines)
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys whose values are new or different, tables key by key."""
+    found: dict[str, Any] = {}
+    for key, value in after.items():
+        old = before.get(key)
+        if isinstance(value, dict) and isinstance(old, dict):
+            inner = _changes(old, value)
+            if inner:
+                found[key] = inner
+        elif value != old:
+            found[key] = value
+    return found
+
+
+def _shortened(value: Any) -> Any:
+    """Return values with numbers of six digits, those in texts included."""
+    if isinstance(value, dict):
+        return {key: _shortened(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_shortened(one) for one in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, str):
+        return _LONG.sub(lambda match: f"{float(match[1]):.6g}", value)
+    return value

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
+from receptance.cli.files import NoWindow, open_figure
 from receptance.cli.running import (
     InputError,
     InterruptedAnswer,
@@ -20,7 +21,6 @@ from receptance.cli.running import (
     takes_targets,
     with_progress,
 )
-from receptance.cli.show import NoWindow, open_figure
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -288,8 +288,8 @@ def diagnose(
     targets.add("--extended", extended, "Extended campaign", (".toml",), "a campaign is a TOML file")
 
     def work(read: Campaign) -> Verdict:
-        from receptance.campaign.changed_lines import with_campaign_lines
         from receptance.campaign.stability import named_metrics
+        from receptance.campaign.write import with_campaign_lines
 
         return with_campaign_lines(
             read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from receptance._text import instead_of, one_of, printable, shown
-from receptance.cli.reading import Reading, takes_reading
+from receptance.cli.files import Reading, takes_reading
 from receptance.cli.running import InputError, input_errors, output
 from receptance.errors import ReceptanceWarning
 
