@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from receptance import _checks
 from receptance._files import read_whole
@@ -26,9 +26,6 @@ from receptance.errors import warn_user
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any
-
-if TYPE_CHECKING:
-    from receptance.campaign.problems import KeyPath, Problems
 
 __all__ = ["LEVEL", "campaign_fields", "expand_series", "measured_structures", "read_campaign", "silent"]
 

@@ -57,12 +57,6 @@ if TYPE_CHECKING:
     from receptance.campaign.stability import CampaignCut
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
-    from receptance.identification import (
-        Identification,
-        InverseCouplings,
-        NextMeasurement,
-        Transfer,
-    )
     from receptance.identification.laws import Tolerance
     from receptance.identification.next_measurement import Target
     from receptance.stability import Stability

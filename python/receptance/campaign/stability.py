@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.campaign.schema import CampaignTable, TipTable
     from receptance.diagnosis import HeldOut, Metric
-    from receptance.frf import FRF
     from receptance.identification import Identification
     from receptance.identification.prediction import Forecast
     from receptance.modal import ModeEstimate
@@ -532,8 +531,6 @@ def _error_of_depth(cut: CampaignCut, one: HeldOut) -> float:
 
 def _always_stable_depth(cut: CampaignCut, lines: NDArray[np.float64], receptance: NDArray[np.complex128]) -> float:
     """Return the depth in m that is stable at all speeds."""
-    from receptance.stability import Turning, critical_depths
-
     matrix = receptance[:, None, None] * np.diag([1.0, 0.0 if cut.y is None else 1.0])
     if isinstance(cut.cut, Turning):
         matrix = receptance[:, None, None]
