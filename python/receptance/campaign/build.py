@@ -81,22 +81,7 @@ class Built:
 
 
 class Builder:
-    """Builds objects from tables; mistakes are collected as problems, and warnings as notes.
-
-    Parameters
-    ----------
-    problems : Problems
-        List to which mistakes are added.
-
-    Attributes
-    ----------
-    built : Built
-        The objects built so far.
-    notes : list of str
-        Notes for the user.
-    warnings : list of str
-        The notes that were warnings.
-    """
+    """Builds objects from tables; mistakes are collected as `problems`, and warnings as `notes` and `warnings`."""
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
@@ -159,18 +144,9 @@ class Builder:
         return built
 
     def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
-        """Return an element from its table, or None after its mistakes are added.
+        """Return the element at an address from its table, or None after its mistakes are added.
 
-        Parameters
-        ----------
-        table : ElementTable
-            The table. A missing number that is unknown gets its start value.
-        path : tuple
-            Place of the table in the file.
-        address : str, optional
-            Address of the element.
-        **given
-            Values of fields that are not read from the table.
+        A missing number that is unknown gets its start value; fields in `given` are not read from the table.
         """
         values = dict(given)
         for name, declared in table.element.declared.items():

@@ -106,19 +106,7 @@ _MOST_LINES = 100_000
 
 
 class MeasurementReader:
-    """Makes measurements, with their data, and candidates from their tables; mistakes are added to the builder.
-
-    Parameters
-    ----------
-    campaign : CampaignTable
-        The file.
-    builder : Builder
-        Builder with the objects of the file.
-    folder : Path
-        Folder of the data files.
-    effects : dict
-        Errors of assemblies by name.
-    """
+    """Makes measurements, with their data, and candidates from their tables; mistakes are added to the builder."""
 
     def __init__(self, campaign: CampaignTable, builder: Builder, folder: Path, effects: Mapping[str, Effects]) -> None:
         self.campaign, self.builder, self.folder = campaign, builder, folder
@@ -287,13 +275,7 @@ _USED_SHARE = 0.9
 
 
 def read_entry(table: FileFields, folder: Path) -> FRF:
-    """Return the FRF of a measurement, selected by `entry` if the file holds several.
-
-    Raises
-    ------
-    ValueError
-        The file cannot be read, or holds several responses or excitations and `entry` selects none.
-    """
+    """Return the FRF of a measurement, selected by `entry` if the file holds several."""
     from receptance.io import read_all, read_frf
 
     options: dict[str, Any] = {
@@ -355,14 +337,8 @@ def _with_stated_properties(frf: FRF, table: FileFields) -> FRF:
 def with_stated_variance(frf: FRF, share: float | None) -> FRF:
     """Return the FRF with a variance: the stated one, that of the file, or that from coherence and averages.
 
-    The last is (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
-
-    Parameters
-    ----------
-    frf : FRF
-        The FRF.
-    share : float or None
-        Stated standard deviation, relative to the magnitude.
+    `share` is the stated standard deviation, relative to the magnitude. The last variance is
+    (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
     """
     if share is not None:
         return frf.with_(log_variance=share**2, degrees_of_freedom=None)
@@ -381,13 +357,7 @@ def with_coordinates(
 
 
 def restrict_to_bands(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
-    """Return the FRF with only the lines inside the bands usable, and a note on bands with few usable lines.
-
-    Raises
-    ------
-    ValueError
-        The ends of a band are not ascending, or a band has no usable line.
-    """
+    """Return the FRF with only the lines inside the bands usable, and a note on bands with few usable lines."""
     lines = frf.frequency_hz
     usable = np.ones(lines.size, dtype=np.bool_) if frf.usable is None else frf.usable
     chosen = np.zeros_like(usable)
@@ -422,13 +392,7 @@ def observed_frf(
     excitation: Coordinate,
     floor: float,
 ) -> MeasuredFRF:
-    """Return the observation of an FRF on the lines inside the bands of the campaign.
-
-    Raises
-    ------
-    ValueError
-        There is no usable line, or a stepped sine has the key `ends`.
-    """
+    """Return the observation of an FRF on the lines inside the bands of the campaign."""
     force = table.force if table.kind == "frf" else None
     if force is not None and table.ends is not None:
         raise ValueError("has `force`, a key of stepped sines, and `ends`, a key of hammer hits; expected one of them")
@@ -450,13 +414,7 @@ def integrate_motion(observation: MeasuredFRF, times: int) -> MeasuredFRF:
 
 
 def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
-    """Return the time records of all files of a measurement.
-
-    Raises
-    ------
-    ValueError
-        A file cannot be read, a channel does not exist, or its quantity is unknown or wrong.
-    """
+    """Return the time records of all files of a measurement."""
     from receptance.io import read_time_series
     from receptance.measurement import HammerRecords
 
@@ -487,13 +445,7 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
 
 
 def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF:
-    """Return the FRF that is estimated from the hits in time records.
-
-    Raises
-    ------
-    ValueError
-        There are no hits, or the settings do not match the records.
-    """
+    """Return the FRF that is estimated from the hits in time records."""
     from receptance.measurement import estimate_frf, find_hits
 
     options: dict[str, Any] = {
@@ -529,16 +481,9 @@ _SPREAD = 'a standard deviation such as "5 %" of the ratio, or a number'
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Measured modes.
+    """Measured modes, one item for each in every list.
 
-    Attributes
-    ----------
-    frequency_hz, deviation_hz : list of float
-        Natural frequencies and their standard deviations.
-    modes : list of int or None
-        Numbers of the modes.
-    damping, damping_deviation : list of float or None
-        Damping ratios, NaN if unknown, and their standard deviations relative to them.
+    Standard deviations are in Hz, those of damping relative to the ratios; an unknown damping ratio is NaN.
     """
 
     frequency_hz: list[float]
@@ -561,13 +506,7 @@ class _ModeRow:
 
 
 def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) -> list[float] | None:
-    """Return the standard deviations of frequencies in Hz; one text stands for all of them.
-
-    Raises
-    ------
-    ValueError
-        A text is not a standard deviation of a frequency, or the list has a different length.
-    """
+    """Return the standard deviations of frequencies in Hz; one text stands for all of them."""
     if written is None:
         return None
     texts = [written] * len(frequency_hz) if isinstance(written, str) else written
@@ -583,18 +522,10 @@ def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) ->
 
 
 def read_frequencies(path: Path) -> Frequencies:
-    """Read a CSV file of natural frequencies.
+    """Read a CSV file of natural frequencies; it may raise a CampaignError, with all mistakes, or an OSError.
 
     The first line names the columns: `frequency [Hz]` (or another unit of frequency), and optionally `mode`,
-    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio. Lines that begin with # are
-    comments.
-
-    Raises
-    ------
-    CampaignError
-        The file has mistakes; all of them are listed with their lines. It is a ValueError.
-    OSError
-        The file cannot be opened.
+    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio.
     """
     rows = read_rows(path, _ModeRow, number_last=True)
 
@@ -623,13 +554,7 @@ def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
 
 
 def damping_of(table: FrequenciesTable, given: Frequencies) -> tuple[list[float] | None, list[float] | None]:
-    """Return damping ratios and their standard deviations.
-
-    Raises
-    ------
-    ValueError
-        A text is not a ratio or a standard deviation, or a list has a different length.
-    """
+    """Return damping ratios and their standard deviations."""
     ratios, spread = given.damping, given.damping_deviation
     if table.damping_ratios is not None:
         if ratios is not None:

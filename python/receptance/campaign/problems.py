@@ -217,13 +217,7 @@ def errors_about(file: Path | str, prefix: str = "") -> Iterator[None]:
 
 
 class Problems:
-    """Collects mistakes and finds their lines.
-
-    Parameters
-    ----------
-    lines : mapping
-        Lines of tables, keys and list items, see `lines_of`.
-    """
+    """Collects mistakes and finds their lines, from those of tables, keys and list items; see `lines_of`."""
 
     def __init__(self, lines: Mapping[KeyPath, int]) -> None:
         self._lines = dict(lines)

@@ -77,18 +77,7 @@ def campaign_fields(
 ) -> dict[str, Any]:
     """Return the fields of the campaign of the contents of a file, which need not exist.
 
-    Parameters
-    ----------
-    file : Path
-        The file; its folder is that of the data files.
-    data : dict
-        Contents of the TOML file.
-    lines : dict, optional
-        Lines of its values, see `lines_of`.
-    called : str or path, optional
-        Name of the file in messages.
-    threads, progress
-        As in `Campaign.load`.
+    The folder of `file` is that of the data files, `lines` are from `lines_of`, and `called` is the name in messages.
     """
     _checks.thread_count(threads)
     say = progress or silent
@@ -138,12 +127,7 @@ def campaign_fields(
 def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     """Return the measured assembly, with sensor, and the response coordinate of every measurement of a campaign.
 
-    Data files are not read, so that they can be simulated.
-
-    Parameters
-    ----------
-    text : str
-        Text of the campaign file.
+    Data files are not read, so that they can be simulated. `text` is that of the campaign file.
     """
     data = tomllib.loads(text)
     problems = Problems(lines_of(text))

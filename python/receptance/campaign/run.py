@@ -777,13 +777,7 @@ def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
 
 
 def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
-    """Return the errors of all measurements.
-
-    Raises
-    ------
-    CampaignError
-        The objective has no likelihood, or a measurement has no standard deviation.
-    """
+    """Return the errors of all measurements; the objective must have a likelihood, and measurements weights."""
     tolerances = tolerances_of_measurements(seen)
     if not tolerances:
         return []

@@ -38,19 +38,7 @@ _WORSE = 1.5
 
 
 class LevelSeries(Results[ForceSeries]):
-    """Parameters over the levels of a campaign's series, by name.
-
-    Parameters
-    ----------
-    items : mapping of str to ForceSeries
-        Values over levels in `unit`.
-    over : str
-        Name of the condition, such as "drawbar force".
-    unit : str
-        Unit of the levels.
-    provenance : Provenance, optional
-        Campaign and versions of the software.
-    """
+    """Parameters over the levels of a series by name; `over` is the condition, and levels are in `unit`."""
 
     heading = "Parameters over levels"
     key = "parameters"

@@ -211,25 +211,9 @@ def _read(table: TipTable, folder: Path) -> FRF:
 
 
 class Tips:
-    """The tip of a cut in one or two directions.
+    """The tip of a cut in the direction of feed and across it; None for a rigid one.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    identified : Identification or None
-        Fit for predicted tips.
-    tips : sequence of Tip or None
-        Tips in the direction of feed and across it; None for a rigid one.
-
-    Attributes
-    ----------
-    lines : ndarray
-        `(n,)` frequency lines in Hz.
-    uncertain : bool
-        Whether the errors of at least one tip are known.
-    notes : list of str
-        Notes for the user.
+    `lines` are `(n,)` frequency lines in Hz, and `uncertain` is whether the errors of at least one tip are known.
     """
 
     def __init__(
@@ -486,11 +470,6 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
 
     `stable_depth` is the error in percent, for each cut of the campaign, of the depth that is stable at every speed. It
     is computed from held-out FRFs of a tip, which replace the tip of the cut in both directions, or in x if y is rigid.
-
-    Raises
-    ------
-    CampaignError
-        There is no such metric, or the campaign lacks a cut or a measurement for it. It is a ValueError.
     """
     found: dict[str, Metric] = {}
     for name in names:

@@ -287,13 +287,7 @@ ForceWindow = Annotated[
 
 
 def prior_of(kind: Quantity, table: PriorTable, logarithmic: bool) -> Prior:
-    """Return the prior of an unknown on the scale of the fit.
-
-    Raises
-    ------
-    ValueError
-        Value or standard deviation cannot be read.
-    """
+    """Return the prior of an unknown on the scale of the fit."""
     mean = parse(table.value, kind)
     return Prior(mean=mean, standard_deviation=_prior_deviation(kind, table.spread, mean, logarithmic))
 
@@ -324,13 +318,7 @@ _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 
 class AddressError(ValueError):
-    """A text is not the address of a parameter.
-
-    Attributes
-    ----------
-    address : str
-        The text.
-    """
+    """A text, `address`, is not the address of a parameter."""
 
     def __init__(self, address: str, text: str) -> None:
         super().__init__(text)
@@ -403,14 +391,8 @@ class BrokenReferenceError(ValueError):
 class References:
     """Names and files to which tables may refer; the context of the validation.
 
-    Parameters
-    ----------
-    named : dict of str to list of str
-        All names of each section, including those of tables with mistakes.
-    broken : frozenset of str
-        Sections that are missing or are not tables; references to them are not checked.
-    folder : Path or None
-        Folder of the data files; None if they are not checked.
+    `named` are all names of each section, those of tables with mistakes included. References to `broken` sections,
+    which are missing or are no tables, are not checked; nor are data files without a `folder`.
     """
 
     named: dict[str, list[str]]
@@ -509,12 +491,9 @@ class _Unread:
 
 @dataclass(frozen=True)
 class ByAddress:
-    """Marks a dictionary by address: its values, or keys of its tables, have the quantity of the address.
+    """Marks a dictionary by address: its values have the quantity of the address.
 
-    Parameters
-    ----------
-    *keys : str
-        Keys of the tables; without keys, the values themselves.
+    With keys, these keys of its tables have it.
     """
 
     keys: tuple[str, ...] = ()

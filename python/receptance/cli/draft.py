@@ -64,27 +64,15 @@ _PIECE_EXAMPLE = '"48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/
 def parse_pieces(text: str, *, material: str = "", shank: bool = False) -> list[HolderRow]:
     """Return the pieces of a tool or a holder that are written as `LENGTH x DIAMETER/BORE`, separated by commas.
 
-    Parameters
-    ----------
-    text : str
-        From the tip-side end on. A unit at the end of a piece applies to its numbers without a unit.
-    material : str, optional
-        Name of their material.
-    shank : bool, optional
-        Whether the last piece has no length, as the shank of a tool, which reaches to the holder: it is zero.
-
-    Raises
-    ------
-    ValueError
-        A text that is not understood; the message begins with "is".
+    They are listed from the tip-side end on. A unit at the end of a piece applies to its numbers without a unit. With
+    `shank` the last piece has no length, which is zero, because it reaches to the holder. The message of an error
+    begins with "is".
 
     Examples
     --------
     >>> from receptance.cli.draft import parse_pieces
     >>> [(one.length, one.outer_diameter, one.inner_diameter) for one in parse_pieces("48 mm x 50/20 mm, 90x44 mm")]
     [(0.048, 0.05, 0.02), (0.09, 0.044, 0.0)]
-    >>> parse_pieces("12.7 mm", shank=True)[0].outer_diameter
-    0.0127
     """
     expected = 'a diameter such as "12.7 mm", or pieces such as "30 mm x 9.6 mm, 12 mm"' if shank else _PIECE_EXAMPLE
     if _COMMA.search(text):
@@ -122,20 +110,7 @@ def _piece(length: float, outer: float, inner: float, material: str, core: str =
 
 
 def pieces_of(tables: Sequence[Any], where: str) -> list[HolderRow]:
-    """Return the pieces of a list of segments as in a campaign file.
-
-    Parameters
-    ----------
-    tables : sequence of mapping
-        Tables with `length`, `outer_diameter` and, optionally, `inner_diameter`, `material` and `core`.
-    where : str
-        Name of the list in messages.
-
-    Raises
-    ------
-    ValueError
-        A missing or wrong value; the message names it.
-    """
+    """Return the pieces of a list of segments as in a campaign file; `where` is the name of the list in messages."""
     found = []
     for index, table in enumerate(tables):
         place = f"{where}[{index}]"
@@ -161,21 +136,9 @@ def pieces_of(tables: Sequence[Any], where: str) -> list[HolderRow]:
 
 
 def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) -> list[HolderRow]:
-    """Return the pieces of a holder with the shank of a tool in its bore over the insertion.
+    """Return the pieces of a holder with the shank of a tool in its bore over the insertion in m.
 
-    Parameters
-    ----------
-    holder : sequence of HolderRow
-        From the nose on.
-    insertion : float
-        Length in m; the piece in which it ends is divided.
-    shank : HolderRow
-        The shank; its material fills the bore, which has its diameter.
-
-    Raises
-    ------
-    ValueError
-        The insertion is longer than the holder, or the bore is given and has another diameter.
+    The piece in which the insertion ends is divided. The material of the shank fills the bore.
     """
     found: list[HolderRow] = []
     rest, diameter = insertion, shank.outer_diameter
@@ -207,11 +170,6 @@ def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) ->
 
 def parse_material(text: str) -> Material:
     """Return a material that is written as `NAME = MODULUS, DENSITY[, POISSON[, LOSS FACTOR]]`.
-
-    Raises
-    ------
-    ValueError
-        A text that is not understood; the message begins with "is".
 
     Examples
     --------
@@ -247,20 +205,8 @@ def parse_material(text: str) -> Material:
 class MeasuredFile:
     """An FRF or a time record in a file.
 
-    Attributes
-    ----------
-    file : Path
-        The file.
-    name : str
-        Name of the measurement and of its assembly.
-    measured : FRF or TimeSeries
-        Contents of the file.
-    table : dict
-        Keys of the measurement in the campaign: `kind` and the options that read the file.
-    overhang : float
-        In m, from the holder's face to the tip.
-    held_out : bool
-        Whether it is held out.
+    `name` is that of the measurement and of its assembly, `table` are the keys of the campaign that read the file, and
+    `overhang` is in m, from the holder's face to the tip.
     """
 
     file: Path
@@ -292,22 +238,9 @@ def lines_of(frf: FRF) -> str:
 class Draft:
     """A tool in a holder, measured at one overhang or several.
 
-    Attributes
-    ----------
-    title : str
-        Title of the campaign.
-    tool, holder : list of HolderRow
-        From the tip on; the last piece of the tool is its shank. The shank in the holder is the core of its pieces.
-    folder : Path
-        Folder of the campaign file.
-    measurements : list of MeasuredFile
-        The measured files.
-    sensor : float
-        Mass of the accelerometer on the tip in kg; 0 for none.
-    spindle_modes : int
-        Number of modes of the spindle behind the holder; 0 for a holder that hangs free.
-    materials : dict of str to Material
-        Materials by name.
+    Pieces are listed from the tip on; the last one of the tool is its shank, which in the holder is the core of its
+    pieces. `sensor` is the mass of the accelerometer on the tip in kg, and `spindle_modes` the number of modes of the
+    spindle behind the holder; either is 0 without one. `folder` is that of the campaign file.
     """
 
     title: str
@@ -320,13 +253,7 @@ class Draft:
     materials: Mapping[str, Material] = field(default_factory=lambda: dict(MATERIALS))
 
     def text(self) -> str:
-        """Return the text of the campaign file, with comments.
-
-        Raises
-        ------
-        ValueError
-            A material is not known, or an overhang is shorter than the tool in front of its shank.
-        """
+        """Return the text of the campaign file with comments; materials and overhangs are checked."""
         parts = [*self._head(), *self._materials(), *self._parts(), *self._assemblies(), *self._measurements()]
         return "\n".join([*parts, *self._unknowns()]) + "\n"
 

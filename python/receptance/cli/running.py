@@ -122,12 +122,8 @@ def takes_targets(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the options of its output files, and pass these as `targets`.
 
-    Parameters
-    ----------
-    strict : str, optional
-        Results for which the option --strict, which is then there, ends with exit code 3.
-    plot, report : Path, optional
-        Default files.
+    `strict` are the results for which the option --strict, which is then there, ends with exit code 3; `plot` and
+    `report` are default files.
     """
 
     def given(command: Callable[..., None]) -> Callable[..., None]:
@@ -181,16 +177,7 @@ class Targets:
     def add(self, option: str, path: Path | None, name: str, endings: Sequence[str] = (), what: str = "") -> None:
         """Add a file if its option was given.
 
-        Parameters
-        ----------
-        option : str
-            The option.
-        path : Path or None
-            The file.
-        name : str
-            Name of its contents, printed with the file.
-        endings, what : sequence of str and str, optional
-            Allowed endings, and the reason for them.
+        `name` is that of its contents, which is printed with the file; `what` is the reason for the allowed endings.
         """
         if path is None:
             return
