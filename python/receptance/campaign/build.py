@@ -227,50 +227,34 @@ class Builder:
             return None
         if not any(getattr(table, key) for key in _LAW):
             return self.make(path, Unknown, **fields)
+        if table.power_of is not None:
+            lower, upper = table.exponent or (-4.0, 4.0)
+            power = self._with_reference(path, table, Power, of=table.power_of, lower=lower, upper=upper)
+            if power is None:
+                return None
+            fields["powers"] = (power,)
         if table.free:
             fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
-        return self._law(path, table, fields)
+        fields |= {"free": table.free, "individual": table.individual or 0.0, "follows": table.follows}
+        return self.make(path, Law, **fields)
 
     def _move(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
-        wrong = [
-            key for key in ("multiple", "also", "free", "individual", "follows", "exponent") if getattr(table, key)
-        ]
-        if wrong:
-            self.problems.add((*path, wrong[0]), "is given with `moves`, expected one of the two")
-            return None
-        reference = 1.0
-        if table.power_of is not None:
-            found = self._reference(path, table)
-            if found is None:
+        for key in ("multiple", "also", "free", "individual", "follows", "exponent"):
+            if getattr(table, key):
+                self.problems.add((*path, key), "is given with `moves`, expected one of the two")
                 return None
-            reference = found
-        fields |= {"moves": table.moves, "relative": table.relative, "of": table.power_of or "", "reference": reference}
-        return self.make(path, Move, **fields)
+        fields |= {"moves": table.moves, "relative": table.relative}
+        if table.power_of is None:
+            return self.make(path, Move, **fields)
+        return self._with_reference(path, table, Move, of=table.power_of, **fields)
 
-    def _reference(self, path: KeyPath, table: UnknownTable) -> float | None:
+    def _with_reference(
+        self, path: KeyPath, table: UnknownTable, kind: Callable[..., _Made], **fields: Any
+    ) -> _Made | None:
         if table.reference is None:
             self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
             return None
-        return table.reference
-
-    def _law(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Law | None:
-        powers: tuple[Power, ...] = ()
-        if table.power_of is not None:
-            reference = self._reference(path, table)
-            if reference is None:
-                return None
-            lower, upper = table.exponent or (-4.0, 4.0)
-            power = self.make(path, Power, of=table.power_of, reference=reference, lower=lower, upper=upper)
-            if power is None:
-                return None
-            powers = (power,)
-        fields |= {
-            "powers": powers,
-            "free": table.free,
-            "individual": table.individual or 0.0,
-            "follows": table.follows,
-        }
-        return self.make(path, Law, **fields)
+        return self.make(path, kind, reference=table.reference, **fields)
 
     def _check_unknowns(self, campaign: CampaignTable) -> None:
         """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""

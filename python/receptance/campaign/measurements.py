@@ -224,7 +224,13 @@ class MeasurementReader:
         there = not any(self.builder.problems.at((*path, key)) for key in ("file", "coherence"))
         if excitation is None or not there:
             return None
-        found = self._hammer(path, table) if table.kind == "hammer records" else self._from_file(path, table)
+        found: FRF | None
+        if table.kind == "hammer records":
+            records = make((*path, "file"), read_records, table, self.folder)
+            found = None if records is None else make(path, estimate_hammer_frf, records, table)
+        else:
+            found = make((*path, "file"), read_entry, table, self.folder)
+            found = None if found is None else with_stated_variance(found, table.standard_deviation)
         if found is None:
             return None
         for note in found.notes:
@@ -238,14 +244,6 @@ class MeasurementReader:
             if note not in found.notes:
                 self.builder.note(path, note)
         return seen
-
-    def _from_file(self, path: KeyPath, table: FRFTable) -> FRF | None:
-        found = self.builder.make((*path, "file"), read_entry, table, self.folder)
-        return None if found is None else with_stated_variance(found, table.standard_deviation)
-
-    def _hammer(self, path: KeyPath, table: HammerTable) -> FRF | None:
-        records = self.builder.make((*path, "file"), read_records, table, self.folder)
-        return None if records is None else self.builder.make(path, estimate_hammer_frf, records, table)
 
 
 def _files(written: str | list[str] | None) -> tuple[str, ...]:

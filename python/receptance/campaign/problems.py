@@ -270,12 +270,13 @@ def translate(
 ) -> dict[KeyPath, tuple[str, bool]]:
     """Return by path in the file the text of each error of pydantic, and whether only a reference is wrong."""
     details = list(errors)
-    fields = _Fields(model)
+    schema = _schema_of(model)
     places = [_place(error, data) for error in details]
     misspelt = {
         (*place[:-1], near)
         for error, place in zip(details, places, strict=True)
-        if error["type"] == "extra_forbidden" and (near := _near(str(place[-1]), fields.of(error["loc"]), data, place))
+        if error["type"] == "extra_forbidden"
+        and (near := _near(str(place[-1]), _known_keys(error["loc"], schema), data, place))
     }
     found: dict[KeyPath, tuple[str, bool]] = {}
     for error, place in zip(details, places, strict=True):
@@ -283,7 +284,7 @@ def translate(
             continue  # reported as a misspelt key
         if error["type"] == "literal_error" and any(place == other[: len(place)] != other for other in places):
             continue  # a table with a mistake, where a word is allowed as well
-        text = _text_of(error, place, fields.of(error["loc"]), data)
+        text = _text_of(error, place, _known_keys(error["loc"], schema), data)
         found.setdefault(place, (text, isinstance(_cause(error), BrokenReferenceError)))
     return found
 
@@ -391,37 +392,32 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
     return model.model_json_schema()
 
 
-class _Fields:
-    """Finds the known keys of a table along the location of an error."""
+def _known_keys(loc: tuple[int | str, ...], schema: dict[str, Any]) -> list[str]:
+    """Return the keys known in the table that holds the last step of the location of an error."""
 
-    def __init__(self, model: type[BaseModel]) -> None:
-        self._schema = _schema_of(model)
-
-    def of(self, loc: tuple[int | str, ...]) -> list[str]:
-        """Return the keys known in the table that holds the last step of a path."""
-        node: Any = self._schema
-        for step in loc[:-1]:
-            node = self._step(self._resolved(node), step)
-        return list(self._resolved(node).get("properties", {}))
-
-    def _step(self, node: dict[str, Any], step: int | str) -> Any:
-        if isinstance(step, int):
-            return node.get("items", {})
-        if step in node.get("properties", {}):
-            return node["properties"][step]
-        if step in self._schema["$defs"]:  # a member of a union
-            return {"$ref": step}
-        if "discriminator" in node:
-            return {"$ref": node["discriminator"]["mapping"].get(step, "")}
-        return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
-
-    def _resolved(self, node: Any) -> dict[str, Any]:
+    def resolved(node: Any) -> dict[str, Any]:
         while isinstance(node, dict):
             choices = [one for one in node.get("anyOf", ()) if one != {"type": "null"}]
             if len(choices) == 1:  # an optional table
                 node = choices[0]
             elif "$ref" in node:
-                node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+                node = schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
             else:
-                break
-        return node if isinstance(node, dict) else {}
+                return node
+        return {}
+
+    def stepped(node: dict[str, Any], step: int | str) -> Any:
+        if isinstance(step, int):
+            return node.get("items", {})
+        if step in node.get("properties", {}):
+            return node["properties"][step]
+        if step in schema["$defs"]:  # a member of a union
+            return {"$ref": step}
+        if "discriminator" in node:
+            return {"$ref": node["discriminator"]["mapping"].get(step, "")}
+        return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
+
+    node = resolved(schema)
+    for step in loc[:-1]:
+        node = resolved(stepped(node, step))
+    return list(node.get("properties", {}))

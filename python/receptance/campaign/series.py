@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries
 from receptance.taper.figure import draw_with_law
+from receptance.units import split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,13 +203,10 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     ('kN', 1000.0)
     """
     for level in table.levels:
-        match = (
-            re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S.*?)\s*", level)
-            if isinstance(level, str)
-            else None
-        )
-        if match and float(match[1]):
-            return match[2], parse_condition(level) / float(match[1])
+        with suppress(ValueError):  # a plain number, or a name
+            number, unit = split(level, "a level")
+            if number and unit:
+                return unit, parse_condition(level) / number
     return "", 1.0
 
 

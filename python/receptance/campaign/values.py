@@ -186,8 +186,7 @@ def parse_deviation(value: Any, quantity: Quantity) -> Deviation:
     try:
         return Deviation(parse(value, _deviation_of(quantity)), False, name)
     except ValueError as error:
-        found = str(error).split(", expected", 1)[0]
-        raise ValueError(f"{found}, expected {expected}") from None
+        raise ValueError(f"{_found(error)}, expected {expected}") from None
 
 
 def _deviation_of(quantity: Quantity) -> Quantity:
@@ -264,22 +263,23 @@ def parse_level(written: Any) -> tuple[float, bool]:
     return float(written), False
 
 
-def parse_force_window(written: Any) -> float | Literal["auto", "none"]:
+def _parse_force_window(written: Any) -> float | Literal["auto", "none"]:
     """Return the length of the force window in s, "auto" or "none"."""
-    if written == "auto":
-        return "auto"
-    if written == "none":
-        return "none"
+    if written in ("auto", "none"):
+        return "auto" if written == "auto" else "none"
     try:
         return parse(written, units.TIME)
     except ValueError as error:
-        found = str(error).split(", expected", 1)[0]
-        text = found or f"is {shown(written)}"
-        raise ValueError(f'{text}, expected a time such as "2 ms", "auto" or "none"') from None
+        raise ValueError(f'{_found(error)}, expected a time such as "2 ms", "auto" or "none"') from None
+
+
+def _found(error: ValueError) -> str:
+    """Return what was found, without what was expected."""
+    return str(error).split(", expected", 1)[0]
 
 
 ForceWindow = Annotated[
-    float | Literal["auto", "none"], PlainValidator(parse_force_window), WithJsonSchema({"type": "string"})
+    float | Literal["auto", "none"], PlainValidator(_parse_force_window), WithJsonSchema({"type": "string"})
 ]
 """Length of a force window in s, "auto" or "none"."""
 
@@ -355,19 +355,15 @@ def value_at(address: str, value: Any) -> float:
     return parse(value, kind_of(address))
 
 
-def parse_position(text: str) -> float | Literal["end"]:
+def parse_position(written: Any) -> float | Literal["end"]:
     """Return a position on a part: the distance from its tip-side end in m, or "end"."""
-    if text == "end":
+    if written == "end":
         return "end"
     try:
-        return parse(text, units.LENGTH_OR_ZERO)
+        return parse(written, units.LENGTH_OR_ZERO)
     except ValueError as error:
-        found = str(error).split(", expected", 1)[0]
-        raise ValueError(
-            f'{found}, expected a distance from the tip-side end of the part such as "0 mm" or "62.3 mm", or "end"'
-            if found
-            else f"is {shown(text)}"
-        ) from None
+        expected = 'a distance from the tip-side end of the part such as "0 mm" or "62.3 mm", or "end"'
+        raise ValueError(f"{_found(error)}, expected {expected}") from None
 
 
 # References ----------------------------------------------------------------------------------------------------------
@@ -548,15 +544,9 @@ class AtAddress:
         return parse(given.value, quantity)
 
 
-def _read_position(value: Any) -> float | str:
-    if not isinstance(value, str):
-        raise ValueError(f'is {shown(value)}, expected a distance such as "62.3 mm", or "end"')
-    return parse_position(value)
-
-
 Position = Annotated[
     float | Literal["end"],
-    PlainValidator(_read_position),
+    PlainValidator(parse_position),
     WithJsonSchema({"type": "string", "minLength": 1, "examples": ["62.3 mm", "end"]}),
 ]
 """A distance from the tip-side end of a part, or its far end."""

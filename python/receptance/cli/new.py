@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from receptance import units
+from receptance._files import check_target, created_folder, read_whole, write_whole
 from receptance._text import instead_of, one_of, printable, shown
 from receptance.cli.files import Reading, takes_reading
 from receptance.cli.running import InputError, input_errors, output
@@ -252,8 +254,6 @@ def _tool(text: str) -> list[HolderRow]:
 
 
 def _sensor(text: str) -> float:
-    from receptance import units
-
     if text.lower() in _NONE:
         return 0.0
     try:
@@ -263,8 +263,6 @@ def _sensor(text: str) -> float:
 
 
 def _length(text: str) -> float:
-    from receptance import units
-
     return units.parse(text, units.LENGTH)
 
 
@@ -595,7 +593,6 @@ def _holders_of_csv(path: Path) -> dict[str, list[HolderRow]]:
 
 
 def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
-    from receptance._files import read_whole
     from receptance.cli.draft import pieces_of
 
     try:
@@ -646,7 +643,6 @@ def _with_shank(
 
 def _write(draft: Draft, target: Path) -> tuple[str, ...]:
     """Write the campaign if it can be read, and return the notes on its data."""
-    from receptance._files import check_target, created_folder, write_whole
     from receptance.campaign import Campaign
     from receptance.campaign.problems import lines_of
 
