@@ -94,7 +94,7 @@ def campaign_fields(
             measurements[name] = measured
     possible = {name: reader.candidate(name) for name in table.candidates}
     places = _places(table, built, builder)
-    cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, builder) for name in table.cuts}
+    cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if not problems.found:
