@@ -42,10 +42,10 @@ def test_values_equal_the_published_values(read: campaign.Campaign) -> None:
         assert measured.observation.frequency_hz == pytest.approx(frequency_hz)
         spread = measured.observation.standard_deviation_hz
         assert spread == pytest.approx(resolution.standard_deviation(frequency_hz), rel=0.01)
-        conditions = read.conditions[name]
-        assert conditions["overhang"].value == pytest.approx(1e-3 * overhang_mm)
-        assert conditions["insertion"].value == pytest.approx(1e-3 * mount.insertion_mm)
-        assert conditions["torque"].value == TORQUE
+        conditions = read.site(name).conditions
+        assert conditions["overhang"] == pytest.approx(1e-3 * overhang_mm)
+        assert conditions["insertion"] == pytest.approx(1e-3 * mount.insertion_mm)
+        assert conditions["torque"] == TORQUE
         own = read.assemblies[name]
         blank, joint, holder = own.elements
         stiffness = own.get(f"{joint}.k_y"), own.get(f"{joint}.k_theta")

@@ -136,12 +136,10 @@ def test_a_relative_deviation_is_of_the_size() -> None:
 
 
 @pytest.mark.parametrize(
-    ("written", "value", "unit"),
-    [("135 N m", 135.0, "kg m^2/s^2"), ("20 kN", 2e4, "kg m/s^2"), (3, 3.0, ""), ("3", 3.0, ""), ("40 mm", 0.04, "m")],
+    ("written", "value"), [("135 N m", 135.0), ("20 kN", 2e4), (3, 3.0), ("3", 3.0), ("40 mm", 0.04)]
 )
-def test_conditions(written: str | float, value: float, unit: str) -> None:
-    found = parse_condition(written)
-    assert (found.value, found.unit) == (pytest.approx(value), unit)
+def test_conditions(written: str | float, value: float) -> None:
+    assert parse_condition(written) == pytest.approx(value)
 
 
 @pytest.mark.parametrize("written", ["135 Xm", "torque", "100 rpm", "20 degC", "1,5 mm"])

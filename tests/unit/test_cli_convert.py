@@ -11,7 +11,7 @@ import typer
 
 import command_line
 from receptance import FRF
-from receptance.cli.convert import convert
+from receptance.cli.files import convert
 from receptance.cli.running import InputError
 from receptance.io import TimeSeries, read, read_all, read_frf, write
 

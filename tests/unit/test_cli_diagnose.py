@@ -19,7 +19,7 @@ import tomli_w
 from campaign_text import TEXT, write
 from command_line import call, interrupted
 from receptance import FRF, campaign, io
-from receptance.campaign.changed_lines import with_campaign_lines
+from receptance.campaign.write import with_campaign_lines
 from receptance.units import Form
 
 LINES = np.linspace(300.0, 6000.0, 300)

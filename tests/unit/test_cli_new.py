@@ -13,8 +13,8 @@ import pytest
 import foreign_beam
 from command_line import call
 from receptance import CARBIDE, FRF, campaign, examples
-from receptance.campaign.draft import Piece, inserted, parse_material, parse_pieces, pieces_of
 from receptance.cli import new as module
+from receptance.cli.draft import inserted, parse_material, parse_pieces, pieces_of
 from receptance.io import Coherence, TimeSeries, read_frf, write
 
 ANSWERS = {
@@ -292,9 +292,13 @@ def test_ends_of_low_coherence_are_left_out(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_pieces_as_text() -> None:
-    assert parse_pieces("0.5 in", shank=True) == (Piece(length=None, outer=pytest.approx(0.0127)),)
+    (shank,) = parse_pieces("0.5 in", shank=True)
+    assert (shank.length, shank.outer_diameter) == (0.0, pytest.approx(0.0127))
     tool = parse_pieces("30x9.6 mm, 12 mm", material="carbide", shank=True)
-    assert [(p.length, p.outer, p.material) for p in tool] == [(0.03, 0.0096, "carbide"), (None, 0.012, "carbide")]
+    assert [(p.length, p.outer_diameter, p.material) for p in tool] == [
+        (0.03, 0.0096, "carbide"),
+        (0.0, 0.012, "carbide"),
+    ]
     for text in ("", "mm", "50/60 mm", "10 mm x 5 mm x 3 mm", "10 kg", "-5 mm", "1 mm/"):
         with pytest.raises(ValueError, match="is "):
             parse_pieces(text, shank=True)
@@ -302,9 +306,9 @@ def test_pieces_as_text() -> None:
 
 def test_the_shank_fills_the_bore_over_the_insertion() -> None:
     holder = parse_pieces("40 mm x 50/20 mm, 60 mm x 40 mm", material="steel")
-    shank = Piece(length=None, outer=0.02, material="carbide")
+    (shank,) = parse_pieces("20 mm", material="carbide", shank=True)
     found = inserted(holder, 0.055, shank)
-    assert [(p.length, p.inner, p.core) for p in found] == [
+    assert [(p.length, p.inner_diameter, p.core) for p in found] == [
         (0.04, 0.02, "carbide"),
         (pytest.approx(0.015), 0.02, "carbide"),
         (pytest.approx(0.045), 0.0, ""),

@@ -11,7 +11,7 @@ import pytest
 
 from command_line import call
 from receptance import FRF, _files, campaign, examples
-from receptance.cli import show as module
+from receptance.cli import files as module
 from receptance.io import Coherence, TimeSeries, write
 
 PNG = b"\x89PNG\r\n\x1a\n"

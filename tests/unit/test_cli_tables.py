@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from command_line import call
-from receptance import campaign, examples
+from receptance import campaign, catalogue, examples
 from receptance.campaign import Campaign
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
@@ -93,8 +93,10 @@ def calculated_once(monkeypatch: pytest.MonkeyPatch) -> None:
         study = importlib.import_module(f"receptance.studies.{name}")
         monkeypatch.setattr(study, "run", _once(study.run))
     monkeypatch.setattr("receptance.campaign.load", _once(campaign.load))
-    catalogue = importlib.import_module("receptance.cli.catalogue")
-    monkeypatch.setattr(catalogue, "_run", _once(catalogue._run))
+    predict = catalogue.predict_catalogue
+    monkeypatch.setattr(
+        catalogue, "predict_catalogue", _once(lambda *given, **options: list(predict(*given, **options)))
+    )
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from receptance.campaign.schema_document import field_tables, json_schema
     from receptance.campaign.stability import CampaignCut, Tip
     from receptance.campaign.tolerances import Effects
-    from receptance.campaign.values import Condition, Deviation
+    from receptance.campaign.values import Deviation
     from receptance.campaign.write import extended_text, write_extended
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "CampaignCut",
     "CampaignError",
     "Comparison",
-    "Condition",
     "Deviation",
     "Effects",
     "Issue",
@@ -48,7 +47,7 @@ _NAMES = {
     "run": ["Campaign", "load"],
     "stability": ["CampaignCut", "Tip"],
     "tolerances": ["Effects"],
-    "values": ["Condition", "Deviation"],
+    "values": ["Deviation"],
     "write": ["extended_text", "write_extended"],
 }
 

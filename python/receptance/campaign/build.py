@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from receptance._text import did_you_mean, instead_of, one_of
-from receptance.campaign.problems import path_text
+from receptance.campaign.problems import CampaignError, path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
@@ -79,22 +79,7 @@ class Built:
 
 
 class Builder:
-    """Builds objects from tables; mistakes are collected as problems, and warnings as notes.
-
-    Parameters
-    ----------
-    problems : Problems
-        List to which mistakes are added.
-
-    Attributes
-    ----------
-    built : Built
-        The objects built so far.
-    notes : list of str
-        Notes for the user.
-    warnings : list of str
-        The notes that were warnings.
-    """
+    """Builds objects from tables; mistakes are collected as `problems`, and warnings as `notes` and `warnings`."""
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
@@ -110,6 +95,9 @@ class Builder:
             warnings.simplefilter("always")
             try:
                 made = build(*arguments, **options)
+            except CampaignError as error:  # of a table in a file of its own
+                self.problems.add(path, "; ".join(map(str, error.problems)))
+                return None
             except (ValueError, TypeError, OSError, ReceptanceError) as error:
                 self.problems.add(path, _without_owner(str(error)))
                 return None
@@ -154,18 +142,9 @@ class Builder:
         return built
 
     def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
-        """Return an element from its table, or None after its mistakes are added.
+        """Return the element at an address from its table, or None after its mistakes are added.
 
-        Parameters
-        ----------
-        table : ElementTable
-            The table. A missing number that is unknown gets its start value.
-        path : tuple
-            Place of the table in the file.
-        address : str, optional
-            Address of the element.
-        **given
-            Values of fields that are not read from the table.
+        A missing number that is unknown gets its start value; fields in `given` are not read from the table.
         """
         values = dict(given)
         for name, declared in table.element.declared.items():
@@ -246,50 +225,34 @@ class Builder:
             return None
         if not any(getattr(table, key) for key in _LAW):
             return self.make(path, Unknown, **fields)
+        if table.power_of is not None:
+            lower, upper = table.exponent or (-4.0, 4.0)
+            power = self._with_reference(path, table, Power, of=table.power_of, lower=lower, upper=upper)
+            if power is None:
+                return None
+            fields["powers"] = (power,)
         if table.free:
             fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
-        return self._law(path, table, fields)
+        fields |= {"free": table.free, "individual": table.individual or 0.0, "follows": table.follows}
+        return self.make(path, Law, **fields)
 
     def _move(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
-        wrong = [
-            key for key in ("multiple", "also", "free", "individual", "follows", "exponent") if getattr(table, key)
-        ]
-        if wrong:
-            self.problems.add((*path, wrong[0]), "is given with `moves`, expected one of the two")
-            return None
-        reference = 1.0
-        if table.power_of is not None:
-            found = self._reference(path, table)
-            if found is None:
+        for key in ("multiple", "also", "free", "individual", "follows", "exponent"):
+            if getattr(table, key):
+                self.problems.add((*path, key), "is given with `moves`, expected one of the two")
                 return None
-            reference = found
-        fields |= {"moves": table.moves, "relative": table.relative, "of": table.power_of or "", "reference": reference}
-        return self.make(path, Move, **fields)
+        fields |= {"moves": table.moves, "relative": table.relative}
+        if table.power_of is None:
+            return self.make(path, Move, **fields)
+        return self._with_reference(path, table, Move, of=table.power_of, **fields)
 
-    def _reference(self, path: KeyPath, table: UnknownTable) -> float | None:
+    def _with_reference(
+        self, path: KeyPath, table: UnknownTable, kind: Callable[..., _Made], **fields: Any
+    ) -> _Made | None:
         if table.reference is None:
             self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
             return None
-        return table.reference.value
-
-    def _law(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Law | None:
-        powers: tuple[Power, ...] = ()
-        if table.power_of is not None:
-            reference = self._reference(path, table)
-            if reference is None:
-                return None
-            lower, upper = table.exponent or (-4.0, 4.0)
-            power = self.make(path, Power, of=table.power_of, reference=reference, lower=lower, upper=upper)
-            if power is None:
-                return None
-            powers = (power,)
-        fields |= {
-            "powers": powers,
-            "free": table.free,
-            "individual": table.individual or 0.0,
-            "follows": table.follows,
-        }
-        return self.make(path, Law, **fields)
+        return self.make(path, kind, reference=table.reference, **fields)
 
     def _check_unknowns(self, campaign: CampaignTable) -> None:
         """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from receptance import units
-from receptance._files import read_whole
-from receptance._text import did_you_mean, one_of, shown
+from receptance._text import shown
+from receptance.campaign.csv_rows import read_rows
+from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.tolerances import attachment_effects, tolerances_of
-from receptance.campaign.values import Condition, Deviation, parse_deviation, parse_share
+from receptance.campaign.values import Deviation, parse_deviation, parse_share
 from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
 from receptance.identification.observations import altered
-from receptance.io.text import truncation_notes
-from receptance.units import FORMS, parse
+from receptance.units import FORMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +44,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Frequencies",
-    "FrequencyTableError",
     "Measurement",
     "MeasurementReader",
     "damping_of",
@@ -83,8 +80,6 @@ class Measurement:
         Name of the sensor at the response coordinate.
     files : tuple of str
         Names of the data files.
-    conditions : dict of str to Condition
-        Conditions of the measurement.
     effects : dict
         Errors: by error and address the standard deviation in SI units.
     notes : tuple of str
@@ -97,7 +92,6 @@ class Measurement:
     observation: Observation
     sensor: str | None
     files: tuple[str, ...]
-    conditions: dict[str, Condition] = field(default_factory=dict)
     effects: Effects = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -112,19 +106,7 @@ _MOST_LINES = 100_000
 
 
 class MeasurementReader:
-    """Makes measurements, with their data, and candidates from their tables; mistakes are added to the builder.
-
-    Parameters
-    ----------
-    campaign : CampaignTable
-        The file.
-    builder : Builder
-        Builder with the objects of the file.
-    folder : Path
-        Folder of the data files.
-    effects : dict
-        Errors of assemblies by name.
-    """
+    """Makes measurements, with their data, and candidates from their tables; mistakes are added to the builder."""
 
     def __init__(self, campaign: CampaignTable, builder: Builder, folder: Path, effects: Mapping[str, Effects]) -> None:
         self.campaign, self.builder, self.folder = campaign, builder, folder
@@ -156,7 +138,6 @@ class MeasurementReader:
             observation=observation.configured(table.assembly, self._conditions(table)),
             sensor=table.sensor,
             files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-            conditions=table.conditions,
             effects=self._errors(table.assembly, table.sensor, *table.attachments),
             notes=tuple(self.builder.notes[before:]),
         )
@@ -199,8 +180,7 @@ class MeasurementReader:
 
     def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
         """Return the conditions of an assembly with those of a measurement."""
-        conditions = {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
-        return {key: condition.value for key, condition in conditions.items()}
+        return {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
 
     def _errors(self, assembly: str, *points: str | None) -> Effects:
         """Return the errors of an assembly with those of sensors and attachments."""
@@ -244,7 +224,13 @@ class MeasurementReader:
         there = not any(self.builder.problems.at((*path, key)) for key in ("file", "coherence"))
         if excitation is None or not there:
             return None
-        found = self._hammer(path, table) if table.kind == "hammer records" else self._from_file(path, table)
+        found: FRF | None
+        if table.kind == "hammer records":
+            records = make((*path, "file"), read_records, table, self.folder)
+            found = None if records is None else make(path, estimate_hammer_frf, records, table)
+        else:
+            found = make((*path, "file"), read_entry, table, self.folder)
+            found = None if found is None else with_stated_variance(found, table.standard_deviation)
         if found is None:
             return None
         for note in found.notes:
@@ -258,14 +244,6 @@ class MeasurementReader:
             if note not in found.notes:
                 self.builder.note(path, note)
         return seen
-
-    def _from_file(self, path: KeyPath, table: FRFTable) -> FRF | None:
-        found = self.builder.make((*path, "file"), read_entry, table, self.folder)
-        return None if found is None else with_stated_variance(found, table.standard_deviation)
-
-    def _hammer(self, path: KeyPath, table: HammerTable) -> FRF | None:
-        records = self.builder.make((*path, "file"), read_records, table, self.folder)
-        return None if records is None else self.builder.make(path, estimate_hammer_frf, records, table)
 
 
 def _files(written: str | list[str] | None) -> tuple[str, ...]:
@@ -295,13 +273,7 @@ _USED_SHARE = 0.9
 
 
 def read_entry(table: FileFields, folder: Path) -> FRF:
-    """Return the FRF of a measurement, selected by `entry` if the file holds several.
-
-    Raises
-    ------
-    ValueError
-        The file cannot be read, or holds several responses or excitations and `entry` selects none.
-    """
+    """Return the FRF of a measurement, selected by `entry` if the file holds several."""
     from receptance.io import read_all, read_frf
 
     options: dict[str, Any] = {
@@ -363,14 +335,8 @@ def _with_stated_properties(frf: FRF, table: FileFields) -> FRF:
 def with_stated_variance(frf: FRF, share: float | None) -> FRF:
     """Return the FRF with a variance: the stated one, that of the file, or that from coherence and averages.
 
-    The last is (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
-
-    Parameters
-    ----------
-    frf : FRF
-        The FRF.
-    share : float or None
-        Stated standard deviation, relative to the magnitude.
+    `share` is the stated standard deviation, relative to the magnitude. The last variance is
+    (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
     """
     if share is not None:
         return frf.with_(log_variance=share**2, degrees_of_freedom=None)
@@ -389,13 +355,7 @@ def with_coordinates(
 
 
 def restrict_to_bands(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
-    """Return the FRF with only the lines inside the bands usable, and a note on bands with few usable lines.
-
-    Raises
-    ------
-    ValueError
-        The ends of a band are not ascending, or a band has no usable line.
-    """
+    """Return the FRF with only the lines inside the bands usable, and a note on bands with few usable lines."""
     lines = frf.frequency_hz
     usable = np.ones(lines.size, dtype=np.bool_) if frf.usable is None else frf.usable
     chosen = np.zeros_like(usable)
@@ -430,13 +390,7 @@ def observed_frf(
     excitation: Coordinate,
     floor: float,
 ) -> MeasuredFRF:
-    """Return the observation of an FRF on the lines inside the bands of the campaign.
-
-    Raises
-    ------
-    ValueError
-        There is no usable line, or a stepped sine has the key `ends`.
-    """
+    """Return the observation of an FRF on the lines inside the bands of the campaign."""
     force = table.force if table.kind == "frf" else None
     if force is not None and table.ends is not None:
         raise ValueError("has `force`, a key of stepped sines, and `ends`, a key of hammer hits; expected one of them")
@@ -458,13 +412,7 @@ def integrate_motion(observation: MeasuredFRF, times: int) -> MeasuredFRF:
 
 
 def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
-    """Return the time records of all files of a measurement.
-
-    Raises
-    ------
-    ValueError
-        A file cannot be read, a channel does not exist, or its quantity is unknown or wrong.
-    """
+    """Return the time records of all files of a measurement."""
     from receptance.io import read_time_series
     from receptance.measurement import HammerRecords
 
@@ -495,13 +443,7 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
 
 
 def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF:
-    """Return the FRF that is estimated from the hits in time records.
-
-    Raises
-    ------
-    ValueError
-        There are no hits, or the settings do not match the records.
-    """
+    """Return the FRF that is estimated from the hits in time records."""
     from receptance.measurement import estimate_frf, find_hits
 
     options: dict[str, Any] = {
@@ -530,26 +472,16 @@ def _unsigned(written: str) -> str:
 
 # Natural frequencies --------------------------------------------------------------------------------------------------
 
-_COLUMNS = ("mode", "frequency", "standard_deviation", "damping_ratio", "damping_deviation")
-_SHARES = ("damping_ratio", "damping_deviation")
 _UNKNOWN = "unknown"
 _RATIO = 'a damping ratio such as "1.2 %", or "unknown"'
 _SPREAD = 'a standard deviation such as "5 %" of the ratio, or a number'
-_HEAD = re.compile(r"\s*(?P<name>\w+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Measured modes.
+    """Measured modes, one item for each in every list.
 
-    Attributes
-    ----------
-    frequency_hz, deviation_hz : list of float
-        Natural frequencies and their standard deviations.
-    modes : list of int or None
-        Numbers of the modes.
-    damping, damping_deviation : list of float or None
-        Damping ratios, NaN if unknown, and their standard deviations relative to them.
+    Standard deviations are in Hz, those of damping relative to the ratios; an unknown damping ratio is NaN.
     """
 
     frequency_hz: list[float]
@@ -559,18 +491,20 @@ class Frequencies:
     damping_deviation: list[float] | None = None
 
 
-class FrequencyTableError(ValueError):
-    """A CSV file of natural frequencies cannot be read; the message names the line."""
+@dataclass(frozen=True, kw_only=True)
+class _ModeRow:
+    """A row of a CSV file of natural frequencies."""
+
+    line: int
+    frequency: Annotated[float, units.FREQUENCY]
+    mode: int | None = None
+    standard_deviation: Annotated[float | None, units.FREQUENCY] = None
+    damping_ratio: Annotated[float | None, units.DAMPING_RATIO] = None
+    damping_deviation: Annotated[float | None, units.SHARE] = None
 
 
 def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) -> list[float] | None:
-    """Return the standard deviations of frequencies in Hz; one text stands for all of them.
-
-    Raises
-    ------
-    ValueError
-        A text is not a standard deviation of a frequency, or the list has a different length.
-    """
+    """Return the standard deviations of frequencies in Hz; one text stands for all of them."""
     if written is None:
         return None
     texts = [written] * len(frequency_hz) if isinstance(written, str) else written
@@ -586,92 +520,29 @@ def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) ->
 
 
 def read_frequencies(path: Path) -> Frequencies:
-    """Read a CSV file of natural frequencies.
+    """Read a CSV file of natural frequencies; it may raise a CampaignError, with all mistakes, or an OSError.
 
     The first line names the columns: `frequency [Hz]` (or another unit of frequency), and optionally `mode`,
-    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio. Lines that begin with # are
-    comments.
-
-    Raises
-    ------
-    FrequencyTableError
-        A line cannot be read.
-    OSError
-        The file cannot be opened.
+    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio.
     """
-    try:
-        text = read_whole(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FrequencyTableError(f"byte {error.start} is not UTF-8 text, expected a CSV table") from None
-    # A number at the end of a truncated file is still a number, so that only the missing end of line shows it.
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    truncation_notes(text, lines)
-    rows = [
-        (number, cells)
-        for number, cells in ((n, _cells(n, line)) for n, line in lines)
-        if cells and cells[0].strip() and not cells[0].lstrip().startswith("#")
-    ]
-    if not rows:
-        raise FrequencyTableError("the table is empty, expected a line that names the columns and one for each mode")
-    columns = _columns(*rows[0])
-    found: dict[str, list[Any]] = {name: [] for name, _ in columns}
-    for number, cells in rows[1:]:
-        if len(cells) != len(columns):
-            raise FrequencyTableError(f"line {number} has {len(cells)} cells, expected {len(columns)}")
-        for (name, unit), cell in zip(columns, cells, strict=True):
-            found[name].append(_cell(number, name, unit, cell.strip()))
-    if not found["frequency"]:
-        raise FrequencyTableError("there is no frequency below the line that names the columns")
-    names = ("frequency", *(name for name in _COLUMNS if name != "frequency"))
-    return Frequencies(*(found.get(name) for name in names))  # type: ignore[arg-type]
+    rows = read_rows(path, _ModeRow, number_last=True)
 
+    def column(name: str, *, empty: bool = False) -> list[Any] | None:
+        cells = [getattr(row, name) for row in rows]
+        if all(cell is None for cell in cells):
+            return None
+        for row, cell in zip(rows, cells, strict=True):
+            if cell is None and not empty:
+                raise CampaignError(path, [Issue((name.replace("_", " "),), "is empty", row.line)])
+        return [math.nan if cell is None else cell for cell in cells]
 
-def _cells(number: int, line: str) -> list[str]:
-    try:
-        return next(csv.reader([line]), [])
-    except csv.Error as error:
-        raise FrequencyTableError(f"line {number} cannot be split into cells: {error}") from None
-
-
-def _columns(number: int, cells: list[str]) -> list[tuple[str, str]]:
-    columns: list[tuple[str, str]] = []
-    for cell in cells:
-        match = _HEAD.fullmatch(cell)
-        name = match["name"] if match else cell.strip()
-        unit = (match["unit"] or "").strip() if match else ""
-        if name.endswith("_hz") and not unit:
-            name, unit = name.removesuffix("_hz"), "Hz"
-        if name not in _COLUMNS:
-            # Unknown columns are not quoted: the file may be of any kind.
-            near = did_you_mean(name, _COLUMNS)
-            what = f' "{cell.strip()}"' if near else ""
-            text = f"line {number} names a column{what} that is not known, expected {one_of(_COLUMNS)}{near}"
-            raise FrequencyTableError(text)
-        expected = "%" if name in _SHARES else "Hz"
-        if name != "mode" and not unit:
-            raise FrequencyTableError(f'line {number}: the column "{name}" has no unit, expected "{name} [{expected}]"')
-        if name in _SHARES and unit not in ("%", "1"):
-            raise FrequencyTableError(f'line {number}: the column "{name}" is in {unit}, expected "{name} [%]"')
-        columns.append((name, unit))
-    names = [name for name, _ in columns]
-    if len(set(names)) != len(names) or "frequency" not in names:
-        raise FrequencyTableError(f'line {number} names {", ".join(names)}, expected each once and "frequency [Hz]"')
-    return columns
-
-
-def _cell(number: int, name: str, unit: str, cell: str) -> float | int:
-    try:
-        if name in _SHARES:
-            share = 0.01 if unit == "%" else 1.0
-            return float(cell) * share if cell else math.nan
-        return int(cell) if name == "mode" else parse(f"{cell} {unit}", units.FREQUENCY)
-    except ValueError as error:
-        words = str(error)
-        if name == "mode":
-            words = f'is "{cell}", expected the number of a mode, from 1 on'
-        elif name in _SHARES:
-            words = f'is "{cell}", expected a number, or nothing'
-        raise FrequencyTableError(f"line {number}: {name} {words}") from None
+    return Frequencies(
+        frequency_hz=[row.frequency for row in rows],
+        modes=column("mode"),
+        deviation_hz=column("standard_deviation"),
+        damping=column("damping_ratio", empty=True),
+        damping_deviation=column("damping_deviation", empty=True),
+    )
 
 
 def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
@@ -681,13 +552,7 @@ def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
 
 
 def damping_of(table: FrequenciesTable, given: Frequencies) -> tuple[list[float] | None, list[float] | None]:
-    """Return damping ratios and their standard deviations.
-
-    Raises
-    ------
-    ValueError
-        A text is not a ratio or a standard deviation, or a list has a different length.
-    """
+    """Return damping ratios and their standard deviations."""
     ratios, spread = given.damping, given.damping_deviation
     if table.damping_ratios is not None:
         if ratios is not None:

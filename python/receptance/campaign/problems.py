@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,14 +32,14 @@ __all__ = [
 
 KeyPath = tuple[str | int, ...]
 
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_SPACE = re.compile(r"[ \t]*")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-_BASIC = re.compile(r'"(?:[^"\\\n]|\\.)*"')
-_LITERAL = re.compile(r"'[^'\n]*'")
-_LONG_BASIC = re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}(?!")', re.DOTALL)
-_LONG_LITERAL = re.compile(r"'''.*?'{3,5}(?!')", re.DOTALL)
-_PLAIN = re.compile(r"[^,\]}\n#]+")
+_TOKEN = re.compile(
+    r"""[ \t\r\n]+|\#[^\n]*
+    |(?P<token>[\[\]{}=,]|[^\s"'\[\]{}=,\#]+
+    |\"{3}(?:[^\\]|\\.)*?"{3,5}(?!")|'{3}.*?'{3,5}(?!')|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')""",
+    re.DOTALL | re.VERBOSE,
+)
+"""Blanks and comments; brackets and signs, bare words and numbers, strings in their four forms."""
 
 
 def lines_of(text: str) -> dict[KeyPath, int]:
@@ -56,7 +57,81 @@ def lines_of(text: str) -> dict[KeyPath, int]:
     >>> found["parts", "tool", "segments", 0, "length"]
     3
     """
-    return _Scanner(text.replace("\r\n", "\n")).scan()
+    rest = list(reversed(_tokens(text)))
+    lines: dict[KeyPath, int] = {}
+    counts: dict[KeyPath, int] = {}  # of tables so far in each array of tables
+
+    def keys(end: str) -> list[str]:
+        found: list[str] = []
+        while (token := rest.pop()[0]) != end:
+            found += [_unquoted(token)] if token[0] in "\"'" else filter(None, token.split("."))
+        return found
+
+    def read_pair(path: KeyPath) -> None:
+        line = rest[-1][1]
+        for key in keys("="):
+            path = (*path, key)
+            lines.setdefault(path, line)
+        read_value(path)
+
+    def read_value(path: KeyPath) -> None:
+        token, line = rest.pop()
+        if token not in ("[", "{"):
+            while rest and rest[-1][1] == line and rest[-1][0] not in (",", "]", "}"):
+                rest.pop()  # a date and a time
+            return
+        index = 0
+        while (following := rest[-1][0]) not in ("]", "}"):
+            if following == ",":
+                rest.pop()
+            elif token == "{":
+                read_pair(path)
+            else:
+                lines[(*path, index)] = rest[-1][1]
+                read_value((*path, index))
+                index += 1
+        rest.pop()
+
+    table: KeyPath = ()
+    while rest:
+        token, line = rest[-1]
+        if token != "[":
+            read_pair(table)
+            continue
+        rest.pop()
+        several = rest[-1][0] == "["
+        if several:
+            rest.pop()
+        *outer, last = keys("]")
+        if several:
+            rest.pop()
+        table = ()
+        for key in outer:
+            table = (*table, key)
+            lines.setdefault(table, line)
+            if table in counts:
+                table = (*table, counts[table] - 1)
+        table = (*table, last)
+        lines.setdefault(table, line)
+        if several:
+            counts[table] = counts.get(table, 0) + 1
+            table = (*table, counts[table] - 1)
+            lines[table] = line
+    return lines
+
+
+def _tokens(text: str) -> list[tuple[str, int]]:
+    """Return the tokens of a TOML text with their lines."""
+    found: list[tuple[str, int]] = []
+    place, line = 0, 1
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None:
+            raise ValueError(f"line {line} has no value")
+        if match["token"]:
+            found.append((match["token"], line))
+        place, line = match.end(), line + match[0].count("\n")
+    return found
 
 
 def line_of(path: KeyPath, lines: dict[KeyPath, int]) -> int | None:
@@ -67,137 +142,9 @@ def line_of(path: KeyPath, lines: dict[KeyPath, int]) -> int | None:
     return None
 
 
-class _Scanner:
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.at = 0
-        self.lines: dict[KeyPath, int] = {}
-        self._counts: dict[KeyPath, int] = {}
-        """Number of tables so far in each array of tables."""
-        self._counted_to, self._line = 0, 1
-
-    def scan(self) -> dict[KeyPath, int]:
-        table: KeyPath = ()
-        while self._skip(_BLANK) < len(self.text):
-            if self.text.startswith("[[", self.at):
-                table = self._header(2)
-            elif self.text[self.at] == "[":
-                table = self._header(1)
-            else:
-                self._pair(table)
-        return self.lines
-
-    def _header(self, brackets: int) -> KeyPath:
-        line = self._current_line()
-        self.at += brackets
-        keys = self._keys()
-        self.at += brackets
-        path: KeyPath = ()
-        for key in keys[:-1]:
-            path = self._latest((*path, key), line)
-        path = (*path, keys[-1])
-        self.lines.setdefault(path, line)
-        if brackets == 2:
-            count = self._counts.get(path, 0)
-            self._counts[path] = count + 1
-            path = (*path, count)
-            self.lines[path] = line
-        return path
-
-    def _latest(self, path: KeyPath, line: int) -> KeyPath:
-        """Return the path, with the index of the last table if it is an array of tables."""
-        self.lines.setdefault(path, line)
-        return (*path, self._counts[path] - 1) if path in self._counts else path
-
-    def _pair(self, table: KeyPath) -> None:
-        line = self._current_line()
-        keys = self._keys()
-        path = table
-        for key in keys:
-            path = (*path, key)
-            self.lines.setdefault(path, line)
-        self.at += 1  # the equals sign
-        self._value(path)
-
-    def _keys(self) -> Sequence[str]:
-        keys = []
-        while True:
-            self._skip(_SPACE)
-            keys.append(self._key())
-            self._skip(_SPACE)
-            if self.text[self.at] != ".":
-                return keys
-            self.at += 1
-
-    def _key(self) -> str:
-        begin = self.at
-        self._pass(_BASIC, _LITERAL, _BARE)
-        found = self.text[begin : self.at]
-        if found[0] == "'":
-            return found[1:-1]
-        return _unescaped(found) if found[0] == '"' else found
-
-    def _value(self, path: KeyPath) -> None:
-        self._skip(_BLANK)
-        first = self.text[self.at]
-        if first == "[":
-            self._items(path)
-        elif first == "{":
-            self._inline(path)
-        elif first in "\"'":
-            self._pass(_LONG_BASIC, _LONG_LITERAL, _BASIC, _LITERAL)
-        else:
-            self._pass(_PLAIN)
-
-    def _items(self, path: KeyPath) -> None:
-        self.at += 1
-        index = 0
-        while self.text[self._skip(_BLANK)] != "]":
-            if self.text[self.at] == ",":
-                self.at += 1
-                continue
-            self.lines[(*path, index)] = self._current_line()
-            self._value((*path, index))
-            index += 1
-        self.at += 1
-
-    def _inline(self, path: KeyPath) -> None:
-        self.at += 1
-        while self.text[self._skip(_BLANK)] != "}":
-            if self.text[self.at] == ",":
-                self.at += 1
-                continue
-            self._pair(path)
-        self.at += 1
-
-    def _skip(self, pattern: re.Pattern[str]) -> int:
-        match = pattern.match(self.text, self.at)
-        self.at = match.end() if match else self.at
-        return self.at
-
-    def _pass(self, *patterns: re.Pattern[str]) -> None:
-        """Go to the end of the first pattern that matches."""
-        for pattern in patterns:
-            match = pattern.match(self.text, self.at)
-            if match:
-                self.at = match.end()
-                return
-        raise ValueError(f"line {self._current_line()} has no value")
-
-    def _current_line(self) -> int:
-        self._line += self.text.count("\n", self._counted_to, self.at)
-        self._counted_to = self.at
-        return self._line
-
-
-def _unescaped(quoted: str) -> str:
-    import tomllib
-
+def _unquoted(quoted: str) -> str:
     (key,) = tomllib.loads(f"{quoted} = 0")
     return key
-
-
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 @dataclass(frozen=True)
@@ -270,13 +217,7 @@ def errors_about(file: Path | str, prefix: str = "") -> Iterator[None]:
 
 
 class Problems:
-    """Collects mistakes and finds their lines.
-
-    Parameters
-    ----------
-    lines : mapping
-        Lines of tables, keys and list items, see `lines_of`.
-    """
+    """Collects mistakes and finds their lines, from those of tables, keys and list items; see `lines_of`."""
 
     def __init__(self, lines: Mapping[KeyPath, int]) -> None:
         self._lines = dict(lines)
@@ -329,12 +270,13 @@ def translate(
 ) -> dict[KeyPath, tuple[str, bool]]:
     """Return by path in the file the text of each error of pydantic, and whether only a reference is wrong."""
     details = list(errors)
-    fields = _Fields(model)
+    schema = _schema_of(model)
     places = [_place(error, data) for error in details]
     misspelt = {
         (*place[:-1], near)
         for error, place in zip(details, places, strict=True)
-        if error["type"] == "extra_forbidden" and (near := _near(str(place[-1]), fields.of(error["loc"]), data, place))
+        if error["type"] == "extra_forbidden"
+        and (near := _near(str(place[-1]), _known_keys(error["loc"], schema), data, place))
     }
     found: dict[KeyPath, tuple[str, bool]] = {}
     for error, place in zip(details, places, strict=True):
@@ -342,7 +284,7 @@ def translate(
             continue  # reported as a misspelt key
         if error["type"] == "literal_error" and any(place == other[: len(place)] != other for other in places):
             continue  # a table with a mistake, where a word is allowed as well
-        text = _text_of(error, place, fields.of(error["loc"]), data)
+        text = _text_of(error, place, _known_keys(error["loc"], schema), data)
         found.setdefault(place, (text, isinstance(_cause(error), BrokenReferenceError)))
     return found
 
@@ -450,37 +392,32 @@ def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
     return model.model_json_schema()
 
 
-class _Fields:
-    """Finds the known keys of a table along the location of an error."""
+def _known_keys(loc: tuple[int | str, ...], schema: dict[str, Any]) -> list[str]:
+    """Return the keys known in the table that holds the last step of the location of an error."""
 
-    def __init__(self, model: type[BaseModel]) -> None:
-        self._schema = _schema_of(model)
-
-    def of(self, loc: tuple[int | str, ...]) -> list[str]:
-        """Return the keys known in the table that holds the last step of a path."""
-        node: Any = self._schema
-        for step in loc[:-1]:
-            node = self._step(self._resolved(node), step)
-        return list(self._resolved(node).get("properties", {}))
-
-    def _step(self, node: dict[str, Any], step: int | str) -> Any:
-        if isinstance(step, int):
-            return node.get("items", {})
-        if step in node.get("properties", {}):
-            return node["properties"][step]
-        if step in self._schema["$defs"]:  # a member of a union
-            return {"$ref": step}
-        if "discriminator" in node:
-            return {"$ref": node["discriminator"]["mapping"].get(step, "")}
-        return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
-
-    def _resolved(self, node: Any) -> dict[str, Any]:
+    def resolved(node: Any) -> dict[str, Any]:
         while isinstance(node, dict):
             choices = [one for one in node.get("anyOf", ()) if one != {"type": "null"}]
             if len(choices) == 1:  # an optional table
                 node = choices[0]
             elif "$ref" in node:
-                node = self._schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
+                node = schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
             else:
-                break
-        return node if isinstance(node, dict) else {}
+                return node
+        return {}
+
+    def stepped(node: dict[str, Any], step: int | str) -> Any:
+        if isinstance(step, int):
+            return node.get("items", {})
+        if step in node.get("properties", {}):
+            return node["properties"][step]
+        if step in schema["$defs"]:  # a member of a union
+            return {"$ref": step}
+        if "discriminator" in node:
+            return {"$ref": node["discriminator"]["mapping"].get(step, "")}
+        return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
+
+    node = resolved(schema)
+    for step in loc[:-1]:
+        node = resolved(stepped(node, step))
+    return list(node.get("properties", {}))

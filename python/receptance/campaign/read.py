@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from receptance import _checks
 from receptance._files import read_whole
@@ -21,13 +21,11 @@ from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.stability import build_cut
 from receptance.campaign.tolerances import Effects, assembly_effects
-from receptance.campaign.values import OWNERS, References, parse_condition
+from receptance.campaign.values import OWNERS, References
 from receptance.errors import warn_user
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
-
-if TYPE_CHECKING:
-    from receptance.campaign.problems import KeyPath, Problems
+from receptance.units import parse_any
 
 __all__ = ["LEVEL", "campaign_fields", "expand_series", "measured_structures", "read_campaign", "silent"]
 
@@ -79,18 +77,7 @@ def campaign_fields(
 ) -> dict[str, Any]:
     """Return the fields of the campaign of the contents of a file, which need not exist.
 
-    Parameters
-    ----------
-    file : Path
-        The file; its folder is that of the data files.
-    data : dict
-        Contents of the TOML file.
-    lines : dict, optional
-        Lines of its values, see `lines_of`.
-    called : str or path, optional
-        Name of the file in messages.
-    threads, progress
-        As in `Campaign.load`.
+    The folder of `file` is that of the data files, `lines` are from `lines_of`, and `called` is the name in messages.
     """
     _checks.thread_count(threads)
     say = progress or silent
@@ -99,7 +86,6 @@ def campaign_fields(
     table, builder, built = _build(data, problems, file.parent)
     effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
     reader = MeasurementReader(table, builder, file.parent, effects)
-    conditions = {name: assembly.conditions for name, assembly in table.assemblies.items() if assembly.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         say(f"reading {name}")
@@ -108,7 +94,7 @@ def campaign_fields(
             measurements[name] = measured
     possible = {name: reader.candidate(name) for name in table.candidates}
     places = _places(table, built, builder)
-    cuts = {name: build_cut(name, table, built.assemblies, measurements, file.parent, builder) for name in table.cuts}
+    cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if not problems.found:
@@ -124,7 +110,6 @@ def campaign_fields(
         "measurements": measurements,
         "unknowns": tuple(built.unknowns.values()),
         "effects": effects,
-        "conditions": conditions,
         "places": places,
         "candidates": {name: one for name, one in possible.items() if one is not None},
         "cuts": {name: cut for name, cut in cuts.items() if cut is not None},
@@ -142,12 +127,7 @@ def campaign_fields(
 def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     """Return the measured assembly, with sensor, and the response coordinate of every measurement of a campaign.
 
-    Data files are not read, so that they can be simulated.
-
-    Parameters
-    ----------
-    text : str
-        Text of the campaign file.
+    Data files are not read, so that they can be simulated. `text` is that of the campaign file.
     """
     data = tomllib.loads(text)
     problems = Problems(lines_of(text))
@@ -399,7 +379,7 @@ def _conditioned(data: Mapping[str, Any], over: str) -> bool:
 def _check_units(levels: list[Any], problems: Problems) -> None:
     """Add a mistake for the first level of a different quantity than the level before."""
     try:
-        units = [parse_condition(level).unit for level in levels]
+        units = [parse_any(level)[1] if isinstance(level, str) else "" for level in levels]
     except ValueError:
         return  # the validation of the condition reports the mistake
     for index, (before, unit) in enumerate(pairwise(units), 1):

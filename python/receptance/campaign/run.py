@@ -17,7 +17,7 @@ from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
-from receptance.campaign.values import Condition, Deviation
+from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
 from receptance.identification import (
     Candidate,
@@ -57,12 +57,6 @@ if TYPE_CHECKING:
     from receptance.campaign.stability import CampaignCut
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
-    from receptance.identification import (
-        Identification,
-        InverseCouplings,
-        NextMeasurement,
-        Transfer,
-    )
     from receptance.identification.next_measurement import Target
     from receptance.identification.unknowns import Tolerance
     from receptance.stability import Stability
@@ -114,8 +108,6 @@ class Campaign(Renderable):
     effects : dict
         Errors of each assembly: by assembly, error and address the standard deviation in SI units. Errors with the same
         name are one error.
-    conditions : dict of str to dict of str to Condition
-        Conditions of each assembly, such as a torque.
     places : dict of str to tuple of Coordinate
         Response and excitation at which assemblies without measurements are predicted.
     candidates : dict of str to Candidate
@@ -153,7 +145,6 @@ class Campaign(Renderable):
     measurements: dict[str, Measurement]
     unknowns: tuple[Unknown, ...]
     effects: dict[str, Effects] = field(default_factory=dict)
-    conditions: dict[str, dict[str, Condition]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
     cuts: dict[str, CampaignCut] = field(default_factory=dict)
@@ -285,8 +276,7 @@ class Campaign(Renderable):
 
     def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
-        conditions = {key: one.value for key, one in self.conditions.get(name, {}).items()}
-        return Site(self.assemblies[name], name, "", conditions)
+        return Site(self.assemblies[name], name, "", self.table.assemblies[name].conditions)
 
     def inherited_effects(self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]) -> Effects:
         """Return the errors of an assembly of elements of this campaign that is not in the file.
@@ -787,13 +777,7 @@ def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
 
 
 def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
-    """Return the errors of all measurements.
-
-    Raises
-    ------
-    CampaignError
-        The objective has no likelihood, or a measurement has no standard deviation.
-    """
+    """Return the errors of all measurements; the objective must have a likelihood, and measurements weights."""
     tolerances = tolerances_of_measurements(seen)
     if not tolerances:
         return []

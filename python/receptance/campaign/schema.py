@@ -36,7 +36,6 @@ from receptance.campaign.values import (
     Amount,
     AtAddress,
     ByAddress,
-    Condition,
     DataFile,
     Deviation,
     DeviationShare,
@@ -291,7 +290,7 @@ Written = Annotated[str | float, OneOf(str, int, float, what="text with a number
 Value = Annotated[float, AtAddress()]
 """Value of the parameter at an address."""
 ConditionValue = Annotated[
-    Condition,
+    float,
     PlainValidator(parse_condition),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
 ]

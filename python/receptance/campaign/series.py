@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
 from receptance.taper import ForceSeries
 from receptance.taper.series import draw_with_law
+from receptance.units import split
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,19 +38,7 @@ _WORSE = 1.5
 
 
 class LevelSeries(Results[ForceSeries]):
-    """Parameters over the levels of a campaign's series, by name.
-
-    Parameters
-    ----------
-    items : mapping of str to ForceSeries
-        Values over levels in `unit`.
-    over : str
-        Name of the condition, such as "drawbar force".
-    unit : str
-        Unit of the levels.
-    provenance : Provenance, optional
-        Campaign and versions of the software.
-    """
+    """Parameters over the levels of a series by name; `over` is the condition, and levels are in `unit`."""
 
     heading = "Parameters over levels"
     key = "parameters"
@@ -190,7 +179,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
         for name, own in squares.items():
             title = f"{law.name} @ {name}"
             if title in fit.values and np.isfinite(fit.standard_errors[title]):
-                level = campaign.conditions[name][table.over].value / factor
+                level = campaign.site(name).conditions[table.over] / factor
                 left = max(float(np.sqrt(np.mean(own))), 1.0) if fit.known_scatter else 1.0
                 rows.append((level, fit.values[title], fit.standard_errors[title] * left))
         rows.sort()
@@ -213,13 +202,10 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     ('kN', 1000.0)
     """
     for level in table.levels:
-        match = (
-            re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S.*?)\s*", level)
-            if isinstance(level, str)
-            else None
-        )
-        if match and float(match[1]):
-            return match[2], parse_condition(level).value / float(match[1])
+        with suppress(ValueError):  # a plain number, or a name
+            number, unit = split(level, "a level")
+            if number and unit:
+                return unit, parse_condition(level) / number
     return "", 1.0
 
 

@@ -38,12 +38,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.build import Builder
-    from receptance.campaign.measurements import Measurement
+    from receptance.campaign.measurements import Measurement, MeasurementReader
     from receptance.campaign.problems import KeyPath
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import CampaignTable, TipTable
+    from receptance.campaign.schema import TipTable
     from receptance.diagnosis import HeldOut, Metric
-    from receptance.frf import FRF
     from receptance.identification import Identification
     from receptance.identification.prediction import Forecast
     from receptance.modal import ModeEstimate
@@ -108,78 +107,54 @@ class CampaignCut:
         return self.cut.drawn(draws, **self.spread, seed=seed)
 
 
-def build_cut(
-    name: str,
-    table: CampaignTable,
-    assemblies: Mapping[str, object],
-    measurements: Mapping[str, Measurement],
-    folder: Path,
-    builder: Builder,
-) -> CampaignCut | None:
+def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, Measurement]) -> CampaignCut | None:
     """Return a cut, or None after its mistakes are added."""
-    own, path = table.cuts[name], ("cuts", name)
+    own, path, builder = reader.campaign.cuts[name], ("cuts", name), reader.builder
     cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
     spread = {
         key: deviation.of(getattr(own, key)) / getattr(own, key)
         for key, deviation in own.tolerance
         if deviation is not None and getattr(own, key) > 0.0
     }
-    x = _tip((*path, "x"), own.x, assemblies, measurements, folder, builder)
-    y = x if own.kind == "milling" else None
-    if own.kind == "milling" and own.y == "rigid":
+    x = y = _tip((*path, "x"), own.x, reader, measurements)
+    if own.kind == "turning" or own.y == "rigid":
         y = None
-    elif own.kind == "milling" and not isinstance(own.y, str):
-        y = _tip((*path, "y"), own.y, assemblies, measurements, folder, builder)
+    elif not isinstance(own.y, str):
+        y = _tip((*path, "y"), own.y, reader, measurements)
     if cut is None or x is None or builder.problems.at(path):
         return None
     return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
 
 
 def _tip(
-    path: KeyPath,
-    table: TipTable,
-    assemblies: Mapping[str, object],
-    measurements: Mapping[str, Measurement],
-    folder: Path,
-    builder: Builder,
+    path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Measurement]
 ) -> Tip | None:
+    builder, problems = reader.builder, reader.builder.problems
     given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
     if len(given) != 1:
         found = " and ".join(given) or "neither an assembly, a measurement nor a file"
-        builder.problems.add(path, f"has {found}, expected one of the three")
+        problems.add(path, f"has {found}, expected one of the three")
         return None
     if table.assembly is not None:
         if table.bands is not None:
-            builder.problems.add(
-                (*path, "bands"),
-                "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead",
-            )
+            text = "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead"
+            problems.add((*path, "bands"), text)
+        if problems.at(path) or table.assembly not in builder.built.assemblies:
             return None
-        return (
-            Tip(name=f"predicted, {table.assembly}", assembly=table.assembly) if table.assembly in assemblies else None
-        )
-    if table.measurement is not None:
-        if table.measurement not in measurements:
-            return None
-        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement], builder, path)
-        frf = _within(path, table, frf, builder)
-        return None if frf is None else Tip(name=f"measured, {table.measurement}", frf=frf)
-    if builder.problems.at(path):
+        return Tip(name=f"predicted, {table.assembly}", assembly=table.assembly)
+    if problems.at(path) or (table.measurement is not None and table.measurement not in measurements):
         return None
-    frf = builder.make((*path, "file"), _read, table, folder)
+    if table.measurement is not None:
+        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement], builder, path)
+    else:
+        frf = builder.make((*path, "file"), _read, table, reader.folder)
+        for note in () if frf is None else frf.notes:
+            builder.note(path, note)
+    if frf is not None and table.bands is not None:
+        frf = builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
     if frf is None:
         return None
-    for note in frf.notes:
-        builder.note(path, note)
-    frf = _within(path, table, frf, builder)
-    return None if frf is None else Tip(name=f"measured, {table.file}", frf=frf, file=str(table.file))
-
-
-def _within(path: KeyPath, table: TipTable, frf: FRF | None, builder: Builder) -> FRF | None:
-    """Return the FRF with only the lines of the bands usable, or None after a mistake is added."""
-    if frf is None or table.bands is None:
-        return frf
-    return builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
+    return Tip(name=f"measured, {table.measurement or table.file}", frf=frf, file=str(table.file or ""))
 
 
 def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
@@ -212,25 +187,9 @@ def _read(table: TipTable, folder: Path) -> FRF:
 
 
 class Tips:
-    """The tip of a cut in one or two directions.
+    """The tip of a cut in the direction of feed and across it; None for a rigid one.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    identified : Identification or None
-        Fit for predicted tips.
-    tips : sequence of Tip or None
-        Tips in the direction of feed and across it; None for a rigid one.
-
-    Attributes
-    ----------
-    lines : ndarray
-        `(n,)` frequency lines in Hz.
-    uncertain : bool
-        Whether the errors of at least one tip are known.
-    notes : list of str
-        Notes for the user.
+    `lines` are `(n,)` frequency lines in Hz, and `uncertain` is whether the errors of at least one tip are known.
     """
 
     def __init__(
@@ -487,11 +446,6 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
 
     `stable_depth` is the error in percent, for each cut of the campaign, of the depth that is stable at every speed. It
     is computed from held-out FRFs of a tip, which replace the tip of the cut in both directions, or in x if y is rigid.
-
-    Raises
-    ------
-    CampaignError
-        There is no such metric, or the campaign lacks a cut or a measurement for it. It is a ValueError.
     """
     found: dict[str, Metric] = {}
     for name in names:
@@ -532,8 +486,6 @@ def _error_of_depth(cut: CampaignCut, one: HeldOut) -> float:
 
 def _always_stable_depth(cut: CampaignCut, lines: NDArray[np.float64], receptance: NDArray[np.complex128]) -> float:
     """Return the depth in m that is stable at all speeds."""
-    from receptance.stability import Turning, critical_depths
-
     matrix = receptance[:, None, None] * np.diag([1.0, 0.0 if cut.y is None else 1.0])
     if isinstance(cut.cut, Turning):
         matrix = receptance[:, None, None]

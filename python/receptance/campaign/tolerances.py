@@ -43,14 +43,9 @@ _Inherited = tuple[str, "KeyPath", Deviation]
 
 
 def tolerances_of(effects: Effects, labels: str | None = None) -> list[Tolerance]:
-    """Return errors as tolerances of a fit or a prediction.
+    """Return errors as tolerances of a fit or a prediction, of the observation with a label alone if one is given.
 
-    Parameters
-    ----------
-    effects : dict
-        The errors; standard deviations of zero are left out.
-    labels : str, optional
-        Label of the only observation that has them; by default all have them.
+    Standard deviations of zero are left out.
     """
     some = {name: {a: d for a, d in moves.items() if d} for name, moves in effects.items()}
     return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in some.items() if moves]
@@ -95,12 +90,8 @@ def inherited_effects(
 ) -> Effects:
     """Return the errors of an assembly that is not in the file.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Parts, joints and attachments of the campaign, and other parts of its materials.
-    parts : mapping of str to dict
-        Names of the other parts, and the standard deviations of their dimensions by address.
+    `parts` are those of its parts that are not in the file either, with the standard deviations of their dimensions by
+    address.
     """
     effects: Effects = {}
     _add_effects(effects, assembly, _inherited(assembly, campaign, parts), _identified(assembly, built))

@@ -37,7 +37,6 @@ __all__ = [
     "AtAddress",
     "BrokenReferenceError",
     "ByAddress",
-    "Condition",
     "DataFile",
     "Deviation",
     "DeviationShare",
@@ -187,8 +186,7 @@ def parse_deviation(value: Any, quantity: Quantity) -> Deviation:
     try:
         return Deviation(parse(value, _deviation_of(quantity)), False, name)
     except ValueError as error:
-        found = str(error).split(", expected", 1)[0]
-        raise ValueError(f"{found}, expected {expected}") from None
+        raise ValueError(f"{_found(error)}, expected {expected}") from None
 
 
 def _deviation_of(quantity: Quantity) -> Quantity:
@@ -230,37 +228,21 @@ def _deviation_schema(quantity: Quantity) -> dict[str, Any]:
 # Conditions and levels -----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Condition:
-    """A number with a unit that describes a configuration or a measurement.
-
-    Attributes
-    ----------
-    value : float
-        Value in SI units.
-    unit : str
-        SI unit, empty for a plain number.
-    """
-
-    value: float
-    unit: str
-
-
-def parse_condition(written: Any) -> Condition:
-    """Return a condition from its value in the file.
+def parse_condition(written: Any) -> float:
+    """Return the value of a condition in SI units from its value in the file.
 
     Examples
     --------
     >>> from receptance.campaign.values import parse_condition
     >>> parse_condition("5 kN")
-    Condition(value=5000.0, unit='kg m/s^2')
+    5000.0
     """
     if isinstance(written, bool) or not isinstance(written, (str, int, float)):
         raise ValueError(f"is {shown(written)}, expected text with a number and a unit, or a plain number")
-    value, unit = parse_any(written) if isinstance(written, str) else (float(written), "")
+    value = parse_any(written)[0] if isinstance(written, str) else float(written)
     if not math.isfinite(value):
         raise ValueError(f"is {shown(written)}, expected a finite number")
-    return Condition(value, unit)
+    return value
 
 
 def parse_level(written: Any) -> tuple[float, bool]:
@@ -281,22 +263,23 @@ def parse_level(written: Any) -> tuple[float, bool]:
     return float(written), False
 
 
-def parse_force_window(written: Any) -> float | Literal["auto", "none"]:
+def _parse_force_window(written: Any) -> float | Literal["auto", "none"]:
     """Return the length of the force window in s, "auto" or "none"."""
-    if written == "auto":
-        return "auto"
-    if written == "none":
-        return "none"
+    if written in ("auto", "none"):
+        return "auto" if written == "auto" else "none"
     try:
         return parse(written, units.TIME)
     except ValueError as error:
-        found = str(error).split(", expected", 1)[0]
-        text = found or f"is {shown(written)}"
-        raise ValueError(f'{text}, expected a time such as "2 ms", "auto" or "none"') from None
+        raise ValueError(f'{_found(error)}, expected a time such as "2 ms", "auto" or "none"') from None
+
+
+def _found(error: ValueError) -> str:
+    """Return what was found, without what was expected."""
+    return str(error).split(", expected", 1)[0]
 
 
 ForceWindow = Annotated[
-    float | Literal["auto", "none"], PlainValidator(parse_force_window), WithJsonSchema({"type": "string"})
+    float | Literal["auto", "none"], PlainValidator(_parse_force_window), WithJsonSchema({"type": "string"})
 ]
 """Length of a force window in s, "auto" or "none"."""
 
@@ -304,13 +287,7 @@ ForceWindow = Annotated[
 
 
 def prior_of(kind: Quantity, table: PriorTable, logarithmic: bool) -> Prior:
-    """Return the prior of an unknown on the scale of the fit.
-
-    Raises
-    ------
-    ValueError
-        Value or standard deviation cannot be read.
-    """
+    """Return the prior of an unknown on the scale of the fit."""
     mean = parse(table.value, kind)
     return Prior(mean=mean, standard_deviation=_prior_deviation(kind, table.spread, mean, logarithmic))
 
@@ -341,13 +318,7 @@ _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
 
 class AddressError(ValueError):
-    """A text is not the address of a parameter.
-
-    Attributes
-    ----------
-    address : str
-        The text.
-    """
+    """A text, `address`, is not the address of a parameter."""
 
     def __init__(self, address: str, text: str) -> None:
         super().__init__(text)
@@ -384,19 +355,15 @@ def value_at(address: str, value: Any) -> float:
     return parse(value, kind_of(address))
 
 
-def parse_position(text: str) -> float | Literal["end"]:
+def parse_position(written: Any) -> float | Literal["end"]:
     """Return a position on a part: the distance from its tip-side end in m, or "end"."""
-    if text == "end":
+    if written == "end":
         return "end"
     try:
-        return parse(text, units.LENGTH_OR_ZERO)
+        return parse(written, units.LENGTH_OR_ZERO)
     except ValueError as error:
-        found = str(error).split(", expected", 1)[0]
-        raise ValueError(
-            f'{found}, expected a distance from the tip-side end of the part such as "0 mm" or "62.3 mm", or "end"'
-            if found
-            else f"is {shown(text)}"
-        ) from None
+        expected = 'a distance from the tip-side end of the part such as "0 mm" or "62.3 mm", or "end"'
+        raise ValueError(f"{_found(error)}, expected {expected}") from None
 
 
 # References ----------------------------------------------------------------------------------------------------------
@@ -420,14 +387,8 @@ class BrokenReferenceError(ValueError):
 class References:
     """Names and files to which tables may refer; the context of the validation.
 
-    Parameters
-    ----------
-    named : dict of str to list of str
-        All names of each section, including those of tables with mistakes.
-    broken : frozenset of str
-        Sections that are missing or are not tables; references to them are not checked.
-    folder : Path or None
-        Folder of the data files; None if they are not checked.
+    `named` are all names of each section, those of tables with mistakes included. References to `broken` sections,
+    which are missing or are no tables, are not checked; nor are data files without a `folder`.
     """
 
     named: dict[str, list[str]]
@@ -526,12 +487,9 @@ class _Unread:
 
 @dataclass(frozen=True)
 class ByAddress:
-    """Marks a dictionary by address: its values, or keys of its tables, have the quantity of the address.
+    """Marks a dictionary by address: its values have the quantity of the address.
 
-    Parameters
-    ----------
-    *keys : str
-        Keys of the tables; without keys, the values themselves.
+    With keys, these keys of its tables have it.
     """
 
     keys: tuple[str, ...] = ()
@@ -586,15 +544,9 @@ class AtAddress:
         return parse(given.value, quantity)
 
 
-def _read_position(value: Any) -> float | str:
-    if not isinstance(value, str):
-        raise ValueError(f'is {shown(value)}, expected a distance such as "62.3 mm", or "end"')
-    return parse_position(value)
-
-
 Position = Annotated[
     float | Literal["end"],
-    PlainValidator(_read_position),
+    PlainValidator(parse_position),
     WithJsonSchema({"type": "string", "minLength": 1, "examples": ["62.3 mm", "end"]}),
 ]
 """A distance from the tip-side end of a part, or its far end."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterable, Mapping
+import re
+import warnings
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import tomli_w
 
 from receptance import units
 from receptance._files import write_whole
@@ -19,6 +22,7 @@ from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
+from receptance.errors import ReceptanceWarning
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 from receptance.identification.unknowns import Law, Move, Prior, Unknown, covered
 from receptance.model.beams import Material, Part
@@ -35,48 +39,23 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "Materials",
-    "attachment_table",
-    "element_table",
-    "extended_data",
-    "extended_text",
-    "quantity",
-    "quantity_at",
-    "unknown_table",
-    "write_extended",
-]
+__all__ = ["attachment_table", "changed_lines", "extended_text", "with_campaign_lines", "write_extended"]
 
 
-def quantity(value: float, kind: Quantity) -> str | float:
+def _quantity(value: float, kind: Quantity) -> str | float:
     """Return the text of a quantity in SI units, with all digits."""
     return f"{float(value)!r} {kind.unit}" if kind.unit else float(value)
 
 
-def quantity_at(address: str, value: float) -> str | float:
+def _quantity_at(address: str, value: float) -> str | float:
     """Return the text of the value of a parameter."""
-    return quantity(value, kind_of(address))
+    return _quantity(value, kind_of(address))
 
 
-Written = Callable[[float, Quantity], str | float]
-"""A function that writes a value in SI units."""
+class _Materials:
+    """Names of the materials that the file has, `known`, and tables of those that are added to it."""
 
-
-class Materials:
-    """Names of materials in a file, and tables of materials that are added to it.
-
-    Parameters
-    ----------
-    known : iterable of str
-        Names of the materials that the file has.
-
-    Attributes
-    ----------
-    added : dict
-        Tables of new materials by name.
-    """
-
-    def __init__(self, known: Iterable[str]) -> None:
+    def __init__(self, known: Iterable[str] = ()) -> None:
         self._known = set(known)
         self._made: list[tuple[Material, str]] = []
         self.added: dict[str, dict[str, Any]] = {}
@@ -97,34 +76,19 @@ class Materials:
         return name
 
 
-def element_table(element: Any, materials: Materials, written: Written = quantity) -> dict[str, Any]:
-    """Return the table of a part, a joint or a modal part, without tolerances.
-
-    Parameters
-    ----------
-    element : Part, joint or ModalPart
-        The element.
-    materials : Materials
-        Names of materials, to which new ones are added.
-    written : callable, optional
-        Function that writes a value in SI units; by default with all digits.
-
-    Raises
-    ------
-    ValueError
-        A kind of element that cannot be written.
-    """
+def _element_table(element: Any, materials: _Materials) -> dict[str, Any]:
+    """Return the table of a part, a joint or a modal part, without tolerances; new materials are added."""
     if isinstance(element, Part):
-        return {"segments": [_field_table(segment, materials, written) for segment in element.segments]}
+        return {"segments": [_field_table(segment, materials) for segment in element.segments]}
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
-        modes = [_field_table(mode, materials, written) for mode in element.modes]
-        return {"modes": modes, **_field_table(element, materials, written)}
+        modes = [_field_table(mode, materials) for mode in element.modes]
+        return {"modes": modes, **_field_table(element, materials)}
     kind = JOINTS.kind_of(element)
     if kind is None or isinstance(element, MicroslipJoint):  # its reference force is not a field of the element
         raise ValueError(f"{element!r} cannot be written as a table of a campaign")
-    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials, written)}
+    return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials)}
 
 
 def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, Any]:
@@ -137,16 +101,15 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     """
     if isinstance(point, GroundSpring) and point.length:
         raise ValueError(f"{point!r} is distributed along a part and cannot be written as a table of a campaign")
-    position = point.position if isinstance(point.position, str) else quantity(point.position, units.LENGTH)
-    return {
-        "kind": ATTACHMENTS.kind_of(point),
-        "part": point.part,
-        "position": position,
-        **_field_table(point, Materials(())),
-    }
+    place = {"kind": ATTACHMENTS.kind_of(point), "part": point.part, "position": _position(point.position)}
+    return {**place, **_field_table(point, _Materials())}
 
 
-def _field_table(element: Element, materials: Materials, written: Written = quantity) -> dict[str, Any]:
+def _position(position: float | str) -> str | float:
+    return position if isinstance(position, str) else _quantity(position, units.LENGTH)
+
+
+def _field_table(element: Element, materials: _Materials) -> dict[str, Any]:
     """Return the fields of an element that differ from their defaults."""
     table: dict[str, Any] = {}
     for name, field in element.declared.items():
@@ -154,32 +117,26 @@ def _field_table(element: Element, materials: Materials, written: Written = quan
         if value == getattr(type(element), name, MISSING):
             continue
         if isinstance(field, Number):
-            table[name] = written(value, field.quantity)
+            table[name] = _quantity(value, field.quantity)
         elif isinstance(field, Member):
             inner = field.kind is Material
-            table[name] = materials.name_of(value) if inner else _field_table(value, materials, written)
+            table[name] = materials.name_of(value) if inner else _field_table(value, materials)
         elif isinstance(field, (Choice, Count)):
             table[name] = value
     return table
 
 
-def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
-    """Return the table of an unknown with a start value.
-
-    Raises
-    ------
-    ValueError
-        The unknown is a law across assemblies.
-    """
+def _unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
+    """Return the table of an unknown with a start value."""
     if isinstance(unknown, Law):
         raise ValueError(f"{unknown!r} cannot be written as a table of a campaign")
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
     kind = PLAIN_NUMBER if plain else kind_of(unknown.address)
     start = min(max(start, unknown.lower), unknown.upper)
     table: dict[str, Any] = {
-        key: quantity(value, kind) for key, value in (("lower", unknown.lower), ("upper", unknown.upper))
+        key: _quantity(value, kind) for key, value in (("lower", unknown.lower), ("upper", unknown.upper))
     }
-    table |= {"start": quantity(start, kind), "scale": unknown.scale}
+    table |= {"start": _quantity(start, kind), "scale": unknown.scale}
     if unknown.prior is not None:
         table["prior"] = _prior(unknown.prior, unknown.scale == "log", kind)
     if unknown.configurations is not None:
@@ -195,8 +152,8 @@ def unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
 
 
 def _prior(prior: Prior, logarithmic: bool, kind: Quantity) -> dict[str, Any]:
-    spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else quantity(prior.standard_deviation, kind)
-    return {"value": quantity(prior.mean, kind), "spread": spread}
+    spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else _quantity(prior.standard_deviation, kind)
+    return {"value": _quantity(prior.mean, kind), "spread": spread}
 
 
 _SAME = 1e-6
@@ -207,17 +164,7 @@ _OTHER = {"sensors": "attachments", "attachments": "sensors"}
 
 @dataclass(frozen=True, eq=False)
 class _Extended:
-    """An observation before and after the causes change it.
-
-    Attributes
-    ----------
-    given, found : MeasuredFRF or MeasuredFrequencies
-        The observation of the campaign, and that with the causes.
-    tolerances : tuple of Tolerance
-        Errors with the causes.
-    temporary : tuple of str
-        Attachments that causes add during this measurement only.
-    """
+    """An observation before and after the causes change it, its errors with them, and temporary attachments."""
 
     given: MeasuredFRF | MeasuredFrequencies
     found: MeasuredFRF | MeasuredFrequencies
@@ -254,16 +201,7 @@ def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     ValueError
         There is no extended model, or a campaign file cannot describe it.
     """
-    import tomli_w
-
-    return tomli_w.dumps(extended_data(campaign, verdict, folder))
-
-
-def extended_data(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
-    """Return the contents of the file of `extended_text`, with the same parameters and errors."""
-    data = _extended(campaign, verdict, folder)
-    _check(campaign, verdict, data, folder)
-    return data
+    return tomli_w.dumps(_extended(campaign, verdict, folder))
 
 
 def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Path:
@@ -277,6 +215,7 @@ def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Pa
 
 
 def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
+    """Return the contents of the extended file."""
     if verdict.explanation is None or verdict.extended is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
     # A cause may act at one level only, so that each level has its own tables.
@@ -292,7 +231,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
         if end is not None and isinstance(measurement.given, MeasuredFRF):
-            data["measurements"][name]["ends"] = quantity(end, units.TIME)
+            data["measurements"][name]["ends"] = _quantity(end, units.TIME)
     _write_unknowns(data, verdict)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "starts": 1}
@@ -308,7 +247,9 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     own = data.get("description", "")
     data["description"] = f"{own} Written by `receptance diagnose` ({verdict.verdict}: {names}{alike}).".strip()
     order = ["format", "title", "description", "settings", "prediction"]
-    return {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
+    data = {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
+    _check(campaign, verdict, data, folder)
+    return data
 
 
 def _unknowns(verdict: Verdict) -> tuple[Any, ...]:
@@ -355,8 +296,8 @@ def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
         if isinstance(like, MeasuredFRF):
             response, excitation = campaign.places.get(name, (Coordinate(), Coordinate()))
             like = altered(like, response=response, excitation=excitation)
-    conditions = {key: one.value for key, one in campaign.conditions.get(name, {}).items()}
-    bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=conditions)
+    site = campaign.site(name)
+    bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=site.conditions)
     return _applied(verdict, "", bare, campaign.effects.get(name, {}))
 
 
@@ -364,12 +305,12 @@ def _write_structure(
     data: dict[str, Any], campaign: Campaign, assemblies: Mapping[str, _Extended], unknown: set[str]
 ) -> None:
     """Write the elements that causes have changed, and the values in which assemblies differ."""
-    materials = Materials(campaign.table.materials)
+    materials = _Materials(campaign.table.materials)
     tables: dict[str, tuple[Assembly, dict[str, Any]]] = {}
     for extended in assemblies.values():
         for name, element in extended.assembly.elements.items():
             if name not in tables and any(_differs(name, other) for other in assemblies.values()):
-                tables[name] = (extended.assembly, element_table(element, materials))
+                tables[name] = (extended.assembly, _element_table(element, materials))
     for name, (_, table) in tables.items():
         section = "parts" if "segments" in table else "modal_parts" if "modes" in table else "joints"
         data.setdefault(section, {})[name] = table
@@ -413,11 +354,11 @@ def _write_assembly(
             raise ValueError(f"{owner} has other parameters in {title}, which a campaign file cannot describe")
         value = assembly.get(address)
         if value != bases[owner].get(address):
-            table["set"][address] = quantity_at(address, value)
+            table["set"][address] = _quantity_at(address, value)
     for error in one.tolerances:
         for address, deviation in error.moves.items():
             if address.split(".", 1)[0] in owners and address not in identified:
-                written = quantity_at(address, abs(deviation))
+                written = _quantity_at(address, abs(deviation))
                 table["tolerance"][address] = {"value": written, "name": error.name}
     fresh = {k: v for k, v in one.found.conditions.items() if k not in one.given.conditions}
     if fresh:
@@ -447,8 +388,7 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
     for side in ("response", "excitation"):
         old, new = getattr(given, side), getattr(found, side)
         if (old.part, old.position) != (new.part, new.position):
-            at = new.position if isinstance(new.position, str) else quantity(new.position, units.LENGTH)
-            table[side] = {**table.get(side, {}), "part": new.part, "position": at}
+            table[side] = {**table.get(side, {}), "part": new.part, "position": _position(new.position)}
     if np.array_equal(found.receptance, -given.receptance):
         own = table.get("response", {})
         direction = own.get("direction", "+y")
@@ -519,7 +459,7 @@ def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
             if isinstance(unknown, Move) and unknown.name in of_measurement and unknown.configurations is None:
                 # What belongs to the measurement does not act in assemblies that are only predicted.
                 unknown = replace(unknown, configurations=tuple(measured))
-            tables[key] = unknown_table(unknown, values[unknown.name])
+            tables[key] = _unknown_table(unknown, values[unknown.name])
             _write_found(data, key, tables[key].get("start"), unknown.configurations)
     # Unknowns that no measurement depends on remain unchanged.
     data["unknowns"] = {**written, **tables}
@@ -559,7 +499,7 @@ def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
     if isinstance(unknown, Law) and unknown.follows:
         raw = {**raw, "follows": dict(unknown.follows)}
-    return {**raw, "start": start if plain else quantity_at(unknown.address, start)}
+    return {**raw, "start": start if plain else _quantity_at(unknown.address, start)}
 
 
 def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
@@ -620,3 +560,79 @@ def _check(campaign: Campaign, verdict: Verdict, data: dict[str, Any], folder: P
             "the extended model cannot be written as a campaign: its chi-square would be "
             f"{chi_square:.6g} instead of {fit.chi_square:.6g}"
         )
+
+
+# Lines that add an explanation to a file ------------------------------------------------------------------------------
+
+_OWN = ("title", "description", "settings")
+"""Keys that every extended campaign has of its own."""
+_LONG = re.compile(r"^(-?\d[\d.]*(?:e[-+]?\d+)?)(?= |$)")
+
+
+def with_campaign_lines(campaign: Campaign, verdict: Verdict) -> Verdict:
+    """Return the verdict with the lines that add its explanation to the file; without them if there are none."""
+    if verdict.explanation is None or not verdict.final:
+        return verdict
+    with warnings.catch_warnings():
+        # Warnings on the data were given when they were read.
+        warnings.simplefilter("ignore", ReceptanceWarning)
+        try:
+            return replace(verdict, campaign_lines=changed_lines(campaign, verdict))
+        except ValueError:
+            return verdict
+
+
+def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:
+    """Return the lines in which the extended model of a diagnosis differs from the campaign file.
+
+    They are what `extended_text` writes, with the same errors, without roles and start values of the unknowns that the
+    campaign has. Numbers have six digits. Measurements with the same lines share them.
+    """
+    before = {key: value for key, value in campaign.contents.items() if key not in _OWN}
+    after = {key: value for key, value in _extended(campaign, verdict, campaign.file.parent).items() if key not in _OWN}
+    for name, table in after["measurements"].items():
+        given = before["measurements"][name]
+        table.pop("role", None)
+        if "role" in given:
+            table["role"] = given["role"]
+    for name, table in after.get("unknowns", {}).items():
+        if "start" in table and (given := before.get("unknowns", {}).get(name)) is not None:
+            table.pop("start")
+            table |= {"start": given["start"]} if "start" in given else {}
+    changed = _shortened(_changes(before, after))
+    # Measurements with the same lines share them.
+    groups: dict[str, tuple[dict[str, Any], list[str]]] = {}
+    for name, table in changed.pop("measurements", {}).items():
+        groups.setdefault(tomli_w.dumps(table), (table, []))[1].append(name)
+    lines = [line for line in tomli_w.dumps({k: v for k, v in changed.items() if v}).splitlines() if line]
+    for table, (first, *others) in groups.values():
+        head, *own = tomli_w.dumps({"measurements": {first: table}}).splitlines()
+        lines += [head, *([f"# the same for {', '.join(others)}"] if others else []), *own]
+    return tuple(lines)
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys whose values are new or different, tables key by key."""
+    found: dict[str, Any] = {}
+    for key, value in after.items():
+        old = before.get(key)
+        if isinstance(value, dict) and isinstance(old, dict):
+            inner = _changes(old, value)
+            if inner:
+                found[key] = inner
+        elif value != old:
+            found[key] = value
+    return found
+
+
+def _shortened(value: Any) -> Any:
+    """Return values with numbers of six digits, those in texts included."""
+    if isinstance(value, dict):
+        return {key: _shortened(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_shortened(one) for one in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, str):
+        return _LONG.sub(lambda match: f"{float(match[1]):.6g}", value)
+    return value

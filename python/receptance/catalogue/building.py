@@ -38,16 +38,9 @@ _SHORTEST = 1e-9
 
 @dataclass(frozen=True)
 class ToolAssembly:
-    """A tool in the machine.
+    """A tool in the machine, with unknowns at their start values.
 
-    Attributes
-    ----------
-    row : ToolRow
-        The tool.
-    site : Site
-        The assembly with its name and its conditions; unknowns at their start values.
-    effects : dict
-        Errors: by name and address the standard deviation in SI units.
+    `effects` are its errors: by name and address the standard deviation in SI units.
     """
 
     row: ToolRow

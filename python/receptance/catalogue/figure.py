@@ -28,14 +28,7 @@ _DECADES = 3.5
 def draw_tool(prediction: ToolPrediction) -> Figure:
     """Draw the receptance of a predicted tip with its band, and its modes with theirs.
 
-    Parameters
-    ----------
-    prediction : ToolPrediction
-        From `predict_catalogue`; with draws the band is also valid where resonances move by more than their width.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    With draws the band is also valid where resonances move by more than their width.
     """
     figure = new_figure(9.0, 5.0)
     axes = figure.subplots()
@@ -75,21 +68,7 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
 
 
 def draw_catalogue(tools: Sequence[ToolSummary], title: str = "", ax: Axes | None = None) -> Figure:
-    """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency.
-
-    Parameters
-    ----------
-    tools : sequence of ToolSummary
-        The tools.
-    title : str, optional
-        Title of the figure.
-    ax : Axes, optional
-        See `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency; see `Result.plot`."""
     figure = surface(ax, 9.0, 5.8)
     axes = figure.subplots()
     shown = [tool for tool in tools if tool.values is not None and tool.interval is not None]

@@ -37,22 +37,8 @@ __all__ = [
     "write_modes",
 ]
 
-_MODE_COLUMNS = (
-    "name",
-    "holder",
-    "teeth",
-    "mode",
-    "frequency [Hz]",
-    "frequency lower [Hz]",
-    "frequency upper [Hz]",
-    "damping [%]",
-    "damping lower [%]",
-    "damping upper [%]",
-    "dynamic stiffness [N/um]",
-    "dynamic stiffness lower [N/um]",
-    "dynamic stiffness upper [N/um]",
-    "most flexible",
-)
+_MODE_QUANTITIES = {"frequency": "Hz", "damping": "%", "dynamic stiffness": "N/um"}
+_ENDS = ("", " lower", " upper")
 _MODE_UNITS = np.array([1.0, 1e2, 1e-6])
 """Units of the columns: natural frequency in Hz, damping ratio in percent, dynamic stiffness in N/um."""
 _DEPTH_COLUMNS = (
@@ -192,7 +178,10 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
     """
     with streamed(path) as file:
         rows = csv.writer(file)
-        rows.writerow(_MODE_COLUMNS)
+        columns = [
+            f"{name}{end} [{unit}]" for name, unit in _MODE_QUANTITIES.items() for end in ("", " lower", " upper")
+        ]
+        rows.writerow(["name", "holder", "teeth", "mode", *columns, "most flexible"])
         for prediction in predictions:
             row = prediction.row
             for number, (values, interval) in enumerate(zip(prediction.modes, prediction.modes_interval, strict=True)):

@@ -27,11 +27,10 @@ from receptance.cli.campaigns import (
     transfer,
 )
 from receptance.cli.catalogue import catalogue
-from receptance.cli.convert import convert
 from receptance.cli.demo import demo
+from receptance.cli.files import convert, show
 from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer, takes_quiet
-from receptance.cli.show import show
 from receptance.cli.studies import studies
 from receptance.cli.sweep import sweep
 from receptance.errors import MissingExtraError

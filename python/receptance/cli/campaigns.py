@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
+from receptance.cli.files import NoWindow, open_figure
 from receptance.cli.running import (
     InputError,
     InterruptedAnswer,
@@ -20,7 +21,6 @@ from receptance.cli.running import (
     takes_targets,
     with_progress,
 )
-from receptance.cli.show import NoWindow, open_figure
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -285,19 +285,21 @@ def diagnose(
 
     Ctrl-C stops with a preliminary result and exit code 130.
     """
-    targets.add_extended(extended)
+    targets.add("--extended", extended, "Extended campaign", (".toml",), "a campaign is a TOML file")
 
     def work(read: Campaign) -> Verdict:
-        from receptance.campaign.changed_lines import with_campaign_lines
         from receptance.campaign.stability import named_metrics
+        from receptance.campaign.write import with_campaign_lines
 
         return with_campaign_lines(
             read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
         )
 
     read, found = run_on_campaign(campaign, targets, work, seed)
-    text, why_not = _extended(read, found, extended)
-    targets.show(found, extended=text)
+    texts, why_not = _extended(read, found, extended)
+    if extended is not None and why_not:
+        targets.leave_out(extended)
+    targets.show(found, more=texts)
     if why_not:
         targets.console().print(f"{extended} was not written: {why_not}", soft_wrap=True)
     if not found.final:
@@ -305,17 +307,17 @@ def diagnose(
     targets.require(found.verdict == "adequate")
 
 
-def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[str | None, str]:
-    """Return the text of the extended campaign, or the reason why there is none."""
+def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[dict[Path, str], str]:
+    """Return the text of the extended campaign by its file, or the reason why there is none."""
     from receptance.campaign import extended_text
 
     if target is None:
-        return None, ""
+        return {}, ""
     if not found.final:
-        return None, "the diagnosis was interrupted"
+        return {}, "the diagnosis was interrupted"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return extended_text(campaign, found, target.parent), ""
+            return {target: extended_text(campaign, found, target.parent)}, ""
         except ValueError as error:
-            return None, str(error)
+            return {}, str(error)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,106 +56,70 @@ def catalogue(
     seed: NewSeed = None,
 ) -> None:
     """Predict the tips of all tools of a catalogue in a machine."""
-    wanted = _Wanted(tools, holders, out, depths, cut, figures, frfs)
-    wanted.check(targets)
+    for option, path, what in (("--out", out, "Modes"), ("--depths", depths, "Depths")):
+        targets.add(option, path, what)
+    for folder in (figures, frfs):
+        _check_folder(folder)
     begun = time.perf_counter()
 
     def work(read: Campaign) -> CatalogueSummary:
-        wanted.protect_inputs(read, targets)
-        return _run(read, wanted)
+        from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
+        from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
+
+        table = read.table.catalogue
+        named = () if table is None else (table.tools, table.holders)
+        for path in (tools, holders, *(read.file.parent / name for name in named if name)):
+            if path is not None:
+                targets.protect(path, "read")
+        name = "" if depths is None else _cut(read, cut)
+        chosen = Catalogue(read, tools, holders)
+        draws = read.table.stability.number_of_draws if name else _DRAWS if figures else 0
+        predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
+        if out is not None:
+            predictions = write_modes(out, predictions)
+        if depths is not None:
+            predictions = write_depths(depths, predictions, read, name)
+        if figures is not None or frfs is not None:
+            predictions = _write_files(predictions, file_names(row.name for row in chosen.tools), figures, frfs)
+        found = tuple(summaries(predictions))
+        return CatalogueSummary(
+            tools=found,
+            level=read.table.prediction.level,
+            notes=tuple(dict.fromkeys([*read.notes, *(note for one in found for note in one.notes)])),
+            provenance=read.provenance(),
+        )
 
     _, found = run_on_campaign(campaign, targets, work, seed)
     targets.show(found)
     console = targets.console()
-    for name, path in (("Modes", out), ("Depths", depths), ("Figures", figures), ("Receptances", frfs)):
-        if path is not None:
-            console.print(f"{name}: {path}", soft_wrap=True)
+    for what, folder in (("Figures", figures), ("Receptances", frfs)):
+        if folder is not None:
+            console.print(f"{what}: {folder}", soft_wrap=True)
     if (figures is not None or frfs is not None) and (note := _renamed_files(found)):
         console.print(Text(note), soft_wrap=True)
     console.print(f"{len(found.tools)} tools in {time.perf_counter() - begun:.1f} s", soft_wrap=True)
 
 
-@dataclass(frozen=True)
-class _Wanted:
-    """The files and folders of the command."""
-
-    tools: Path | None
-    holders: Path | None
-    out: Path | None
-    depths: Path | None
-    cut: str | None
-    figures: Path | None
-    frfs: Path | None
-
-    @property
-    def _tables(self) -> list[tuple[str, Path]]:
-        """Options and CSV files that are written."""
-        return [(option, path) for option, path in (("--out", self.out), ("--depths", self.depths)) if path is not None]
-
-    def check(self, targets: Targets) -> None:
-        """Raise `InputError` if a file or folder cannot be written."""
-        for option, path in self._tables:
-            targets.protect(path, f"written by {option}")
-            with input_errors():
-                check_target(path)
-        if self.out is not None and self.depths is not None and self.out.resolve() == self.depths.resolve():
-            raise InputError(f"--out and --depths both name {self.out}; give two files")
-        for folder in (self.figures, self.frfs):
-            if folder is None:
-                continue
-            if not folder.is_dir():
-                what = f"{folder} is a file" if folder.exists() else f"there is no folder {folder}"
-                raise InputError(f"{what}, expected a folder for one file of each tool")
-            with input_errors():
-                check_target(folder / "NAME")
-
-    def protect_inputs(self, read: Campaign, targets: Targets) -> None:
-        """Raise `InputError` if a file that is read would be overwritten."""
-        table = read.table.catalogue
-        named = (table.tools, table.holders) if table is not None else ()
-        files = [read.file, *(one for one in (self.tools, self.holders) if one)]
-        files += [read.file.parent / name for name in named if name]
-        for path in files:
-            targets.protect(path, "read")
-            for option, target in self._tables:
-                if target.resolve() == path.resolve():
-                    raise InputError(f"{option} names {target}, which is read; give another file")
-
-    def check_cut(self, read: Campaign) -> str:
-        """Return the name of the cut for --depths after checking it and the spindle speeds; empty without --depths."""
-        if self.depths is None:
-            return ""
-        if self.cut is None and len(read.cuts) != 1:
-            known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
-            raise InputError(f"--depths needs one cut, name it with --cut; {known}")
-        name = self.cut or next(iter(read.cuts))
-        read.select_cuts([name])
-        read.spindle_speeds()
-        return name
+def _check_folder(folder: Path | None) -> None:
+    """Raise `InputError` if files cannot be written into a folder."""
+    if folder is None:
+        return
+    if not folder.is_dir():
+        what = f"{folder} is a file" if folder.exists() else f"there is no folder {folder}"
+        raise InputError(f"{what}, expected a folder for one file of each tool")
+    with input_errors():
+        check_target(folder / "NAME")
 
 
-def _run(read: Campaign, wanted: _Wanted) -> CatalogueSummary:
-    from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
-    from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
-
-    cut = wanted.check_cut(read)
-    chosen = Catalogue(read, wanted.tools, wanted.holders)
-    draws = read.table.stability.number_of_draws if cut else _DRAWS if wanted.figures else 0
-    predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
-    if wanted.out is not None:
-        predictions = write_modes(wanted.out, predictions)
-    if wanted.depths is not None:
-        predictions = write_depths(wanted.depths, predictions, read, cut)
-    if wanted.figures is not None or wanted.frfs is not None:
-        names = file_names(row.name for row in chosen.tools)
-        predictions = _write_files(predictions, names, wanted.figures, wanted.frfs)
-    tools = tuple(summaries(predictions))
-    return CatalogueSummary(
-        tools=tools,
-        level=read.table.prediction.level,
-        notes=tuple(dict.fromkeys([*read.notes, *(note for one in tools for note in one.notes)])),
-        provenance=read.provenance(),
-    )
+def _cut(read: Campaign, cut: str | None) -> str:
+    """Return the name of the cut for --depths after checking it and the spindle speeds."""
+    if cut is None and len(read.cuts) != 1:
+        known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
+        raise InputError(f"--depths needs one cut, name it with --cut; {known}")
+    name = cut or next(iter(read.cuts))
+    read.select_cuts([name])
+    read.spindle_speeds()
+    return name
 
 
 def _write_files(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import sys
@@ -15,14 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from receptance import units
+from receptance._files import check_target, created_folder, read_whole, write_whole
 from receptance._text import instead_of, one_of, printable, shown
-from receptance.cli.reading import Reading, takes_reading
+from receptance.cli.files import Reading, takes_reading
 from receptance.cli.running import InputError, input_errors, output
 from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
     from receptance import FRF
-    from receptance.campaign.draft import Draft, DraftMeasurement, Piece
+    from receptance.catalogue import HolderRow
+    from receptance.cli.draft import Draft, MeasuredFile
     from receptance.io import TimeSeries
     from receptance.model.beams import Material
     from receptance.report import Table
@@ -120,7 +122,7 @@ def new(
 
     Without an option its question is asked on a terminal; otherwise the missing options are listed.
     """
-    from receptance.campaign.draft import Draft
+    from receptance.cli.draft import Draft
     from receptance.report.terminal import print_sentences, print_table
 
     target = _target(folder, files, overwrite)
@@ -133,7 +135,7 @@ def new(
         _name_apart(contents)
         print_table(console, _files_table(contents))
         _weights(contents, averages, standard_deviation, answers)
-        lengths = _overhangs(contents, overhang, answers)
+        _add_overhangs(contents, overhang, answers)
         materials = _materials(material or ())
         named = _choice([*materials])
         pieces = answers.get("--tool", tool, "Diameter of the tool", _tool, "20 mm")
@@ -148,8 +150,8 @@ def new(
             of_body = answers.get(
                 "--holder-material", holder_material, f"Material of the holder ({', '.join(materials)})", named, "steel"
             )
-        pieces = None if pieces is None else tuple(replace(piece, material=kind or "") for piece in pieces)
-        body = None if body is None else tuple(replace(p, material=p.material or of_body or "") for p in body)
+        pieces = None if pieces is None else [replace(piece, material=kind or "") for piece in pieces]
+        body = None if body is None else [replace(p, material=p.material or of_body or "") for p in body]
         body = _with_shank(body, pieces, insertion, answers)
         mass = answers.get("--sensor", sensor, "Mass of the accelerometer, or none", _sensor, "0.6 g")
         hangs = answers.get(
@@ -164,14 +166,13 @@ def new(
         assert body is not None
         if spindle_modes is not None and hangs == "free":
             raise InputError("--spindle-modes is given, but --support is free; expected --support spindle")
-        out = _held_out(contents, hold_out or ())
+        _hold_out(contents, hold_out or ())
         draft = Draft(
             title=title or target.resolve().parent.name or "Campaign",
             tool=pieces,
             holder=body,
-            measurements=tuple(
-                _measurement(one, length, target.parent, out) for one, length in zip(contents, lengths, strict=True)
-            ),
+            folder=target.parent,
+            measurements=contents,
             sensor=mass or 0.0,
             spindle_modes=(spindle_modes or 2) if hangs == "spindle" else 0,
             materials=materials,
@@ -246,15 +247,13 @@ def _units(text: str) -> list[str]:
     return [unit.strip() for unit in text.split(",")]
 
 
-def _tool(text: str) -> tuple[Piece, ...]:
-    from receptance.campaign.draft import parse_pieces
+def _tool(text: str) -> list[HolderRow]:
+    from receptance.cli.draft import parse_pieces
 
     return parse_pieces(text, shank=True)
 
 
 def _sensor(text: str) -> float:
-    from receptance import units
-
     if text.lower() in _NONE:
         return 0.0
     try:
@@ -264,8 +263,6 @@ def _sensor(text: str) -> float:
 
 
 def _length(text: str) -> float:
-    from receptance import units
-
     return units.parse(text, units.LENGTH)
 
 
@@ -287,45 +284,6 @@ def _averages(text: str) -> int:
 
 
 # Files ----------------------------------------------------------------------------------------------------------------
-
-
-@dataclass
-class _Content:
-    """An FRF or a time record in a file.
-
-    Attributes
-    ----------
-    file : Path
-        The file.
-    name : str
-        Name of the measurement.
-    measured : FRF or TimeSeries
-        Its contents.
-    table : dict
-        Keys of the campaign that read it.
-    """
-
-    file: Path
-    name: str
-    measured: FRF | TimeSeries
-    table: dict[str, Any]
-
-    @property
-    def about(self) -> str:
-        """The contents in a sentence."""
-        import numpy as np
-
-        from receptance import FRF
-        from receptance.io.files import FORMATS, file_format
-
-        name = FORMATS[self.table.get("format") or file_format(self.file)].title
-        if not isinstance(self.measured, FRF):
-            return f"{self.file.name} ({name}): {self.measured!r}"
-        frf = self.measured
-        text = f"{self.file.name} ({name}): {frf.form} in {frf.unit}, {_lines(frf)}"
-        if frf.averages is not None:
-            text += f", {frf.averages} averages"
-        return text + (f", median coherence {np.median(frf.coherence):.4f}" if frf.coherence is not None else "")
 
 
 def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:
@@ -353,9 +311,10 @@ def _contents(
     answers: _Answers,
     force: str | None,
     motion: str | None,
-) -> list[_Content]:
+) -> list[MeasuredFile]:
     """Return the FRFs, or the time record, of a file; on a terminal a missing unit or header is asked for."""
     from receptance import FRF
+    from receptance.cli.draft import MeasuredFile
     from receptance.io import FileFormatError, TimeSeries, read_all
 
     while True:
@@ -378,10 +337,21 @@ def _contents(
     frfs = [one for one in found if isinstance(one, FRF)]
     series = [one for one in found if isinstance(one, TimeSeries)]
     keys = _reading_keys(reading.keywords)
+    if len(frfs) == 1:
+        return [MeasuredFile(file=file, name=file.stem, measured=frfs[0], table=_frf_keys(file, frfs[0], keys))]
     if frfs:
-        return [_frf_content(file, index, one, len(frfs), keys) for index, one in enumerate(frfs)]
+        return [
+            MeasuredFile(
+                file=file,
+                name=f"{file.stem} {index + 1}",
+                measured=one,
+                table=_frf_keys(file, one, {**keys, "entry": {"number": index}}),
+            )
+            for index, one in enumerate(frfs)
+        ]
     if len(series) == 1:
-        return [_Content(file, file.stem, series[0], _hammer_keys(file, series[0], keys, force, motion))]
+        table = _hammer_keys(file, series[0], keys, force, motion)
+        return [MeasuredFile(file=file, name=file.stem, measured=series[0], table=table)]
     if series:
         raise InputError(
             f"{file} holds {len(series)} time records with different channels; split it with receptance convert "
@@ -393,26 +363,25 @@ def _contents(
     )
 
 
-def _frf_content(file: Path, index: int, frf: FRF, count: int, keys: dict[str, Any]) -> _Content:
-    entry = {"number": index} if count > 1 else {}
+def _frf_keys(file: Path, frf: FRF, keys: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of an FRF in a file."""
     if frf.values[0].size > 1:
         raise InputError(
             f"{file} holds an FRF with {frf.shape[1]} responses and {frf.shape[2]} excitations, expected files with "
             "one of each; write the entry that belongs to the tip with receptance.io, or write its campaign by hand "
             "with `entry`"
         )
-    name = f"{file.stem} {index + 1}" if count > 1 else file.stem
-    table = {"kind": "frf", "file": file, **keys, **({"entry": entry} if entry else {})}
+    table = {"kind": "frf", "file": "", **keys}
     if band := _good_band(frf):
         table["bands"] = [[f"{band[0]:.6g} Hz", f"{band[1]:.6g} Hz"]]
-    return _Content(file, name, frf, table)
+    return table
 
 
 def _hammer_keys(
     file: Path, series: TimeSeries, keys: dict[str, Any], force: str | None, motion: str | None
 ) -> dict[str, Any]:
     """Return the keys of a file with hammer hits; the channels follow from their units."""
-    table: dict[str, Any] = {"kind": "hammer records", "file": file}
+    table: dict[str, Any] = {"kind": "hammer records", "file": ""}
     for key, given, kinds in (("force", force, ("force",)), ("motion", motion, _MOTIONS)):
         own = [name for name, kind in zip(series.channels, series.quantities, strict=True) if kind in kinds]
         if given is not None and given not in series.channels:
@@ -450,7 +419,7 @@ def _good_band(frf: FRF) -> tuple[float, float] | None:
     return float(frf.frequency_hz[good[0]]), float(frf.frequency_hz[good[-1]])
 
 
-def _name_apart(contents: list[_Content]) -> None:
+def _name_apart(contents: list[MeasuredFile]) -> None:
     """Give measurements of files with the same name different ones."""
     names: list[str] = []
     for one in contents:
@@ -461,10 +430,11 @@ def _name_apart(contents: list[_Content]) -> None:
         names.append(name)
 
 
-def _files_table(contents: Sequence[_Content]) -> Table:
+def _files_table(contents: Sequence[MeasuredFile]) -> Table:
     import numpy as np
 
     from receptance import FRF
+    from receptance.cli.draft import lines_of
     from receptance.report import Column, Table
 
     rows: list[tuple[Cell, ...]] = []
@@ -474,16 +444,12 @@ def _files_table(contents: Sequence[_Content]) -> Table:
             rows.append((one.name, "hammer hits", f"{len(frf)} samples at {frf.sample_rate_hz:.6g} Hz", None, None))
             continue
         coherence = None if frf.coherence is None else float(np.median(frf.coherence))
-        rows.append((one.name, f"{frf.form} in {frf.unit}", _lines(frf), frf.averages, coherence))
+        rows.append((one.name, f"{frf.form} in {frf.unit}", lines_of(frf), frf.averages, coherence))
     columns = ("measurement", "contents", "data", Column("averages", form="d"), Column("median coherence", form=".4f"))
     return Table("Files", columns, rows).without_empty()
 
 
-def _lines(frf: FRF) -> str:
-    return f"{frf.frequency_hz.size} lines, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz"
-
-
-def _weights(contents: Sequence[_Content], averages: int | None, deviation: str | None, answers: _Answers) -> None:
+def _weights(contents: Sequence[MeasuredFile], averages: int | None, deviation: str | None, answers: _Answers) -> None:
     """Add what the standard deviation of FRFs needs: averages, or the deviation itself."""
     from receptance import FRF
 
@@ -512,22 +478,22 @@ def _weights(contents: Sequence[_Content], averages: int | None, deviation: str 
             one.table["standard_deviation"] = share
 
 
-def _overhangs(contents: Sequence[_Content], given: Sequence[str] | None, answers: _Answers) -> list[float]:
-    """Return the overhang of each measurement in m."""
+def _add_overhangs(contents: Sequence[MeasuredFile], given: Sequence[str] | None, answers: _Answers) -> None:
+    """Add the overhang of each measurement."""
     names = [one.name for one in contents]
     example = " ".join(f"--overhang {shlex.quote(f'{name}=60 mm')}" for name in names[:2])
     if not given:
         if not answers.interactive:
             suggested = [f"--overhang {shlex.quote(_suggested(name) or '60 mm')}" for name in names]
             answers.missing.append((" ".join(suggested), "Overhangs of the files, in their order"))
-            return [0.0] * len(names)
-        return [
-            answers.ask(f"Overhang of {name}, from the holder's face to the tip", _length, "60 mm", _suggested(name))
-            for name in names
-        ]
+            return
+        for one in contents:
+            question = f"Overhang of {one.name}, from the holder's face to the tip"
+            one.overhang = answers.ask(question, _length, "60 mm", _suggested(one.name))
+        return
     texts: dict[str, str] = {}
     if any("=" in text for text in given):
-        known = {alias: one.name for one in contents for alias in (str(one.file), one.file.name, one.name)}
+        known = _aliases(contents)
         for text in given:
             name, sign, value = text.rpartition("=")
             if not sign:
@@ -545,13 +511,16 @@ def _overhangs(contents: Sequence[_Content], given: Sequence[str] | None, answer
         raise InputError(f"{count}, expected one for each in the order of the files, or {example} ...")
     else:
         texts = dict(zip(names, given, strict=True))
-    found = []
-    for name in names:
+    for one in contents:
         try:
-            found.append(_length(texts[name]))
+            one.overhang = _length(texts[one.name])
         except ValueError as error:
-            raise InputError(f"--overhang of {name} {error}") from None
-    return found
+            raise InputError(f"--overhang of {one.name} {error}") from None
+
+
+def _aliases(contents: Sequence[MeasuredFile]) -> dict[str, str]:
+    """Return the names of measurements by everything that an option may call them."""
+    return {alias: one.name for one in contents for alias in (str(one.file), one.file.name, one.name)}
 
 
 def _suggested(name: str) -> str | None:
@@ -560,22 +529,23 @@ def _suggested(name: str) -> str | None:
     return f"{found[0]} mm" if len(found) == 1 else None
 
 
-def _held_out(contents: Sequence[_Content], given: Sequence[str]) -> set[str]:
-    known = {alias: one.name for one in contents for alias in (str(one.file), one.file.name, one.name)}
+def _hold_out(contents: Sequence[MeasuredFile], given: Sequence[str]) -> None:
+    known = _aliases(contents)
     for text in given:
         if text not in known:
             raise InputError(f"--hold-out is {shown(text)}{instead_of(text, [one.name for one in contents])}")
     out = {known[text] for text in given}
     if len(out) == len(contents):
         raise InputError("--hold-out names all measurements, expected at least one that is left for the fit")
-    return out
+    for one in contents:
+        one.held_out = one.name in out
 
 
 # Tool and holder ------------------------------------------------------------------------------------------------------
 
 
 def _materials(given: Sequence[str]) -> dict[str, Material]:
-    from receptance.campaign.draft import MATERIALS, parse_material
+    from receptance.cli.draft import MATERIALS, parse_material
 
     found = dict(MATERIALS)
     for text in given:
@@ -587,9 +557,9 @@ def _materials(given: Sequence[str]) -> dict[str, Material]:
     return found
 
 
-def _holder(text: str) -> tuple[Piece, ...]:
+def _holder(text: str) -> list[HolderRow]:
     """Return the pieces of a holder, from their text or from a file."""
-    from receptance.campaign.draft import parse_pieces
+    from receptance.cli.draft import parse_pieces
 
     path, name = Path(text), ""
     if not path.is_file() and ":" in text:
@@ -613,32 +583,17 @@ def _holder(text: str) -> tuple[Piece, ...]:
     return holders[name or next(iter(holders))]
 
 
-def _holders_of_csv(path: Path) -> dict[str, tuple[Piece, ...]]:
-    from receptance.campaign.draft import Piece
+def _holders_of_csv(path: Path) -> dict[str, list[HolderRow]]:
     from receptance.catalogue.rows import read_holders
 
     try:
-        rows = read_holders(path)
+        return read_holders(path)
     except ValueError as error:
         raise ValueError(f"names a file with mistakes: {error}") from None
-    return {
-        name: tuple(
-            Piece(
-                length=row.length,
-                outer=row.outer_diameter,
-                inner=row.inner_diameter,
-                material=row.material,
-                core=row.core,
-            )
-            for row in own
-        )
-        for name, own in rows.items()
-    }
 
 
-def _holders_of_toml(path: Path) -> dict[str, tuple[Piece, ...]]:
-    from receptance._files import read_whole
-    from receptance.campaign.draft import pieces_of
+def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
+    from receptance.cli.draft import pieces_of
 
     try:
         data = tomllib.loads(read_whole(path).decode("utf-8-sig"))
@@ -663,10 +618,10 @@ def _holders_of_toml(path: Path) -> dict[str, tuple[Piece, ...]]:
 
 
 def _with_shank(
-    body: tuple[Piece, ...] | None, tool: tuple[Piece, ...] | None, insertion: str | None, answers: _Answers
-) -> tuple[Piece, ...] | None:
+    body: list[HolderRow] | None, tool: list[HolderRow] | None, insertion: str | None, answers: _Answers
+) -> list[HolderRow] | None:
     """Return the holder with the shank in its bore, unless its pieces contain it already."""
-    from receptance.campaign.draft import inserted
+    from receptance.cli.draft import inserted
 
     if body is not None and any(piece.core for piece in body):
         if insertion is not None:
@@ -675,9 +630,9 @@ def _with_shank(
             )
         return body
 
-    def parse(text: str) -> tuple[Piece, ...]:
+    def parse(text: str) -> list[HolderRow]:
         length = _length_or_none(text)
-        return () if body is None or tool is None else inserted(body, length, tool[-1])
+        return [] if body is None or tool is None else inserted(body, length, tool[-1])
 
     found = answers.get("--insertion", insertion, "Length of the shank in the holder, or none", parse, "48 mm")
     return body if found is None else found
@@ -686,20 +641,8 @@ def _with_shank(
 # The file -------------------------------------------------------------------------------------------------------------
 
 
-def _measurement(one: _Content, overhang: float, folder: Path, out: set[str]) -> DraftMeasurement:
-    from receptance.campaign.draft import DraftMeasurement
-
-    try:
-        path = Path(os.path.relpath(one.file.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        path = one.file.resolve().as_posix()
-    table = {**one.table, "file": path}
-    return DraftMeasurement(name=one.name, overhang=overhang, table=table, held_out=one.name in out, about=one.about)
-
-
 def _write(draft: Draft, target: Path) -> tuple[str, ...]:
     """Write the campaign if it can be read, and return the notes on its data."""
-    from receptance._files import check_target, created_folder, write_whole
     from receptance.campaign import Campaign
     from receptance.campaign.problems import lines_of
 

@@ -7,7 +7,7 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -122,12 +122,8 @@ def takes_targets(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the options of its output files, and pass these as `targets`.
 
-    Parameters
-    ----------
-    strict : str, optional
-        Results for which the option --strict, which is then there, ends with exit code 3.
-    plot, report : Path, optional
-        Default files.
+    `strict` are the results for which the option --strict, which is then there, ends with exit code 3; `plot` and
+    `report` are default files.
     """
 
     def given(command: Callable[..., None]) -> Callable[..., None]:
@@ -164,37 +160,40 @@ def input_errors(*kinds: type[Exception]) -> Iterator[None]:
 class Targets:
     """Output files of a command: checked before the work, and written together after it."""
 
-    profile_plot: Path | None = None
-    """Figure of profiles, written beside --plot."""
-
     def __init__(
         self, json_file: Path | None, plot: Path | None, report: Path | None = None, *, strict: bool = False
     ) -> None:
         self._strict = strict
+        self._files: dict[str, Path] = {}
+        """Files by option."""
+        self._names: list[tuple[str, Path]] = []
+        """What is printed of the files."""
         self.json_to_output = json_file == _STANDARD_OUTPUT
-        self.json_file, self.plot = None if self.json_to_output else json_file, plot
-        self.report = report
-        self.extended: Path | None = None
-        if report is not None and report.suffix.lower() not in (".html", ".htm"):
-            raise InputError(f"cannot write {report}: a report is one HTML file, expected an ending .html")
-        self._check()
+        self.add("--json", None if self.json_to_output else json_file, "Results")
+        self.add("--report", report, "Report", (".html", ".htm"), "a report is one HTML file")
+        self.add("--plot", plot, "Figure")
         self.kind = "" if plot is None else _image_kind(plot)
 
-    def add_extended(self, extended: Path | None) -> None:
-        """Add the file of an extended campaign."""
-        self.extended = extended
-        if extended is not None and extended.suffix.lower() != ".toml":
-            raise InputError(f"cannot write {extended}: a campaign is a TOML file, expected an ending .toml")
-        self._check()
+    def add(self, option: str, path: Path | None, name: str, endings: Sequence[str] = (), what: str = "") -> None:
+        """Add a file if its option was given.
 
-    def _check(self) -> None:
-        given: dict[Path, str] = {}
-        for option, path in self._files:
-            if path.resolve() in given:
-                raise InputError(f"{given[path.resolve()]} and {option} both name {path}; give two files")
-            given[path.resolve()] = option
-            with input_errors():
-                check_target(path)
+        `name` is that of its contents, which is printed with the file; `what` is the reason for the allowed endings.
+        """
+        if path is None:
+            return
+        if endings and path.suffix.lower() not in endings:
+            raise InputError(f"cannot write {path}: {what}, expected an ending {endings[0]}")
+        for other, given in self._files.items():
+            if given.resolve() == path.resolve():
+                raise InputError(f"{other} and {option} both name {path}; give two files")
+        with input_errors():
+            check_target(path)
+        self._files[option] = path
+        self._names.append((name, path))
+
+    def leave_out(self, path: Path) -> None:
+        """Neither write nor name a file."""
+        self._names = [one for one in self._names if one[1] != path]
 
     @property
     def asked(self) -> bool:
@@ -204,23 +203,13 @@ class Targets:
     @property
     def draws(self) -> bool:
         """Whether a figure is written, alone or in the report."""
-        return self.plot is not None or self.report is not None
-
-    @property
-    def _files(self) -> list[tuple[str, Path]]:
-        """Options and their output files."""
-        every = (
-            ("--json", self.json_file),
-            ("--plot", self.plot),
-            ("--report", self.report),
-            ("--extended", self.extended),
-        )
-        return [(option, path) for option, path in every if path is not None]
+        return bool({"--plot", "--report"} & self._files.keys())
 
     def protect(self, path: Path, what: str) -> None:
         """Raise `InputError` if an output file is a file that is read."""
-        second = [] if self.plot is None else [("--plot", _beside(self.plot, PROFILES))]
-        for option, target in (*self._files, *second):
+        plot = self._files.get("--plot")
+        second = [] if plot is None else [("--plot", _beside(plot, PROFILES))]
+        for option, target in (*self._files.items(), *second):
             if target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
@@ -230,41 +219,35 @@ class Targets:
         draw: Callable[[], Figure] | None = None,
         profiles: Callable[[], Figure] | None = None,
         report: Callable[[], str] | None = None,
-        extended: str | None = None,
+        more: Mapping[Path, str] | None = None,
     ) -> None:
-        """Write all output files or none; profiles become a second figure."""
-        if extended is None:
-            self.extended = None
-        contents: dict[Path, bytes] = {}
+        """Write all output files or none; profiles become a second figure, and `more` are contents of other files."""
+        json_file, plot, page = (self._files.get(option) for option in ("--json", "--plot", "--report"))
+        contents = {path: text.encode() for path, text in (more or {}).items()}
         document = ""
-        if self.json_file is not None or self.json_to_output:
+        if json_file is not None or self.json_to_output:
             document = json.dumps(results(), indent=2, allow_nan=False) + "\n"
-        if self.json_file is not None:
-            contents[self.json_file] = document.encode()
-        if self.report is not None and report is not None:
+        if json_file is not None:
+            contents[json_file] = document.encode()
+        if page is not None and report is not None:
             with input_errors():  # some results have no figure, such as sweeps of many parameters
-                contents[self.report] = report().encode()
-        if self.extended is not None and extended is not None:
-            contents[self.extended] = extended.encode()
-        if self.plot is not None and draw is not None:
+                contents[page] = report().encode()
+        figures: dict[Path, bytes] = {}
+        if plot is not None and draw is not None:
             from receptance.report.figure import as_image
 
             try:
                 with input_errors():
-                    contents[self.plot] = as_image(draw(), self.kind)
+                    figures[plot] = as_image(draw(), self.kind)
                 if profiles is not None:
-                    self.profile_plot = _beside(self.plot, PROFILES)
-                    contents[self.profile_plot] = as_image(profiles(), self.kind)
+                    self._names.append(("Figure", _beside(plot, PROFILES)))
+                    figures[_beside(plot, PROFILES)] = as_image(profiles(), self.kind)
             except BaseException:
-                # Results are written even if the figure cannot be drawn.
-                contents = {
-                    path: content for path, content in contents.items() if path not in (self.plot, self.profile_plot)
-                }
                 with input_errors():
-                    write_whole(contents)
+                    write_whole(contents)  # results are written even if the figure cannot be drawn
                 raise
         with input_errors():
-            write_whole(contents)
+            write_whole({**contents, **figures})
         if self.json_to_output:
             output(quiet=False).out(document, end="", highlight=False)
 
@@ -274,12 +257,12 @@ class Targets:
         measured: Sequence[Table] = (),
         *,
         profiles: Callable[[], Figure] | None = None,
-        extended: str | None = None,
+        more: Mapping[Path, str] | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
         from receptance.report.terminal import print_result
 
-        self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), extended)
+        self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), more)
         console = self.console()
         print_result(console, result, measured)
         self.print_names(console)
@@ -295,15 +278,8 @@ class Targets:
 
     def print_names(self, console: Console) -> None:
         """Print the names of the files that were written."""
-        for name, path in (
-            ("Results", self.json_file),
-            ("Report", self.report),
-            ("Extended campaign", self.extended),
-            ("Figure", self.plot),
-            ("Figure", self.profile_plot),
-        ):
-            if path is not None:
-                console.print(f"{name}: {path}", soft_wrap=True)
+        for name, path in self._names:
+            console.print(f"{name}: {path}", soft_wrap=True)
 
 
 def _beside(path: Path, what: str) -> Path:

@@ -99,8 +99,7 @@ def _origin(found: dict[str, Any]) -> str:
 
 def _page(found: dict[str, Any], sections: Sequence[Section], figure: Figure) -> str:
     """Return the sections of a study as an HTML page."""
-    from receptance.report.html import shown, table_html
-    from receptance.report.page import html_page, wide_figure
+    from receptance.report.html import html_page, shown, table_html, wide_figure
 
     heading = sections[0].title
     parts = [f"<header><h1>{shown(heading)}</h1></header>", wide_figure(figure, heading)]

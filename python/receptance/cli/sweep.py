@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -108,12 +109,7 @@ def _check_figure(candidates: Candidates) -> None:
 def _fixed_values(at: list[str]) -> dict[str, float]:
     """Return the values of --at by address in SI units."""
     found: dict[str, float] = {}
-    for text in at:
-        address, equals, value = (part.strip() for part in text.partition("="))
-        if not equals:
-            raise InputError(f"--at is {text!r}, expected 'ADDRESS = VALUE', such as 'joint.k_y = 1e8 N/m'")
-        if address in found:
-            raise InputError(f"--at {address} is given twice, expected one value for each parameter")
+    for address, value in _assigned("--at", at, "'ADDRESS = VALUE', such as 'joint.k_y = 1e8 N/m'"):
         found[address] = _quantity(address, value, f"--at {address}: the value")
     return found
 
@@ -161,19 +157,27 @@ def _candidates(
 def _ranges(vary: list[str]) -> dict[str, tuple[float, float]]:
     """Return the ranges of --vary by address in SI units."""
     found: dict[str, tuple[float, float]] = {}
-    for text in vary:
-        address, equals, rest = (part.strip() for part in text.partition("="))
-        low_text, to, high_text = rest.partition(" to ")
-        if not equals or not to:
-            raise InputError(f"--vary is {text!r}, expected 'ADDRESS = LOW to HIGH', such as '{_EXAMPLE}'")
-        if address in found:
-            raise InputError(f"--vary {address} is given twice, expected one range for each parameter")
+    for address, rest in _assigned("--vary", vary, f"'ADDRESS = LOW to HIGH', such as '{_EXAMPLE}'", " to "):
+        low_text, _, high_text = rest.partition(" to ")
         low = _quantity(address, low_text.strip(), f"--vary {address}: the lower end")
         high = _quantity(address, high_text.strip(), f"--vary {address}: the upper end")
         if not low < high:
             raise InputError(f"--vary {address}: the range is {rest}, expected the lower end first")
         found[address] = low, high
     return found
+
+
+def _assigned(option: str, texts: list[str], expected: str, sign: str = "") -> Iterator[tuple[str, str]]:
+    """Yield addresses and texts on the right side of `=`, which contain a sign."""
+    known = set()
+    for text in texts:
+        address, equals, rest = (part.strip() for part in text.partition("="))
+        if not equals or sign not in rest:
+            raise InputError(f"{option} is {text!r}, expected {expected}")
+        if address in known:
+            raise InputError(f"{option} {address} is given twice, expected it once")
+        known.add(address)
+        yield address, rest
 
 
 def _quantity(address: str, text: str, what: str) -> float:

@@ -16,8 +16,7 @@ from receptance.diagnosis.wording import metric, names, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
 from receptance.report import Column, Table
 from receptance.report.figure import as_svg
-from receptance.report.html import facts_html, shown, table_html
-from receptance.report.page import html_page, meta
+from receptance.report.html import facts_html, html_page, meta, shown, table_html
 from receptance.report.table import amount
 
 if TYPE_CHECKING:

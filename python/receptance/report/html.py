@@ -1,26 +1,38 @@
-"""Results as HTML, for notebooks and reports."""
+"""Results as HTML: fragments for notebooks, and pages that need no network and are legible on a phone and on paper."""
 
 from __future__ import annotations
 
 import base64
 import re
+from datetime import date
 from html import escape
+from importlib import resources
 from typing import TYPE_CHECKING
 
 from receptance._text import printable
-from receptance.report.figure import as_image
+from receptance.report.figure import as_image, as_svg
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from matplotlib.figure import Figure
 
-    from receptance.report.result import Renderable
+    from receptance.report.result import Renderable, Result
     from receptance.report.table import Fact, Table
 
 _CODE = re.compile("`([^`]+)`")
 
-__all__ = ["as_html", "content_html", "facts_html", "shown", "table_html"]
+__all__ = [
+    "as_html",
+    "content_html",
+    "facts_html",
+    "html_page",
+    "meta",
+    "result_page",
+    "shown",
+    "table_html",
+    "wide_figure",
+]
 
 
 def as_html(content: Renderable, figure: Figure | None = None) -> str:
@@ -91,3 +103,47 @@ def _list(title: str, texts: Iterable[str]) -> list[str]:
 def shown(text: str) -> str:
     """Return a text as HTML, with control characters escaped, and words between backticks as code."""
     return _CODE.sub(r"<code>\1</code>", escape(printable(text))).replace("\n", "<br>")
+
+
+# Pages ----------------------------------------------------------------------------------------------------------------
+
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+def html_page(heading: str, parts: Iterable[str]) -> str:
+    """Return an HTML page with a title and these parts, without scripts."""
+    style = resources.files(__package__).joinpath("style.css").read_text(encoding="utf-8")
+    head = (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n<title>{shown(heading)}</title>\n'
+        f"<style>\n{style}</style>\n</head>\n"
+    )
+    return f"{head}<body>\n" + "\n".join(filter(None, parts)) + "\n</body>\n</html>\n"
+
+
+def meta(result: Result, *more: str) -> str:
+    """Return date, campaign file and version of a result, and more, as a line below the heading."""
+    origin = result.provenance
+    about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
+    return f'<p class="meta">{shown(" · ".join([*about, *more]))}</p>'
+
+
+def wide_figure(figure: Figure, title: str) -> str:
+    """Return a figure in the width of the page; on a narrow screen it scrolls, so that its text stays legible."""
+    least = 72.0 * float(figure.get_size_inches()[0])
+    return f'<figure class="wide" style="--least: {least:.0f}px">{as_svg(figure, title)}</figure>'
+
+
+def result_page(result: Result, title: str = "", measured: Sequence[Table] = ()) -> str:
+    """Return a result as a page: figure, warnings, findings, tables and notes, and the tables of its data."""
+    heading = title or result.title
+    return html_page(
+        heading,
+        [
+            f"<header><h1>{shown(heading)}</h1>{meta(result)}</header>",
+            wide_figure(result.plot(), heading),
+            *content_html(result),
+            *(["<h2>Data</h2>", *(table_html(table) for table in measured)] if measured else []),
+        ],
+    )

@@ -178,7 +178,7 @@ class Result(Renderable):
         str
             The page; write it to a file with the ending `.html`, encoded as UTF-8.
         """
-        from receptance.report.page import result_page
+        from receptance.report.html import result_page
 
         return result_page(self, title, measured)
 

@@ -22,15 +22,8 @@ class Section(NamedTuple):
 def table(title: str, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, str]) -> Table:
     """Return a table of dictionaries.
 
-    Parameters
-    ----------
-    title : str
-        Title.
-    rows : sequence of mappings
-        One for each row; a list or a tuple in it is an interval.
-    columns : mapping of str to str
-        By heading the key of a row, with dots for inner dictionaries, and after a colon the format of a number. A
-        column without a format is text.
+    By heading, `columns` has the key of a row, with dots for inner dictionaries, and after a colon the format of a
+    number. A column without a format is text; a list or a tuple in a row is an interval.
 
     Examples
     --------

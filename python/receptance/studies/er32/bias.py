@@ -141,25 +141,10 @@ def find_bias(
 ) -> dict[str, Any]:
     """Return the bias of the long tools' first mode and its distribution under chance.
 
-    Parameters
-    ----------
-    published : Published
-        The tables.
-    transfers : sequence of dict
-        From `predict_transfers`.
-    slopes : Slopes
-        From `find_slopes`.
-    chance, resolution
-        Tolerances and reading errors.
-    inferred : ndarray
-        Covariance of the logarithms of the inferred quantities: all of `SHARED` but the steel's.
-
-    Returns
-    -------
-    dict
-        `percent` is 100 (predicted / measured - 1) by tool; `deviations_percent` the standard deviation of the mean by
-        source. P values are two-sided, for the mean and a normal distribution: with all sources, without the shared
-        ones, and with the covariance of the inference in place of the tolerances of carbide and holder.
+    `inferred` is the covariance of the logarithms of the inferred quantities: all of `SHARED` but the steel's. In the
+    result, `percent` is 100 (predicted / measured - 1) by tool, and `deviations_percent` the standard deviation of the
+    mean by source. P values are two-sided, for the mean and a normal distribution: with all sources, without the shared
+    ones, and with the covariance of the inference in place of the tolerances of carbide and holder.
     """
     tools = published.long_tools
     rows = [

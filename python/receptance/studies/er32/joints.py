@@ -118,27 +118,10 @@ def with_factors(model: Assembly, factors: Mapping[str, float], other: Mapping[s
 def mode_slopes(
     model: Assembly, modes: Sequence[int], names: Sequence[str] = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return natural frequencies of an assembly and their relative derivatives.
+    """Return natural frequencies of an assembly in Hz, `(m,)`, for mode numbers from 1, and their derivatives.
 
-    Parameters
-    ----------
-    model : Assembly
-        From `assembly`.
-    modes : sequence of int
-        Mode numbers from 1.
-    names : sequence of str, optional
-        Shared quantities.
-
-    Returns
-    -------
-    frequency_hz : ndarray
-        `(m,)`.
-    shared : ndarray
-        `(m, n)`, relative change of the frequency per relative change of the quantity.
-    joint : ndarray
-        `(m, 2)`, the same for k_y and k_theta.
-    overhang : ndarray
-        `(m,)`, relative change per mm of overhang.
+    These are the relative changes of a frequency per relative change of shared quantities, `(m, n)`, and of k_y and
+    k_theta, `(m, 2)`, and per mm of overhang, `(m,)`.
     """
     addresses = list(
         dict.fromkeys([*JOINT, "tool.segment[0].length", _REST, *(a for name in names for a in SHARED[name])])

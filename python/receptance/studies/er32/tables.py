@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import csv
 import functools
+import re
 import tempfile
 import tomllib
 from dataclasses import dataclass, replace
 from importlib import resources
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Segment
@@ -41,6 +42,7 @@ INFERENCE = (
     "and density were fitted to 30 natural frequencies: the 20 PREDICTED ones of table 2 and the 10 measured at 135 "
     "N m of table 4, with the joint stiffnesses of table 5."
 )
+_Row = TypeVar("_Row")
 
 
 class Mount(NamedTuple):
@@ -143,57 +145,35 @@ def load() -> Published:
     >>> er32.load().mount(12.7).overhang_mm
     62.3
     """
-    text = tomllib.loads(_read("er32_text.toml"))
-    stiffness = ("k_y_n_per_m", "k_theta_nm_per_rad")
+    text = tomllib.loads(_read("text.toml"))
     return Published(
-        mounts=tuple(
-            Mount(*_numbers(r, "diameter_mm", "overhang_mm", "insertion_mm", "holder_length_mm"))
-            for r in _rows("er32_table1_assemblies.csv")
-        ),
-        transfers=tuple(
-            PrintedTransfer(
-                float(r["diameter_mm"]), float(r["overhang_mm"]), _modes(r, "measured"), _modes(r, "predicted")
-            )
-            for r in _rows("er32_table2_transfer.csv")
-        ),
-        parameter_sets=tuple(
-            ParameterSet(r["set"], *_numbers(r, "diameter_mm", *stiffness, "c_theta_nms_per_rad"))
-            for r in _rows("er32_table3_parameter_sets.csv")
-        ),
-        readings=tuple(
-            Reading(r[0], r[1], (r[2], r[3]), r[4], r[5])
-            for r in (
-                _numbers(row, "diameter_mm", "torque_nm", "mode_1_hz", "mode_2_hz", *stiffness)
-                for row in _rows("er32_table4_torque.csv")
-            )
-        ),
-        setups=tuple(
-            Setup(*_numbers(r, "diameter_mm", "overhang_medium_mm", "overhang_long_mm", *stiffness))
-            for r in _rows("er32_table5_parameters.csv")
-        ),
-        text=tuple(
-            PrintedStiffness(t["where"], t["diameter_mm"], t["k_y_n_per_m"], t["k_theta_nm_per_rad"])
-            for t in text["stiffness"]
-        ),
+        mounts=_rows(Mount, "table1_assemblies"),
+        transfers=_rows(PrintedTransfer, "table2_transfer"),
+        parameter_sets=_rows(ParameterSet, "table3_parameter_sets"),
+        readings=_rows(Reading, "table4_torque"),
+        setups=_rows(Setup, "table5_parameters"),
+        text=tuple(PrintedStiffness(**printed) for printed in text["stiffness"]),
         torque_nm=float(text["recommended_torque_nm"]),
     )
 
 
 def _read(name: str) -> str:
-    return (resources.files("receptance.studies") / "data" / name).read_text(encoding="utf-8")
+    return (resources.files("receptance.studies") / "data" / f"er32_{name}").read_text(encoding="utf-8")
 
 
-def _rows(name: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(line for line in _read(name).splitlines() if not line.startswith("#")))
-
-
-def _numbers(row: dict[str, str], *columns: str) -> Any:
-    """Return cells as numbers, None where a cell is empty."""
-    return tuple(float(row[column]) if row[column] else None for column in columns)
-
-
-def _modes(row: dict[str, str], kind: str) -> tuple[float, ...]:
-    return tuple(value for value in _numbers(row, *(f"{kind}_{mode}_hz" for mode in (1, 2, 3))) if value is not None)
+def _rows(kind: type[_Row], name: str) -> tuple[_Row, ...]:
+    """Return the rows of a table: columns are named as fields, but for the unit of joints and the number of a mode."""
+    found = []
+    for row in csv.DictReader(line for line in _read(f"{name}.csv").splitlines() if not line.startswith("#")):
+        values: dict[str, Any] = {}
+        for column, cell in row.items():
+            field = re.sub("_(n_per_m|nm_per_rad|nms_per_rad)$", "", column)
+            if re.search(r"_\d_hz$", field):
+                values[f"{field[:-5]}_hz"] = (*values.get(f"{field[:-5]}_hz", ()), *([float(cell)] if cell else []))
+            else:
+                values[field] = cell if field == "name" else float(cell) if cell else None
+        found.append(kind(**{field: values[field] for field in kind._fields}))  # type: ignore[attr-defined]
+    return tuple(found)
 
 
 @functools.cache

@@ -1,8 +1,10 @@
-"""Options of commands that read measurement files of other programs."""
+"""Measurement files: the options that read them, and the commands `show` and `convert`."""
 
 from __future__ import annotations
 
 import inspect
+import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,13 +14,18 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from receptance.cli.running import InputError, with_parameters
+from receptance.cli.running import InputError, Plot, Targets, input_errors, output, with_parameters
 from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+    from receptance import FRF
+    from receptance.io import Coherence, TimeSeries
     from receptance.io.measurements import Measurement
 
-__all__ = ["MeasurementNumber", "Reading", "collected_warnings", "read_measurements", "takes_reading"]
+__all__ = ["NoWindow", "Reading", "convert", "open_figure", "show", "takes_reading"]
 
 FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
@@ -148,3 +155,126 @@ def _units_of(given: Sequence[str] | None) -> str | dict[str, str] | None:
     if len(given) == 1 and "=" not in given[0]:
         return given[0]
     return _named_values(given, "--unit", "one unit, or CHANNEL=UNIT for each channel")
+
+
+# Commands -------------------------------------------------------------------------------------------------------------
+
+NoWindow = Annotated[bool, typer.Option("--no-window", help="Do not open the figure in a viewer.")]
+_MOST_DRAWN = 4
+"""Most measurements of one file in a figure."""
+
+
+@takes_reading()
+def show(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="File with FRFs, coherences or time records.")],
+    reading: Reading,
+    plot: Plot = None,
+    no_window: NoWindow = False,
+    number: MeasurementNumber = None,
+) -> None:
+    """Print what a measurement file contains, and plot it.
+
+    The figure is opened in the default viewer, or saved with --plot.
+    """
+    from receptance.io.files import FORMATS, file_format
+    from receptance.report.terminal import print_sentences, print_table, print_title
+
+    targets = Targets(None, plot)
+    targets.protect(source, "the file to show")
+    with input_errors():
+        found, warned = read_measurements(source, reading, number)
+        read_as = reading.source_format or file_format(source)
+    console = output()
+    for index, measurement in enumerate(found, 1):
+        named = f"{index}: {measurement.title}" if len(found) > 1 else f"{source.name}: {measurement.title}"
+        print_title(console, named)
+        for table in measurement.tables():
+            print_table(console, table)
+    notes = dict.fromkeys([*warned, *(note for measurement in found for note in measurement.notes)])
+    print_sentences(console, [f"Format: {FORMATS[read_as].title}", *(f"Note: {note}" for note in notes)])
+    drawn = found[:_MOST_DRAWN]
+    if len(drawn) < len(found):
+        console.print(
+            f"The figure shows the first {len(drawn)} of {len(found)} measurements; --number N shows another.",
+            soft_wrap=True,
+        )
+    if plot is not None:
+        targets.write(dict, lambda: draw_measurements(drawn))
+        targets.print_names(console)
+    elif not no_window:
+        open_figure(console, lambda: draw_measurements(drawn), source.stem)
+
+
+def draw_measurements(found: list[Measurement]) -> Figure:
+    """Return one figure with a panel for each measurement."""
+    from receptance.report.figure import new_figure
+
+    if len(found) == 1:
+        return found[0].plot()
+    figure = new_figure(9.0, 4.6 * len(found))
+    for axes, measurement in zip(figure.subplots(len(found), 1), found, strict=True):
+        measurement.plot(axes)
+    return figure
+
+
+def open_figure(console: Console, draw: Any, name: str) -> None:
+    """Draw a figure and open it in the default viewer of the desktop; in a pipe only the option is named."""
+    if not (sys.stdout.isatty() and sys.stdin.isatty()):
+        console.print("No figure in a pipe: --plot FILE.png saves it.", soft_wrap=True)
+        return
+    from receptance.report.figure import as_image
+
+    try:
+        with tempfile.NamedTemporaryFile(prefix=f"{name}-", suffix=".png", delete=False) as file:
+            file.write(as_image(draw(), "png"))
+    except OSError as error:
+        raise InputError(f"the figure cannot be written: {error.strerror or error}; --plot FILE.png saves it") from None
+    if typer.launch(file.name) != 0:
+        console.print(f"There is no viewer for {file.name}; --plot FILE.png saves the figure.", soft_wrap=True)
+    else:
+        console.print(f"Figure: {file.name}", soft_wrap=True)
+
+
+@takes_reading()
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="File with FRFs, coherences or time records.")],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="Output file: .uff, .ufb, .csv, .npz, .mat, .h5 or .frf."),
+    ],
+    reading: Reading,
+    form: Annotated[
+        str | None, typer.Option("--as", metavar="NAME", help="Write FRFs as receptance, mobility or accelerance.")
+    ] = None,
+    number: MeasurementNumber = None,
+    target_format: Annotated[
+        str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT if its ending does not determine it.")
+    ] = None,
+) -> None:
+    """Convert FRFs, coherences and time records to another file format."""
+    from receptance.io import write
+
+    if target.exists() and source.exists() and target.resolve() == source.resolve():
+        raise InputError(f"IN and OUT are both {source}; give two files")
+    with input_errors(), collected_warnings() as further:
+        found, notes = read_measurements(source, reading, number)
+        written = [_as_form(thing, form) for thing in found]
+        write(target, written, format=target_format)
+    console = output()
+    for thing in written:
+        console.print(f"{thing!r}", soft_wrap=True)
+    for note in dict.fromkeys([*notes, *further, *(note for thing in written for note in thing.notes)]):
+        console.print(f"Note: {note}", soft_wrap=True)
+    console.print(f"Written: {target}", soft_wrap=True)
+
+
+def _as_form(thing: FRF | TimeSeries | Coherence, form: str | None) -> Any:
+    from receptance import FRF
+    from receptance.units import form_name
+
+    if form is None:
+        return thing
+    name = form_name(form)
+    if not isinstance(thing, FRF):
+        raise ValueError(f"--as is {form!r}, but {thing!r} is not an FRF")
+    return thing.to(name)

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
-from receptance import units
+import numpy as np
+import tomli_w
+
+from receptance import FRF, units
 from receptance._text import instead_of, shown
-from receptance.campaign.write import Materials, element_table
-from receptance.model.beams import CARBIDE, STEEL, Material, Part, Segment
+from receptance.catalogue.rows import HolderRow
+from receptance.io import TimeSeries
+from receptance.io.files import FORMATS, file_format
+from receptance.model.beams import CARBIDE, STEEL, Material
 from receptance.model.fields import Number
 from receptance.units import Quantity, parse
 
 __all__ = [
     "MATERIALS",
     "Draft",
-    "DraftMeasurement",
-    "Piece",
+    "MeasuredFile",
     "inserted",
+    "lines_of",
     "parse_material",
     "parse_pieces",
     "pieces_of",
@@ -42,6 +49,7 @@ _JOINT_BOUNDS = {
     "c_theta": ("1e-4 N m s/rad", "10 N m s/rad"),
 }
 """Bounds of the unknowns of a joint, which contain all joints of tools."""
+_SIZES = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
 _WIDTH = 110
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _PIECE = re.compile(r"(?:(?P<length>[^x×*]+?)\s*[x×*]\s*)?(?P<outer>[^/x×*]+?)\s*(?:/\s*(?P<inner>[^/x×*]+?)\s*)?")
@@ -53,51 +61,18 @@ _PIECE_EXAMPLE = '"48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/
 # Answers of the user --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class Piece:
-    """A uniform piece of a tool or a holder; lengths in m.
-
-    Attributes
-    ----------
-    length : float or None
-        None for a shank, which reaches to the holder.
-    outer, inner : float
-        Diameters.
-    material, core : str
-        Names of the materials of the ring and in the bore; no core if empty.
-    """
-
-    length: float | None
-    outer: float
-    inner: float = 0.0
-    material: str = ""
-    core: str = ""
-
-
-def parse_pieces(text: str, *, material: str = "", shank: bool = False) -> tuple[Piece, ...]:
+def parse_pieces(text: str, *, material: str = "", shank: bool = False) -> list[HolderRow]:
     """Return the pieces of a tool or a holder that are written as `LENGTH x DIAMETER/BORE`, separated by commas.
 
-    Parameters
-    ----------
-    text : str
-        From the tip-side end on. A unit at the end of a piece applies to its numbers without a unit.
-    material : str, optional
-        Name of their material.
-    shank : bool, optional
-        Whether the last piece has no length, as the shank of a tool; else every piece has one.
-
-    Raises
-    ------
-    ValueError
-        A text that is not understood; the message begins with "is".
+    They are listed from the tip-side end on. A unit at the end of a piece applies to its numbers without a unit. With
+    `shank` the last piece has no length, which is zero, because it reaches to the holder. The message of an error
+    begins with "is".
 
     Examples
     --------
-    >>> from receptance.campaign.draft import parse_pieces
-    >>> [(piece.length, piece.outer, piece.inner) for piece in parse_pieces("48 mm x 50/20 mm, 90x44 mm")]
+    >>> from receptance.cli.draft import parse_pieces
+    >>> [(one.length, one.outer_diameter, one.inner_diameter) for one in parse_pieces("48 mm x 50/20 mm, 90x44 mm")]
     [(0.048, 0.05, 0.02), (0.09, 0.044, 0.0)]
-    >>> parse_pieces("12.7 mm", shank=True)[0].outer
-    0.0127
     """
     expected = 'a diameter such as "12.7 mm", or pieces such as "30 mm x 9.6 mm, 12 mm"' if shank else _PIECE_EXAMPLE
     if _COMMA.search(text):
@@ -118,124 +93,87 @@ def parse_pieces(text: str, *, material: str = "", shank: bool = False) -> tuple
             raise ValueError(f"is {shown(text)}, where {shown(item)} {problem}, expected {expected}")
         numbers = [match[name] for name in ("length", "outer", "inner")]
         unit = next((rest for one in reversed(numbers) if one and (rest := _NUMBER.sub("", one, count=1).strip())), "")
-        sizes = [
-            parse(one if not _NUMBER.fullmatch(one.strip()) else f"{one} {unit}".strip(), quantity) if one else None
+        length, outer, inner = (
+            parse(one if not _NUMBER.fullmatch(one.strip()) else f"{one} {unit}".strip(), quantity) if one else 0.0
             for one, quantity in zip(numbers, (units.LENGTH, units.LENGTH, units.LENGTH_OR_ZERO), strict=True)
-        ]
-        outer, inner = sizes[1] or 0.0, sizes[2] or 0.0
+        )
         if inner >= outer:
             raise ValueError(f"is {shown(text)}, where {shown(item)} has a bore that is not smaller than its diameter")
-        found.append(Piece(length=sizes[0], outer=outer, inner=inner, material=material))
-    return tuple(found)
+        found.append(_piece(length, outer, inner, material))
+    return found
 
 
-def pieces_of(tables: Sequence[Mapping[str, Any]], where: str, *, material: str = "") -> tuple[Piece, ...]:
-    """Return the pieces of a list of segments as in a campaign file.
+def _piece(length: float, outer: float, inner: float, material: str, core: str = "") -> HolderRow:
+    return HolderRow(
+        holder="", line=0, length=length, outer_diameter=outer, inner_diameter=inner, material=material, core=core
+    )
 
-    Parameters
-    ----------
-    tables : sequence of mapping
-        Tables with `length`, `outer_diameter` and, optionally, `inner_diameter`, `material` and `core`.
-    where : str
-        Name of the list in messages.
-    material : str, optional
-        Name of the material of segments that name none.
 
-    Raises
-    ------
-    ValueError
-        A missing or wrong value; the message names it.
-    """
-    known = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
-    names = ("material", "core")
+def pieces_of(tables: Sequence[Any], where: str) -> list[HolderRow]:
+    """Return the pieces of a list of segments as in a campaign file; `where` is the name of the list in messages."""
     found = []
     for index, table in enumerate(tables):
         place = f"{where}[{index}]"
         if not isinstance(table, Mapping):
             raise ValueError(f"{place} is {shown(table)}, expected a table with length, outer_diameter and material")
-        sizes = {}
-        for key, quantity in known.items():
+        sizes = []
+        for key, quantity in _SIZES.items():
             if key not in table and key != "inner_diameter":
                 raise ValueError(f'{place} has no {key}, expected such as {key} = "{quantity.example}"')
             try:
-                sizes[key] = parse(table.get(key, "0 m"), quantity)
+                sizes.append(parse(table.get(key, "0 m"), quantity))
             except ValueError as error:
                 raise ValueError(f"{place}.{key} {error}") from None
-        for key in names:
-            if not isinstance(table.get(key, ""), str):
-                raise ValueError(f"{place}.{key} is {shown(table[key])}, expected the name of a material")
-        if sizes["inner_diameter"] >= sizes["outer_diameter"]:
+        names = [table.get(key, "") for key in ("material", "core")]
+        if wrong := [name for name in names if not isinstance(name, str)]:
+            raise ValueError(f"{place} has the material {shown(wrong[0])}, expected its name as text")
+        found.append(_piece(sizes[0], sizes[1], sizes[2], *names))
+        if found[-1].inner_diameter >= found[-1].outer_diameter:
             raise ValueError(f"{place}.inner_diameter is not smaller than outer_diameter, expected a smaller bore")
-        found.append(
-            Piece(
-                length=sizes["length"],
-                outer=sizes["outer_diameter"],
-                inner=sizes["inner_diameter"],
-                material=table.get("material") or material,
-                core=table.get("core", ""),
-            )
-        )
     if not found:
         raise ValueError(f"{where} is empty, expected one segment or more")
-    return tuple(found)
+    return found
 
 
-def inserted(holder: Sequence[Piece], insertion: float, shank: Piece) -> tuple[Piece, ...]:
-    """Return the pieces of a holder with the shank of a tool in its bore over the insertion.
+def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) -> list[HolderRow]:
+    """Return the pieces of a holder with the shank of a tool in its bore over the insertion in m.
 
-    Parameters
-    ----------
-    holder : sequence of Piece
-        From the nose on.
-    insertion : float
-        Length in m; the piece in which it ends is divided.
-    shank : Piece
-        The shank; its material fills the bore, which has its diameter.
-
-    Raises
-    ------
-    ValueError
-        The insertion is longer than the holder, or the bore is given and has another diameter.
+    The piece in which the insertion ends is divided. The material of the shank fills the bore.
     """
-    found: list[Piece] = []
-    rest = insertion
+    found: list[HolderRow] = []
+    rest, diameter = insertion, shank.outer_diameter
     for number, piece in enumerate(holder, 1):
-        length = piece.length or 0.0
         if rest <= 1e-9:
             found.append(piece)
             continue
-        if piece.outer <= shank.outer:
+        if piece.outer_diameter <= diameter:
             raise ValueError(
-                f"is {_mm(insertion)}, but piece {number} of the holder is {_mm(piece.outer)} thick and cannot contain "
-                f"the shank of {_mm(shank.outer)}"
+                f"is {_mm(insertion)}, but piece {number} of the holder is {_mm(piece.outer_diameter)} thick and "
+                f"cannot contain the shank of {_mm(diameter)}"
             )
-        if piece.inner and abs(piece.inner - shank.outer) > 0.01 * shank.outer:
+        if piece.inner_diameter and abs(piece.inner_diameter - diameter) > 0.01 * diameter:
             raise ValueError(
-                f"is {_mm(insertion)}, but piece {number} of the holder has a bore of {_mm(piece.inner)} there, "
-                f"expected that of the shank, {_mm(shank.outer)}, or none; a collet around the shank counts as holder"
+                f"is {_mm(insertion)}, but piece {number} of the holder has a bore of {_mm(piece.inner_diameter)} "
+                f"there, expected that of the shank, {_mm(diameter)}, or none; a collet around the shank counts as "
+                "holder"
             )
-        inside = min(rest, length)
-        found.append(replace(piece, length=inside, inner=shank.outer, core=shank.material))
-        if length - inside > 1e-9:
-            found.append(replace(piece, length=length - inside))
+        inside = min(rest, piece.length)
+        found.append(replace(piece, length=inside, inner_diameter=diameter, core=shank.material))
+        if piece.length - inside > 1e-9:
+            found.append(replace(piece, length=piece.length - inside))
         rest -= inside
     if rest > 1e-9:
-        total = sum(piece.length or 0.0 for piece in holder)
+        total = sum(piece.length for piece in holder)
         raise ValueError(f"is {_mm(insertion)}, longer than the holder of {_mm(total)}")
-    return tuple(found)
+    return found
 
 
 def parse_material(text: str) -> Material:
     """Return a material that is written as `NAME = MODULUS, DENSITY[, POISSON[, LOSS FACTOR]]`.
 
-    Raises
-    ------
-    ValueError
-        A text that is not understood; the message begins with "is".
-
     Examples
     --------
-    >>> from receptance.campaign.draft import parse_material
+    >>> from receptance.cli.draft import parse_material
     >>> parse_material("aluminium = 70 GPa, 2700 kg/m^3, 0.33").youngs_modulus
     70000000000.0
     """
@@ -263,67 +201,59 @@ def parse_material(text: str) -> Material:
 # The campaign ---------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class DraftMeasurement:
-    """A measured file with its overhang.
+@dataclass(kw_only=True)
+class MeasuredFile:
+    """An FRF or a time record in a file.
 
-    Attributes
-    ----------
-    name : str
-        Name of the measurement and of its assembly.
-    overhang : float
-        In m, from the holder's face to the tip.
-    table : dict
-        Keys of the measurement in the campaign: `kind`, `file` and the options that read it.
-    held_out : bool
-        Whether it is held out.
-    about : str
-        Contents of the file, for a comment.
+    `name` is that of the measurement and of its assembly, `table` are the keys of the campaign that read the file, and
+    `overhang` is in m, from the holder's face to the tip.
     """
 
+    file: Path
     name: str
-    overhang: float
-    table: Mapping[str, Any]
+    measured: FRF | TimeSeries
+    table: dict[str, Any]
+    overhang: float = 0.0
     held_out: bool = False
-    about: str = ""
+
+    @property
+    def about(self) -> str:
+        """Contents of the file in a sentence, for a comment."""
+        name = FORMATS[self.table.get("format") or file_format(self.file)].title
+        if not isinstance(self.measured, FRF):
+            return f"{self.file.name} ({name}): {self.measured!r}"
+        frf = self.measured
+        text = f"{self.file.name} ({name}): {frf.form} in {frf.unit}, {lines_of(frf)}"
+        if frf.averages is not None:
+            text += f", {frf.averages} averages"
+        return text + (f", median coherence {np.median(frf.coherence):.4f}" if frf.coherence is not None else "")
+
+
+def lines_of(frf: FRF) -> str:
+    """Return the number of lines of an FRF and their ends as text."""
+    return f"{frf.frequency_hz.size} lines, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Draft:
     """A tool in a holder, measured at one overhang or several.
 
-    Attributes
-    ----------
-    title : str
-        Title of the campaign.
-    tool, holder : tuple of Piece
-        From the tip on; the last piece of the tool is its shank. The shank in the holder is the core of its pieces.
-    measurements : tuple of DraftMeasurement
-        The measured files.
-    sensor : float
-        Mass of the accelerometer on the tip in kg; 0 for none.
-    spindle_modes : int
-        Number of modes of the spindle behind the holder; 0 for a holder that hangs free.
-    materials : dict of str to Material
-        Materials by name.
+    Pieces are listed from the tip on; the last one of the tool is its shank, which in the holder is the core of its
+    pieces. `sensor` is the mass of the accelerometer on the tip in kg, and `spindle_modes` the number of modes of the
+    spindle behind the holder; either is 0 without one. `folder` is that of the campaign file.
     """
 
     title: str
-    tool: tuple[Piece, ...]
-    holder: tuple[Piece, ...]
-    measurements: tuple[DraftMeasurement, ...]
+    tool: list[HolderRow]
+    holder: list[HolderRow]
+    folder: Path
+    measurements: list[MeasuredFile]
     sensor: float = 0.0
     spindle_modes: int = 0
     materials: Mapping[str, Material] = field(default_factory=lambda: dict(MATERIALS))
 
     def text(self) -> str:
-        """Return the text of the campaign file, with comments.
-
-        Raises
-        ------
-        ValueError
-            A material is not known, or an overhang is shorter than the tool in front of its shank.
-        """
+        """Return the text of the campaign file with comments; materials and overhangs are checked."""
         parts = [*self._head(), *self._materials(), *self._parts(), *self._assemblies(), *self._measurements()]
         return "\n".join([*parts, *self._unknowns()]) + "\n"
 
@@ -356,7 +286,7 @@ class Draft:
             yield ""
 
     def _parts(self) -> Iterator[str]:
-        before = sum(piece.length or 0.0 for piece in self.tool[:-1])
+        before = sum(piece.length for piece in self.tool)
         for one in self.measurements:
             if one.overhang <= before:
                 raise ValueError(
@@ -368,25 +298,14 @@ class Draft:
             "of each assembly, and has an error of its own in each clamping."
         )
         shank = replace(self.tool[-1], length=self.measurements[0].overhang - before)
-        yield from self._part("tool", (*self.tool[:-1], shank))
+        yield from self._part("tool", [*self.tool[:-1], shank])
         yield from _comment("The holder, from its nose on; `core` is the shank of the tool in its bore.")
         yield from self._part("holder", self.holder)
 
-    def _part(self, name: str, pieces: Sequence[Piece]) -> Iterator[str]:
-        made = Part(
-            [
-                Segment(
-                    length=piece.length or 0.0,
-                    outer_diameter=piece.outer,
-                    inner_diameter=piece.inner,
-                    material=self.materials[piece.material],
-                    core=self.materials[piece.core] if piece.core else None,
-                )
-                for piece in pieces
-            ],
-            name=name,
-        )
-        for segment in element_table(made, Materials(self.materials), readable)["segments"]:
+    def _part(self, name: str, pieces: Sequence[HolderRow]) -> Iterator[str]:
+        for piece in pieces:
+            segment = {key: readable(getattr(piece, key), units.LENGTH) for key in _SIZES if getattr(piece, key)}
+            segment |= {key: getattr(piece, key) for key in ("material", "core") if getattr(piece, key)}
             yield f"[[parts.{name}.segments]]"
             yield from (f"{key} = {_value(value)}" for key, value in segment.items())
             known = {key: text for key, text in _TOLERANCES[name].items() if key in segment}
@@ -416,7 +335,7 @@ class Draft:
             yield f"mass = {_value(readable(self.sensor, units.MASS))}"
             yield f"tolerance = {_value(_TOLERANCES['sensors'])}"
             yield ""
-        before = sum(piece.length or 0.0 for piece in self.tool[:-1])
+        before = sum(piece.length for piece in self.tool)
         address = f"tool.segment[{len(self.tool) - 1}].length"
         for one in self.measurements:
             yield f"[assemblies.{_key(one.name)}]"
@@ -441,12 +360,11 @@ class Draft:
             )
         for one in self.measurements:
             yield ""
-            if one.about:
-                yield from _comment(one.about)
+            yield from _comment(one.about)
             yield f"[measurements.{_key(one.name)}]"
             table = {"kind": one.table["kind"], "assembly": one.name}
             table |= {"role": "hold out"} if one.held_out else {}
-            table |= one.table
+            table |= {**one.table, "file": _relative(one.file, self.folder)}
             table |= {"sensor": "accelerometer"} if self.sensor else {}
             yield from (f"{key} = {_value(value)}" for key, value in table.items())
         yield ""
@@ -464,7 +382,7 @@ def readable(value: float, kind: Quantity) -> str | float:
     Examples
     --------
     >>> from receptance import units
-    >>> from receptance.campaign.draft import readable
+    >>> from receptance.cli.draft import readable
     >>> readable(0.0127, units.LENGTH), readable(580e9, units.MODULUS)
     ('12.7 mm', '580 GPa')
     """
@@ -473,6 +391,13 @@ def readable(value: float, kind: Quantity) -> str | float:
     _, unit = units.split(kind.example, "")
     factor = parse(f"1 {unit}", replace(kind, least=-float("inf"), above=-float("inf"), most=float("inf")))
     return f"{value / factor:.10g} {unit}"
+
+
+def _relative(file: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return file.resolve().as_posix()
 
 
 def _mm(length: float) -> str:
@@ -489,8 +414,6 @@ def _key(name: str) -> str:
 
 def _value(value: Any) -> str:
     """Return a value on one line of TOML."""
-    import tomli_w
-
     if isinstance(value, Mapping):
         inside = ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items())
         return f"{{ {inside} }}" if inside else "{}"
