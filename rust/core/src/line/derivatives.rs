@@ -8,7 +8,7 @@
 
 use crate::line::block::Block;
 use crate::line::exponential;
-use crate::line::kernel::{Choice, Kernel, Wave, parity};
+use crate::line::kernel::{Kernel, Wave, parity};
 use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
 use crate::model::assembly::{Model, Table};
@@ -266,26 +266,25 @@ pub struct Sensitivity<S: Simd, const D: usize> {
 pub fn segment<S: Simd, const D: usize>(
     segment: &Segment<D>,
     kernel: &Kernel<S, D>,
-    choice: Choice,
     w2: C<S>,
     left: &[State<S, D>],
     right: &[State<S, D>],
 ) -> Sensitivity<S, D> {
     let zero = C::zero(w2.simd);
     let mut out = Sensitivity { kinetic: [zero; D], compliance: [zero; D], length: zero };
-    match (kernel, choice) {
-        (Kernel::Waves(wave), _) => waves(segment, wave, left, right, &mut out),
-        (Kernel::Pieces { count, .. }, Choice::Pieces { terms, .. }) => {
+    match kernel {
+        Kernel::Waves(wave) => waves(segment, wave, left, right, &mut out),
+        Kernel::Pieces { count, terms, .. } => {
             let l = segment.length / *count as f64;
             for piece in 0..*count {
                 if D == 1 {
-                    rod_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
+                    rod_piece(segment, l, *terms, w2, &left[piece + 1], &right[piece], &mut out);
                 } else {
-                    bending_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
+                    bending_piece(segment, l, *terms, w2, &left[piece + 1], &right[piece], &mut out);
                 }
             }
         }
-        (Kernel::Pieces { .. }, Choice::Waves) | (Kernel::Skipped, _) => {}
+        Kernel::Skipped => {}
     }
     for i in 0..D {
         out.kinetic[i] = out.kinetic[i] * w2;

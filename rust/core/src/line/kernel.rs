@@ -55,6 +55,8 @@ pub enum Kernel<S: Simd, const D: usize> {
     Pieces {
         /// Number of pieces.
         count: usize,
+        /// Terms of the series.
+        terms: usize,
         /// Transfer matrix of one.
         transfer: Transfer<S, D>,
     },
@@ -62,20 +64,6 @@ pub enum Kernel<S: Simd, const D: usize> {
     Waves(Wave<S, D>),
     /// Not computed: the segment lies in a branch that is taken as a whole.
     Skipped,
-}
-
-/// The choice of a kernel, made for all lanes of a block.
-#[derive(Copy, Clone, Debug, PartialEq)]
-pub enum Choice {
-    /// Pieces and the terms of the series.
-    Pieces {
-        /// Number of pieces.
-        count: usize,
-        /// Terms of the series.
-        terms: usize,
-    },
-    /// Waves.
-    Waves,
 }
 
 impl<const D: usize> Segment<D> {
@@ -112,18 +100,15 @@ impl<const D: usize> Segment<D> {
         (out, curvature)
     }
 
-    /// Chooses the kernel for the lines `w`, the largest |w|^2 of which is `most`, and the weights for its
-    /// charts; `pieces_only` keeps to the series.
-    pub fn choose(&self, w: &[Complex64], most: f64, pieces_only: bool) -> (Choice, [f64; D]) {
-        let square = self.wave_number_square(most);
-        let weights = self.weights(square);
+    /// Number of pieces for the lines `w`, on which the squares of the wave numbers are at most `square`, and terms of
+    /// their series; nothing where waves serve better. `pieces_only` keeps to the series.
+    fn pieces(&self, w: &[Complex64], square: f64, pieces_only: bool) -> Option<(usize, usize)> {
         let square = square * self.length * self.length;
         let count = ((square.sqrt() / exponential::REACH).ceil() as usize).max(1);
         if !pieces_only && count > FEW_PIECES && self.waves_serve(w) {
-            return (Choice::Waves, weights);
+            return None;
         }
-        let terms = exponential::terms(square / (count * count) as f64);
-        (Choice::Pieces { count, terms }, weights)
+        Some((count, exponential::terms(square / (count * count) as f64)))
     }
 
     /// Whether the waves are well separated and long enough on every line.
@@ -135,15 +120,22 @@ impl<const D: usize> Segment<D> {
         })
     }
 
-    /// Evaluates the kernel.
+    /// The kernel for the lines `w` as in `pieces`, one choice for all lanes.
     #[inline(always)]
-    pub fn kernel<S: Simd>(&self, simd: S, choice: Choice, w: &[Complex64], w2: C<S>) -> Kernel<S, D> {
-        match choice {
-            Choice::Pieces { count, terms } => {
+    pub fn kernel<S: Simd>(
+        &self,
+        simd: S,
+        w: &[Complex64],
+        w2: C<S>,
+        square: f64,
+        pieces_only: bool,
+    ) -> Kernel<S, D> {
+        match self.pieces(w, square, pieces_only) {
+            Some((count, terms)) => {
                 let transfer = self.transfer(simd, self.length / count as f64, terms, w2);
-                Kernel::Pieces { count, transfer }
+                Kernel::Pieces { count, terms, transfer }
             }
-            Choice::Waves => Kernel::Waves(self.waves(simd, w, w2)),
+            None => Kernel::Waves(self.waves(simd, w, w2)),
         }
     }
 

@@ -56,16 +56,21 @@ pub(crate) struct Job<'a, const D: usize> {
 /// singular interface, or a resonance without damping met exactly.
 pub fn linear(model: &Model, lines: &Frequencies, request: &Request, threads: usize) -> Result<Response> {
     let highest = check(model, lines, request)?;
-    let solve = |whole_branches: bool| {
-        let whole = whole_branches.then_some((highest, lines.len()));
-        match model.motion.degrees() {
-            1 => Job::<1>::new(model, request, whole).run(lines, threads),
-            _ => Job::<2>::new(model, request, whole).run(lines, threads),
-        }
-    };
-    match solve(true) {
-        // A free resonance without damping can make the one denominator of a branch zero to the last bit.
-        Err(Error::Resonance { .. }) => solve(false),
+    with_branches(highest, lines.len(), |whole| match model.motion.degrees() {
+        1 => Job::<1>::new(model, request, whole).run(lines, threads),
+        _ => Job::<2>::new(model, request, whole).run(lines, threads),
+    })
+}
+
+/// Does the work on so many lines up to a frequency with whole branches as one series, see `Job::new`, or else without:
+/// a free resonance without damping can make the one denominator of a branch zero to the last bit.
+pub(crate) fn with_branches<T>(
+    highest: f64,
+    lines: usize,
+    work: impl Fn(Option<(f64, usize)>) -> Result<T>,
+) -> Result<T> {
+    match work(Some((highest, lines))) {
+        Err(Error::Resonance { .. }) => work(None),
         other => other,
     }
 }
@@ -356,7 +361,6 @@ impl<const D: usize> Job<'_, D> {
                     sensitivities[row] = Some(derivatives::segment(
                         &self.prepared.segments[row],
                         &block.kernels[row],
-                        block.choices[row],
                         block.w2,
                         &left.states[row],
                         &right.states[row],

@@ -237,7 +237,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
         let weights = &self.weights[row];
         match &self.kernels[row] {
             Kernel::Skipped => {}
-            Kernel::Pieces { count, transfer } => {
+            Kernel::Pieces { count, transfer, .. } => {
                 let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
                 let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
                 // As for the waves below: elements behind a far lighter segment are in a chart of their own scale.

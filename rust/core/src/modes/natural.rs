@@ -296,8 +296,7 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             sensitivities.clear();
             for (row, segment) in prepared.segments.iter().enumerate() {
                 let states = &field.states[row];
-                let (kernel, choice) = (&block.kernels[row], block.choices[row]);
-                let found = derivatives::segment(segment, kernel, choice, block.w2, states, states);
+                let found = derivatives::segment(segment, &block.kernels[row], block.w2, states, states);
                 for i in 0..D {
                     by_square = by_square + found.kinetic[i].scale(segment.per_length.kinetic[i]);
                 }
@@ -343,8 +342,7 @@ fn angular(lines: &[f64]) -> [Complex64; MAX_LANES] {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
-        prepared.follow(&plan);
+        let (prepared, plan) = Prepared::to_first_node(model);
         Self { prepared, plan }
     }
 
