@@ -179,13 +179,13 @@ impl<const D: usize> Prepared<D> {
         }
         for (row, segment) in self.segments.iter().enumerate() {
             if into.kernels.len() <= row {
-                into.kernels.push(Kernel::Skipped);
+                into.kernels.push(Kernel::skipped(simd));
                 into.weights.push(segment.weights(segment.wave_number_square(into.most)));
             }
             if self.active[row] {
                 let square = segment.wave_number_square(into.most);
                 into.weights[row] = segment.weights(square);
-                into.kernels[row] = segment.kernel(simd, w, into.w2, square, pieces_only);
+                segment.evaluate(w, into.w2, square, pieces_only, &mut into.kernels[row]);
             }
         }
         into.compliances.clear();
