@@ -66,7 +66,7 @@ pub enum Way {
 
 /// A segment on a block of lines.
 // Not one enumeration: matrices in variants begin at different places, and the compiler then moves their vectors in
-// parts that straddle each other. These moves took almost half of the time of a sweep.
+// parts that straddle each other. These moves took a third of the time of a sweep.
 pub struct Kernel<S: Simd, const D: usize> {
     /// How the segment is passed.
     pub way: Way,
