@@ -103,6 +103,7 @@ def test_series_serve_at_the_tip_and_sweeps_elsewhere():
     damped = type(assembly)(assembly.elements.values(), [GroundSpring(k_y=1e5, c_y=3.0, part="holder")])
     assert not in_series(simulate(damped))
     assert not in_series(simulate(assembly, LINES * 100.0))
+    assert assembly.reduced_to_joint("joint", LINES - 3.0j, threads=1).planes() is not None
 
 
 def test_the_curvature_at_the_best_end_is_the_one_evaluated_there():

@@ -12,7 +12,7 @@ use faer::{Mat, Side};
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix};
 use num_complex::Complex64;
 
-/// The core's counts of negative pivots, which depend on complex numbers only.
+/// The core's counts of negative pivots, which depend on complex numbers and nalgebra only.
 #[path = "../../../rust/core/src/line/signs.rs"]
 #[allow(dead_code)]
 mod signs;

@@ -24,32 +24,28 @@ mod line;
 mod model;
 mod modes;
 mod observe;
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod properties;
 mod series;
 mod simd;
 mod threads;
 
 pub use error::{Error, Result};
 pub use fit::least_squares::{End, Status, Stop};
-pub use fit::problem::{Observation, OfJoint, Prior, Problem, Residuals, Settings, Variables};
+pub use fit::problem::{Observation, Prior, Problem, Residuals, Settings, Variables};
 pub use interrupt::interruptible;
 pub use joint::reduction::{Form, JointReduction, reduce_joint};
-pub use joint::sweep::{JointSweep, Misfit};
+pub use joint::sweep::{JointSweep, Misfit, Sweep};
 pub use line::amplitude::receptance;
 pub use line::response::instruction_set;
-pub use model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, TABLES, Table, Tables};
+pub use model::assembly::{Model, TABLES, Table, Tables};
 pub use model::frequencies::{Frequencies, OwnedFrequencies};
 pub use model::request::{Coordinate, Parameter, Request, Response};
 pub use model::section::Motion;
-pub use model::slip::SLIP_COLUMNS;
 pub use model::spring::{SPRING_COLUMNS, Spring};
-pub use model::terminals::{MODE_COLUMNS, Mode, TERMINAL_COLUMNS, TERMINAL_ENTRIES, modal_sum};
-pub use model::{overlap, section};
+pub use model::terminals::{Mode, TERMINAL_ENTRIES, modal_sum};
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};
 pub use modes::poles::{ComplexFrequencies, complex_frequencies};
 pub use modes::sector::{Poles, Sector, poles};
+pub use observe::joint::OfJoint;
 pub use observe::lines::Rows;
 pub use observe::observed::{Damping, Measure, Modelled, Record, Seen};
 pub use observe::sweep::ModelSweep;

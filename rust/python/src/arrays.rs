@@ -79,18 +79,8 @@ pub fn parameters(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Parameter>>
 
 /// A row of (table, row, column).
 pub fn parameter(row: &[f64]) -> PyResult<Parameter> {
-    const TABLES: [Table; 8] = [
-        Table::Segments,
-        Table::Joints,
-        Table::Masses,
-        Table::Grounds,
-        Table::Overlaps,
-        Table::Terminals,
-        Table::Modes,
-        Table::Slips,
-    ];
     let name = "parameters";
-    let table = TABLES
+    let table = Table::ALL
         .get(index(name, row[0])?)
         .copied()
         .ok_or_else(|| PyValueError::new_err(format!("parameters: table is {}, expected 0 to 7", row[0])))?;

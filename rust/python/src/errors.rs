@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyRuntimeError, PyValueError};
 use pyo3::{PyErr, PyResult, Python, create_exception};
-use receptance_core::{Error, interruptible};
+use receptance_core::{Error, Result, interruptible};
 
 create_exception!(
     receptance._core,
@@ -39,10 +39,10 @@ thread_local! {
 /// Does the work without holding the interpreter; a signal whose handler raises an exception ends it.
 ///
 /// # Errors
-/// That exception.
-pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+/// That exception, or an error of the core.
+pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
     let found = py.detach(|| interruptible(signalled, work));
-    RAISED.take().map_or(Ok(found), Err)
+    RAISED.take().map_or_else(|| Ok(found.map_err(CoreError)?), Err)
 }
 
 /// Whether the handler of a signal that has arrived raised an exception, which is kept.

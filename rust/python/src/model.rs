@@ -11,9 +11,8 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
-    Factor, Form, Frequencies, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, MODE_COLUMNS, Mode, Motion,
-    OwnedFrequencies, Rate, Request, SLIP_COLUMNS, Sector, Spring, TABLES, TERMINAL_COLUMNS,
-    TERMINAL_ENTRIES, Table, Tables, Tied, overlap, section,
+    Factor, Form, Frequencies, Mode, Motion, OwnedFrequencies, Rate, Request, Sector, Spring, TABLES,
+    TERMINAL_ENTRIES, Table, Tables, Tied,
 };
 
 /// Name of the instruction set that the kernels use on this machine.
@@ -31,14 +30,15 @@ pub fn modal_receptance<'py>(
     lines: &Lines,
     modes: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<Complex64>>> {
-    let rows = table("modes", &modes, MODE_COLUMNS - 1)?.chunks_exact(MODE_COLUMNS - 1).enumerate();
+    let width = Table::Modes.columns() - 1;
+    let rows = table("modes", &modes, width)?.chunks_exact(width).enumerate();
     let modes: Vec<Mode> = rows
         .map(|(row, values)| Mode::new(values, row))
         .collect::<Result<_, _>>()
         .map_err(CoreError::from)?;
     let read = lines.read(py)?;
     let lines = lines.frequencies(&read)?;
-    let found = detached(py, || receptance_core::modal_sum(&modes, &lines))?.map_err(CoreError::from)?;
+    let found = detached(py, || receptance_core::modal_sum(&modes, &lines))?;
     Ok(shaped(Array2::from_shape_vec((lines.len(), TERMINAL_ENTRIES), found))?.into_pyarray(py))
 }
 
@@ -184,19 +184,20 @@ impl Model {
         let motion = MOTIONS.get(motion).copied().ok_or_else(|| {
             PyValueError::new_err(format!("motion: {motion} is not 0 (bending), 1 (axial) or 2 (torsion)"))
         })?;
-        let overlaps = match &overlaps {
-            Some(overlaps) => table("overlaps", overlaps, overlap::column::COUNT)?,
-            None => &[],
-        };
-        let tables = Tables {
-            segments: table("segments", &segments, section::column::COUNT)?,
-            joints: table("joints", &joints, JOINT_COLUMNS)?,
-            masses: table("masses", &masses, MASS_COLUMNS)?,
-            grounds: table("grounds", &grounds, GROUND_COLUMNS)?,
-            overlaps,
-            ..Tables::default()
-        };
-        Self::of(motion, tables.each().map(<[f64]>::to_vec))
+        let mut tables = <[Vec<f64>; TABLES]>::default();
+        let given = [
+            ("segments", Table::Segments, Some(segments)),
+            ("joints", Table::Joints, Some(joints)),
+            ("masses", Table::Masses, Some(masses)),
+            ("grounds", Table::Grounds, Some(grounds)),
+            ("overlaps", Table::Overlaps, overlaps),
+        ];
+        for (name, kind, rows) in given {
+            if let Some(rows) = rows {
+                tables[kind as usize] = table(name, &rows, kind.columns())?.to_vec();
+            }
+        }
+        Self::of(motion, tables)
     }
 
     /// The same model, continued by substructures that are known by their receptance at one plane.
@@ -214,8 +215,9 @@ impl Model {
         modes: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
         let mut tables = self.tables.clone();
-        tables[Table::Terminals as usize] = table("terminals", &terminals, TERMINAL_COLUMNS)?.to_vec();
-        tables[Table::Modes as usize] = table("modes", &modes, MODE_COLUMNS)?.to_vec();
+        tables[Table::Terminals as usize] =
+            table("terminals", &terminals, Table::Terminals.columns())?.to_vec();
+        tables[Table::Modes as usize] = table("modes", &modes, Table::Modes.columns())?.to_vec();
         Self::of(self.model.motion, tables)
     }
 
@@ -228,7 +230,7 @@ impl Model {
     ///     amplitudes of the level 1 in m and rad.
     fn with_slips(&self, slips: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
         let mut tables = self.tables.clone();
-        tables[Table::Slips as usize] = table("slips", &slips, SLIP_COLUMNS)?.to_vec();
+        tables[Table::Slips as usize] = table("slips", &slips, Table::Slips.columns())?.to_vec();
         Self::of(self.model.motion, tables)
     }
 
@@ -256,8 +258,7 @@ impl Model {
             force,
             ..Request::default()
         };
-        let result = detached(py, || receptance_core::receptance(&self.model, &lines, &request, threads))?
-            .map_err(CoreError::from)?;
+        let result = detached(py, || receptance_core::receptance(&self.model, &lines, &request, threads))?;
         let (n, p) = (lines.len(), request.parameters.len());
         let (rows, columns) = (request.responses.len(), request.excitations.len());
         let h = shaped(Array3::from_shape_vec((n, rows, columns), result.receptance))?;
@@ -277,8 +278,7 @@ impl Model {
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
         let parameters = self::parameters(&parameters)?;
         let found =
-            detached(py, || receptance_core::natural_frequencies(&self.model, upper, most, &parameters))?
-                .map_err(CoreError::from)?;
+            detached(py, || receptance_core::natural_frequencies(&self.model, upper, most, &parameters))?;
         let shape = (found.angular.len(), parameters.len());
         let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
         Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
@@ -296,8 +296,7 @@ impl Model {
         let parameters = self::parameters(&parameters)?;
         let undamped = contiguous("undamped", undamped.as_slice())?;
         let found =
-            detached(py, || receptance_core::complex_frequencies(&self.model, undamped, &parameters))?
-                .map_err(CoreError::from)?;
+            detached(py, || receptance_core::complex_frequencies(&self.model, undamped, &parameters))?;
         let shape = (found.angular.len(), parameters.len());
         let derivative = shaped(Array2::from_shape_vec(shape, found.derivative))?;
         Ok((Array1::from_vec(found.angular).into_pyarray(py), derivative.into_pyarray(py)))
@@ -316,8 +315,7 @@ impl Model {
         let starts = contiguous("starts", starts.as_slice())?;
         let ((inner, outer), (below, above)) = (radii, angles);
         let sector = Sector { inner, outer, below, above };
-        let found =
-            detached(py, || receptance_core::poles(&self.model, sector, starts))?.map_err(CoreError::from)?;
+        let found = detached(py, || receptance_core::poles(&self.model, sector, starts))?;
         Ok((Array1::from_vec(found.angular).into_pyarray(py), found.missed))
     }
 
@@ -352,8 +350,7 @@ impl Model {
                 form,
                 threads,
             )
-        })?
-        .map_err(CoreError::from)?;
+        })?;
         Ok(JointReduction::new(found))
     }
 

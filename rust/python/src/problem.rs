@@ -398,9 +398,8 @@ impl Problem {
         py: Python<'_>,
         work: impl FnOnce() -> receptance_core::Result<T> + Send,
     ) -> PyResult<T> {
-        let found = detached(py, work)?;
-        let raised = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
-        raised.map_or_else(|| Ok(found.map_err(CoreError::from)?), Err)
+        let found = detached(py, work);
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(found, Err)
     }
 
     fn point<'a>(&self, x: &'a PyReadonlyArray1<'_, f64>) -> PyResult<&'a [f64]> {

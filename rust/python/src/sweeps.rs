@@ -1,6 +1,6 @@
 //! Models of which some parameters vary, evaluated for many candidates in one call.
 
-use crate::arrays::{c_contiguous, contiguous, filled, response_and_excitation, shaped, table};
+use crate::arrays::{contiguous, filled, response_and_excitation, shaped, table};
 use crate::errors::{CoreError, detached};
 use crate::model::{ByLine, Lines};
 use num_complex::Complex64;
@@ -9,9 +9,8 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray2,
     PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use receptance_core::{Coordinate, JointSweep, Misfit, OwnedFrequencies, Result, SPRING_COLUMNS, Tied};
+use receptance_core::{Coordinate, JointSweep, Misfit, OwnedFrequencies, Sweep, Tied};
 use std::sync::Arc;
 
 /// Receptances (complex) or their magnitudes (real), (n_candidates, n_freq).
@@ -23,32 +22,42 @@ pub enum Output<'py> {
     Real(PyReadwriteArray2<'py, f64>),
 }
 
-impl Output<'_> {
-    /// Lets the core write receptances or magnitudes into an output of the right shape.
-    fn fill(
-        self,
-        py: Python<'_>,
-        shape: [usize; 2],
-        receptances: impl FnOnce(&mut [Complex64]) -> Result<()> + Send,
-        magnitudes: impl FnOnce(&mut [f64]) -> Result<()> + Send,
-    ) -> PyResult<()> {
-        match self {
-            Self::Complex(mut out) => {
+/// Rows of candidates of a sweep, and their name in messages.
+struct Candidates<'a, 'py>(&'static str, &'a PyReadonlyArray2<'py, f64>);
+
+impl Candidates<'_, '_> {
+    /// Fills an output with their receptances or magnitudes.
+    fn fill(&self, py: Python<'_>, sweep: &impl Sweep, out: Output<'_>, threads: usize) -> PyResult<()> {
+        let values = table(self.0, self.1, sweep.columns())?;
+        let shape = [self.1.shape()[0], sweep.lines()];
+        match out {
+            Output::Complex(mut out) => {
                 let out = filled(&mut out, shape)?;
-                detached(py, || receptances(out))?
+                detached(py, || sweep.receptances(values, out, threads))
             }
-            Self::Real(mut out) => {
+            Output::Real(mut out) => {
                 let out = filled(&mut out, shape)?;
-                detached(py, || magnitudes(out))?
+                detached(py, || sweep.magnitudes(values, out, threads))
             }
         }
-        .map_err(CoreError::from)?;
-        Ok(())
     }
-}
 
-fn kind(logarithmic: bool) -> Misfit {
-    if logarithmic { Misfit::Logarithm } else { Misfit::Difference }
+    /// Their misfits.
+    fn misfit<'py>(
+        &self,
+        py: Python<'py>,
+        sweep: &impl Sweep,
+        measured: &PyReadonlyArray1<'_, Complex64>,
+        weights: &PyReadonlyArray1<'_, f64>,
+        logarithmic: bool,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let values = table(self.0, self.1, sweep.columns())?;
+        let measured = contiguous("measured", measured.as_slice())?;
+        let weights = contiguous("weights", weights.as_slice())?;
+        let misfit = if logarithmic { Misfit::Logarithm } else { Misfit::Difference };
+        Ok(detached(py, || sweep.misfits(values, measured, weights, misfit, threads))?.into_pyarray(py))
+    }
 }
 
 /// A model on some lines of which one joint varies; everything else is evaluated once.
@@ -88,13 +97,7 @@ impl JointReduction {
         threads: usize,
     ) -> PyResult<()> {
         let sweep = JointSweep::new(&self.reduction).map_err(CoreError::from)?;
-        let joints = table("joints", &joints, SPRING_COLUMNS)?;
-        out.fill(
-            py,
-            [joints.len() / SPRING_COLUMNS, sweep.lines()],
-            |out| sweep.receptances(joints, out, threads),
-            |out| sweep.magnitudes(joints, out, threads),
-        )
+        Candidates("joints", &joints).fill(py, &sweep, out, threads)
     }
 
     /// The misfit (n_joints,) of each row of `joints`: the sum over the lines of |weight log(measured / H)|^2, or of
@@ -109,12 +112,7 @@ impl JointReduction {
         threads: usize,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let sweep = JointSweep::new(&self.reduction).map_err(CoreError::from)?;
-        let joints = table("joints", &joints, SPRING_COLUMNS)?;
-        let measured = contiguous("measured", measured.as_slice())?;
-        let weights = contiguous("weights", weights.as_slice())?;
-        let found = detached(py, || sweep.misfits(joints, measured, weights, kind(logarithmic), threads))?
-            .map_err(CoreError::from)?;
-        Ok(found.into_pyarray(py))
+        Candidates("joints", &joints).misfit(py, &sweep, &measured, &weights, logarithmic, threads)
     }
 }
 
@@ -174,14 +172,6 @@ impl ModelSweep {
             self.beyond.clone(),
         )
     }
-
-    fn values<'a>(&self, values: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [f64]> {
-        if values.shape()[1] != self.tied.count() {
-            let (found, count) = (values.shape()[1], self.tied.count());
-            return Err(PyValueError::new_err(format!("values: {found} columns, expected {count}")));
-        }
-        c_contiguous("values", values)
-    }
 }
 
 #[pymethods]
@@ -198,15 +188,7 @@ impl ModelSweep {
         out: Output<'_>,
         threads: usize,
     ) -> PyResult<()> {
-        let sweep = self.sweep();
-        let rows = values.shape()[0];
-        let values = self.values(&values)?;
-        out.fill(
-            py,
-            [rows, self.frequencies.view().len()],
-            |out| sweep.receptances(values, out, threads),
-            |out| sweep.magnitudes(values, out, threads),
-        )
+        Candidates("values", &values).fill(py, &self.sweep(), out, threads)
     }
 
     /// As `JointReduction.misfit`, for rows of `values` (n_candidates, n_unknowns).
@@ -219,12 +201,6 @@ impl ModelSweep {
         logarithmic: bool,
         threads: usize,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let sweep = self.sweep();
-        let values = self.values(&values)?;
-        let measured = contiguous("measured", measured.as_slice())?;
-        let weights = contiguous("weights", weights.as_slice())?;
-        let found = detached(py, || sweep.misfits(values, measured, weights, kind(logarithmic), threads))?
-            .map_err(CoreError::from)?;
-        Ok(found.into_pyarray(py))
+        Candidates("values", &values).misfit(py, &self.sweep(), &measured, &weights, logarithmic, threads)
     }
 }

@@ -7,14 +7,11 @@
 
 use crate::error::{Error, Result, if_any, one_a_line, same_length};
 use crate::fit::least_squares::{End, Stop, minimise};
-use crate::joint::reduction::JointReduction;
 use crate::model::frequencies::every;
-use crate::model::spring::{SPRING_COLUMNS, Spring};
 use crate::model::terminals::TERMINAL_ENTRIES;
-use crate::observe::joint::Reduced;
+use crate::observe::joint::OfJoint;
 use crate::observe::lines::{Rows, spread};
 use crate::observe::observed::{Damping, Measure, Modelled, Record, Seen};
-use crate::observe::ties::At;
 use crate::threads::on_threads;
 use core::fmt::Debug;
 use num_complex::Complex64;
@@ -49,19 +46,6 @@ pub struct Prior {
     pub scale: f64,
     /// Its mean times that.
     pub offset: f64,
-}
-
-/// A receptance of a model that is reduced to one joint.
-#[derive(Clone, Debug)]
-pub struct OfJoint {
-    /// The model.
-    pub reduction: Arc<JointReduction>,
-    /// The measurement on its lines.
-    pub record: Record,
-    /// The columns of the joint, where they are not fitted.
-    pub joint: [f64; SPRING_COLUMNS],
-    /// The variable of each column, if it is fitted.
-    pub variables: [Option<usize>; SPRING_COLUMNS],
 }
 
 /// Residuals that the caller computes.
@@ -112,16 +96,12 @@ pub struct Problem {
     smoothing: Option<f64>,
 }
 
-/// The contribution of an observation to a normal matrix.
+/// The contribution of an observation to a normal matrix, over all variables and the residual.
 enum Part {
-    /// A^T A over the entries of the tables and the residual, the upper triangle row by row.
-    Sum(Vec<f64>, At),
-    /// Rows of A, the residual last: of few modes they are less work than their products.
-    Rows(Vec<Vec<f64>>, At),
-    /// A^T A over some variables and the residual.
-    Some(Vec<f64>, Vec<usize>),
-    /// Rows of A over all variables.
-    Given(Rows),
+    /// A^T A, row by row.
+    Matrix(Vec<f64>),
+    /// Rows of A.
+    Rows(Rows),
 }
 
 impl Problem {
@@ -243,7 +223,7 @@ impl Problem {
                     let (value, expected) = (*wrong as f64, format!("a variable below {count}"));
                     return Err(Error::Index { what: "joint column", index, value, expected });
                 }
-                one.reduced()?;
+                one_a_line(one.record.measured.len(), one.record.weights.len(), one.reduction.lines())?;
             }
             Observation::Linear { matrix, centre } => {
                 let count = self.count();
@@ -304,53 +284,46 @@ impl Problem {
     /// No threads, an interruption, or an error of given residuals.
     pub fn normal_matrix(&self, x: &[f64], free: &[bool], threads: usize) -> Result<Option<Vec<f64>>> {
         let size = x.len() + 1;
-        let mut sum = vec![0.0; size * size];
+        let every: Vec<usize> = (0..x.len()).collect();
         let (values, slopes) = self.unknowns(x, free);
-        let parts = self.each(threads, |one, threads| match one {
-            Observation::Whole(one) => {
-                let at = one.tied.at(&values, &slopes)?;
-                Ok(match one.seen {
-                    Seen::Receptance { measure: Measure::Logarithm, .. } => {
-                        Part::Sum(one.normal_of_lines(&at, threads)?, at)
-                    }
-                    Seen::Receptance { measure: Measure::Percent, .. } => {
-                        let every: Vec<usize> = (0..x.len()).collect();
-                        Part::Given(one.rows_of_lines(&at, &every, x.len(), threads)?)
-                    }
-                    Seen::Frequencies { .. } => Part::Rows(one.frequencies(&at)?, at),
-                })
-            }
-            Observation::Joint(one) => {
-                let joint = one.joint(&values)?;
-                let (columns, mut place) = one.columns(&slopes);
-                let matrix = one.reduced()?.normal_matrix(&joint, &columns, threads)?;
-                place.push(x.len());
-                Ok(Part::Some(matrix, place))
-            }
-            Observation::Linear { matrix, centre } => Ok(Part::Given(linear(matrix, centre, x))),
-            Observation::Given(one) => Ok(Part::Given(one.rows(x)?)),
-        });
-        let Some(parts) = if_any(parts)? else { return Ok(None) };
-        for part in &parts {
-            match part {
-                Part::Sum(own, at) => spread(own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size),
-                Part::Rows(rows, at) => {
-                    for row in rows {
-                        self.add_row(&over_variables(row, &at.slopes, size), &mut sum);
-                    }
+        let parts = self.each(threads, |one, threads| {
+            let mut sum = vec![0.0; size * size];
+            match one {
+                Observation::Whole(
+                    one @ Modelled { seen: Seen::Receptance { measure: Measure::Logarithm, .. }, .. },
+                ) => {
+                    let at = one.tied.at(&values, &slopes)?;
+                    let own = one.normal_of_lines(&at, threads)?;
+                    spread(&own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size);
                 }
-                Part::Given(rows) => {
-                    for (residual, slopes) in rows.residual.iter().zip(rows.jacobian.chunks(x.len())) {
-                        let free =
-                            slopes.iter().zip(free).map(|(slope, free)| if *free { *slope } else { 0.0 });
-                        self.add_row(&free.chain([*residual]).collect::<Vec<f64>>(), &mut sum);
-                    }
-                }
-                Part::Some(own, place) => {
+                Observation::Joint(one) => {
+                    let (joint, mut place) = one.fitted(&values, &slopes)?;
+                    let own = one.normal_matrix(&joint, threads)?;
+                    place.push(x.len());
                     for (i, &row) in place.iter().enumerate() {
                         for (j, &column) in place.iter().enumerate() {
                             sum[row * size + column] += own[i * place.len() + j];
                         }
+                    }
+                }
+                _ => return Ok(Part::Rows(self.rows_of(one, (x, &values, &slopes), &every, threads)?)),
+            }
+            Ok(Part::Matrix(sum))
+        });
+        let Some(parts) = if_any(parts)? else { return Ok(None) };
+        let mut sum = vec![0.0; size * size];
+        for part in parts {
+            match part {
+                Part::Matrix(own) => {
+                    for (into, own) in sum.iter_mut().zip(own) {
+                        *into += own;
+                    }
+                }
+                Part::Rows(rows) => {
+                    for (residual, slopes) in rows.residual.iter().zip(rows.jacobian.chunks(x.len())) {
+                        let free =
+                            slopes.iter().zip(free).map(|(slope, free)| if *free { *slope } else { 0.0 });
+                        self.add_row(&free.chain([*residual]).collect::<Vec<f64>>(), &mut sum);
                     }
                 }
             }
@@ -419,9 +392,8 @@ impl Problem {
                 };
             }
             Observation::Joint(one) => {
-                let joint = one.joint(values)?;
-                let (columns, place) = one.columns(slopes);
-                let found = one.reduced()?.rows(&joint, &columns, threads)?;
+                let (joint, place) = one.fitted(values, slopes)?;
+                let found = one.rows(&joint, threads)?;
                 let mut jacobian = vec![0.0; found.residual.len() * moving.len()];
                 for (own, into) in
                     found.jacobian.chunks(place.len().max(1)).zip(jacobian.chunks_mut(moving.len().max(1)))
@@ -437,6 +409,9 @@ impl Problem {
             Observation::Linear { matrix, centre } => linear(matrix, centre, x),
             Observation::Given(one) => one.rows(x)?,
         };
+        if moving.len() == x.len() {
+            return Ok(whole);
+        }
         let rows = whole.jacobian.chunks(x.len());
         let jacobian = rows.flat_map(|row| moving.iter().map(|&i| row[i])).collect();
         Ok(Rows { residual: whole.residual, jacobian })
@@ -550,36 +525,6 @@ impl Observation {
     }
 }
 
-impl OfJoint {
-    /// The model and the measurement.
-    fn reduced(&self) -> Result<Reduced<'_>> {
-        Reduced::new(&self.reduction, &self.record.measured, &self.record.weights)
-    }
-
-    /// The joint.
-    ///
-    /// # Errors
-    /// Values that make no joint.
-    fn joint(&self, values: &[f64]) -> Result<[f64; SPRING_COLUMNS]> {
-        let mut joint = self.joint;
-        for (column, variable) in joint.iter_mut().zip(&self.variables) {
-            if let Some(variable) = *variable {
-                *column = values[variable];
-            }
-        }
-        Spring::new(&joint).check("joint", 0)?;
-        Ok(joint)
-    }
-
-    /// The columns that move with their derivatives by their variables, and these variables.
-    fn columns(&self, slopes: &[f64]) -> (Vec<(usize, f64)>, Vec<usize>) {
-        let each = self.variables.iter().enumerate();
-        let moving = each.filter_map(|(column, variable)| variable.map(|variable| (column, variable)));
-        let moving = moving.filter(|(_, variable)| slopes[*variable] != 0.0);
-        moving.map(|(column, variable)| ((column, slopes[variable]), variable)).unzip()
-    }
-}
-
 impl Record {
     fn thinned(&self, stride: usize) -> Self {
         Self { measured: every(&self.measured, stride), weights: every(&self.weights, stride) }
@@ -618,20 +563,6 @@ fn wrong(what: &'static str, index: usize, value: f64, expected: &str) -> Error 
     Error::Index { what, index, value, expected: expected.to_owned() }
 }
 
-/// A row of derivatives by the entries, and the residual, as one over the variables.
-fn over_variables(row: &[f64], slopes: &[f64], size: usize) -> Vec<f64> {
-    let mut whole = vec![0.0; size];
-    let Some((residual, entries)) = row.split_last() else { return whole };
-    // The slopes of factors, which act on receptances alone, follow those of the entries.
-    for (entry, slopes) in entries.iter().zip(slopes.chunks((size - 1).max(1))) {
-        for (into, slope) in whole.iter_mut().zip(slopes) {
-            *into += entry * slope;
-        }
-    }
-    whole[size - 1] = *residual;
-    whole
-}
-
 /// Adds the outer product of a row to a matrix.
 fn outer(row: &[f64], sum: &mut [f64]) {
     for (value, into) in row.iter().zip(sum.chunks_mut(row.len())).filter(|(value, _)| **value != 0.0) {
@@ -645,7 +576,6 @@ fn outer(row: &[f64], sum: &mut [f64]) {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::joint::reduction::{Form, reduce_joint};
     use crate::line::amplitude::receptance;
     use crate::model::assembly::{Model, Table, Tables};
     use crate::model::frequencies::Frequencies;
@@ -716,38 +646,6 @@ mod tests {
     }
 
     #[test]
-    fn normal_matrices_are_sums_over_lines() {
-        let (problem, Record { measured, weights }) = problem(300);
-        let x = [10.2, 0.7];
-        let mut bar = BAR;
-        (bar[5], bar[2]) = (10.0_f64.powf(x[0] + 1.0), 0.2 * (0.01 * x[1]).exp());
-        let w = lines(300);
-        let all = Frequencies::complex(&w, 1.0);
-        let found = receptance(&model(&bar), &all, &request(&[entry(5), entry(2)]), 1).unwrap();
-        let by = [bar[5] * core::f64::consts::LN_10, 0.01 * bar[2]];
-        let mut sum = [[0.0; 3]; 3];
-        for line in 0..w.len() {
-            let h = found.receptance[line];
-            let slope = |k: usize| -found.derivative[2 * line + k] / h * by[k] * weights[line];
-            let row = [slope(0), slope(1), (measured[line] / h).ln() * weights[line]];
-            for i in 0..3 {
-                for j in 0..3 {
-                    sum[i][j] += (row[i].conj() * row[j]).re;
-                }
-            }
-        }
-        for (i, j, prior) in [(1, 1, 1.0), (1, 2, x[1]), (2, 1, x[1]), (2, 2, x[1] * x[1])] {
-            sum[i][j] += prior;
-        }
-        for threads in [1, 2] {
-            let own = problem.normal_matrix(&x, &[true; 2], threads).unwrap().unwrap();
-            for (own, expected) in own.iter().zip(sum.as_flattened()) {
-                assert!((own - expected).abs() <= 1e-10 * expected.abs(), "{own} {expected}");
-            }
-        }
-    }
-
-    #[test]
     fn fits_find_the_truth_and_hold_variables_that_are_not_free() {
         let (problem, _) = problem(300);
         let starts = [10.25, 0.5, 10.35, -1.0];
@@ -766,104 +664,5 @@ mod tests {
         assert!(problem.fit(&starts, &[true], &[100; 2], SETTINGS, 1).is_err());
         let fewer = problem.thinned(30).fit(&starts, &[true, true], &[100; 2], SETTINGS, 1).unwrap();
         assert!((fewer[0].x[0] - 2e10_f64.log10()).abs() < 1e-7, "{fewer:?}");
-    }
-
-    /// The residuals 100 (x - 3) and y, one of them an outlier.
-    #[derive(Debug)]
-    struct Plane;
-
-    impl Residuals for Plane {
-        fn rows(&self, x: &[f64]) -> Result<Rows> {
-            let residual = vec![x[0] - 3.0, x[0] - 3.1, x[0] - 50.0, x[1]];
-            Ok(Rows { residual, jacobian: vec![1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0] })
-        }
-    }
-
-    #[test]
-    fn given_residuals_are_fitted_and_smoothed() {
-        let variables =
-            Variables { logarithmic: vec![false; 2], lower: vec![0.0, -1.0], upper: vec![99.0, 1.0] };
-        let fitted = |smoothing: Option<f64>| {
-            let mut problem = Problem::new(variables.clone(), Vec::new(), smoothing).unwrap();
-            problem.add(Observation::Given(Arc::new(Plane))).unwrap();
-            problem.fit(&[10.0, 0.5], &[true; 2], &[200], SETTINGS, 1).unwrap().remove(0)
-        };
-        let (squares, smoothed) = (fitted(None), fitted(Some(0.01)));
-        assert!((squares.x[0] - 56.1 / 3.0).abs() < 1e-6 && squares.x[1].abs() < 1e-6, "{squares:?}");
-        // The median of the three, nearly; and half the sum of 2 c (|r| - c), nearly.
-        assert!((smoothed.x[0] - 3.1).abs() < 0.02, "{smoothed:?}");
-        assert!((smoothed.cost - 0.01 * (46.9 + 0.1 - 0.03)).abs() < 1e-3, "{smoothed:?}");
-        assert!((smoothed.normal[8] - 2.0 * smoothed.cost).abs() < 1e-12);
-    }
-
-    /// A joint between two bars, reduced and as a whole model: rows and normal matrices are the same.
-    #[test]
-    fn a_reduced_model_is_the_whole_one() {
-        let mut second = BAR;
-        (second[0], second[1]) = (2.0, 3.0);
-        let segments = [BAR, second].concat();
-        let joints = [1.0, 2.0, 1e8, 1e5, 1e6, 100.0, 0.05, 0.0, 0.01];
-        let tables = Tables { segments: &segments, joints: &joints, ..Tables::default() };
-        let model = Model::new(Motion::Bending, tables).unwrap();
-        let w = lines(150);
-        let all = Frequencies::complex(&w, 1.0);
-        let found = receptance(&model, &all, &request(&[]), 1).unwrap();
-        let weights = (0..w.len()).map(|i| 50.0 + i as f64).collect();
-        let record = Record { measured: found.receptance, weights };
-        let tip = Coordinate { node: 0, direction: 0 };
-        // k_theta, then k_y; the first is a logarithm.
-        let priors = || vec![Prior { variable: 0, scale: 2.0, offset: 9.0 }];
-        let variables = || Variables { lower: vec![3.0, 1e6], upper: vec![7.0, 1e10], ..variables() };
-        let rates = [(3, 0), (2, 1)].map(|(column, address)| Rate {
-            entry: Parameter { table: Table::Joints, row: 0, column },
-            address,
-            rate: 1.0,
-        });
-        let address = |unknown: f64| [unknown, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let addresses = [0.0, 1.0].map(address).concat();
-        let tied = Tied::new(Motion::Bending, tables, &rates, &[1e5, 1e8], addresses, 2).unwrap();
-        let records = vec![record.clone()];
-        let seen = Seen::Receptance {
-            measure: Measure::Logarithm,
-            w: w.clone(),
-            records,
-            response: tip,
-            excitation: tip,
-            beyond: Vec::new(),
-            force: Vec::new(),
-            truncation: None,
-        };
-        let mut whole = Problem::new(variables(), priors(), None).unwrap();
-        whole.add(Observation::Whole(Modelled { tied: Arc::new(tied), seen })).unwrap();
-        let x = [5.1, 1.3e8];
-        for form in [Form::Shortest, Form::Planes] {
-            let found = reduce_joint(&model, 0, &all, tip, tip, Default::default(), form, 1).unwrap();
-            assert_eq!(found.planes().is_some(), form == Form::Planes);
-            let one = OfJoint {
-                reduction: Arc::new(found),
-                record: record.clone(),
-                joint: [1e8, 1e5, 1e6, 100.0, 0.05, 0.0, 0.01],
-                variables: [Some(1), Some(0), None, None, None, None, None],
-            };
-            let mut reduced = Problem::new(variables(), priors(), None).unwrap();
-            reduced.add(Observation::Joint(one)).unwrap();
-            for free in [[true, true], [true, false]] {
-                let (a, b) = (
-                    reduced.rows(&x, &free, 2).unwrap().unwrap(),
-                    whole.rows(&x, &free, 1).unwrap().unwrap(),
-                );
-                assert_eq!((a.residual.len(), a.jacobian.len()), (b.residual.len(), b.jacobian.len()));
-                let largest =
-                    |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-                for (a, b) in [(&a.residual, &b.residual), (&a.jacobian, &b.jacobian)] {
-                    let off = a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
-                    assert!(largest(&off) <= 1e-8 * largest(b), "{form:?}");
-                }
-            }
-            let of = |problem: &Problem| problem.normal_matrix(&x, &[true; 2], 1).unwrap().unwrap();
-            for (a, b) in of(&reduced).iter().zip(of(&whole)) {
-                assert!((a - b).abs() <= 1e-8 * b.abs(), "{form:?}: {a} {b}");
-            }
-        }
     }
 }

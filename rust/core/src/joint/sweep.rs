@@ -40,7 +40,41 @@ pub enum Misfit {
     Difference,
 }
 
-/// A model reduced to one joint, for many joints in its place.
+/// Many candidates of a model on some lines. A candidate without a finite value on every line has results of NaN.
+pub trait Sweep: Sync {
+    /// Numbers of a candidate.
+    fn columns(&self) -> usize;
+
+    /// Number of lines.
+    fn lines(&self) -> usize;
+
+    /// Receptances, `(n_candidates, n_lines)`.
+    ///
+    /// # Errors
+    /// Arrays of other lengths, or threads that could not be started.
+    fn receptances(&self, candidates: &[f64], out: &mut [Complex64], threads: usize) -> Result<()>;
+
+    /// Moduli of the receptances, likewise.
+    ///
+    /// # Errors
+    /// As `receptances`.
+    fn magnitudes(&self, candidates: &[f64], out: &mut [f64], threads: usize) -> Result<()>;
+
+    /// The sum of squares over the lines of each candidate.
+    ///
+    /// # Errors
+    /// As `receptances`.
+    fn misfits(
+        &self,
+        candidates: &[f64],
+        measured: &[Complex64],
+        weights: &[f64],
+        misfit: Misfit,
+        threads: usize,
+    ) -> Result<Vec<f64>>;
+}
+
+/// A model reduced to one joint, for many joints in its place: candidates are the columns of its spring.
 #[derive(Copy, Clone)]
 pub struct JointSweep<'a> {
     functions: Functions<'a>,
@@ -59,33 +93,26 @@ impl<'a> JointSweep<'a> {
         let functions = Functions { reduction: &model.reduction, frequencies, reference };
         Ok(Self { functions, highest })
     }
+}
 
-    /// Number of lines.
-    pub fn lines(&self) -> usize {
+impl Sweep for JointSweep<'_> {
+    fn columns(&self) -> usize {
+        SPRING_COLUMNS
+    }
+
+    fn lines(&self) -> usize {
         self.functions.frequencies.len()
     }
 
-    /// Receptances, `(n_joints, n_lines)`; a row of NaN where a joint is none or the receptance is not finite.
-    ///
-    /// # Errors
-    /// An output of another length, or threads that could not be started.
-    pub fn receptances(&self, joints: &[f64], out: &mut [Complex64], threads: usize) -> Result<()> {
+    fn receptances(&self, joints: &[f64], out: &mut [Complex64], threads: usize) -> Result<()> {
         self.each_line::<false>(joints, bytemuck::cast_slice_mut(out), threads)
     }
 
-    /// Moduli of the receptances, likewise.
-    ///
-    /// # Errors
-    /// As `receptances`.
-    pub fn magnitudes(&self, joints: &[f64], out: &mut [f64], threads: usize) -> Result<()> {
+    fn magnitudes(&self, joints: &[f64], out: &mut [f64], threads: usize) -> Result<()> {
         self.each_line::<true>(joints, out, threads)
     }
 
-    /// The sum of squares over the lines of each joint; NaN where a joint is none or the receptance is not finite.
-    ///
-    /// # Errors
-    /// Arrays of other lengths, or threads that could not be started.
-    pub fn misfits(
+    fn misfits(
         &self,
         joints: &[f64],
         values: &[Complex64],
@@ -104,7 +131,9 @@ impl<'a> JointSweep<'a> {
         })?;
         Ok(out)
     }
+}
 
+impl JointSweep<'_> {
     fn each_line<const MAGNITUDE: bool>(
         &self,
         joints: &[f64],

@@ -1,7 +1,7 @@
 //! The elements of a model on a block of frequency lines.
 
 use crate::line::combine::Centre;
-use crate::line::kernel::{Choice, Kernel};
+use crate::line::kernel::Kernel;
 use crate::line::layer::DERIVATIVES;
 use crate::line::overlap::Lanes;
 use crate::line::plane::Plane;
@@ -55,8 +55,6 @@ pub struct Block<S: Simd, const D: usize> {
     pub real: bool,
     /// The kernel of each segment.
     pub kernels: Vec<Kernel<S, D>>,
-    /// The choice behind each kernel.
-    pub choices: Vec<Choice>,
     /// Pivot weights of each segment.
     pub weights: Vec<[f64; D]>,
     /// Compliance of each joint.
@@ -137,6 +135,13 @@ impl<const D: usize> Prepared<D> {
         }
     }
 
+    /// Prepares a model for sweeps to its first node, and their plan.
+    pub fn to_first_node(model: &Model) -> (Self, Vec<Step>) {
+        let (mut prepared, plan) = (Self::new(model), model.plan(0));
+        prepared.follow(&plan);
+        (prepared, plan)
+    }
+
     /// Makes ready for the steps of a plan.
     pub fn follow(&mut self, plan: &[Step]) {
         for step in plan {
@@ -174,15 +179,13 @@ impl<const D: usize> Prepared<D> {
         }
         for (row, segment) in self.segments.iter().enumerate() {
             if into.kernels.len() <= row {
-                into.kernels.push(Kernel::Skipped);
-                into.choices.push(Choice::Waves);
+                into.kernels.push(Kernel::skipped(simd));
                 into.weights.push(segment.weights(segment.wave_number_square(into.most)));
             }
             if self.active[row] {
-                let (choice, weights) = segment.choose(w, into.most, pieces_only);
-                into.choices[row] = choice;
-                into.weights[row] = weights;
-                into.kernels[row] = segment.kernel(simd, choice, w, into.w2);
+                let square = segment.wave_number_square(into.most);
+                into.weights[row] = segment.weights(square);
+                segment.evaluate(w, into.w2, square, pieces_only, &mut into.kernels[row]);
             }
         }
         into.compliances.clear();
@@ -288,7 +291,6 @@ impl<S: Simd, const D: usize> Block<S, D> {
     fn reserve(&mut self, prepared: &Prepared<D>) {
         let (segments, joints) = (prepared.segments.len(), prepared.joints.len());
         self.kernels.reserve_exact(segments);
-        self.choices.reserve_exact(segments);
         self.weights.reserve_exact(segments);
         self.compliances.reserve_exact(joints);
         self.centres.reserve_exact(joints);
@@ -304,7 +306,6 @@ impl<S: Simd, const D: usize> Block<S, D> {
             most: 0.0,
             real: true,
             kernels: Vec::new(),
-            choices: Vec::new(),
             weights: Vec::new(),
             compliances: Vec::new(),
             centres: Vec::new(),

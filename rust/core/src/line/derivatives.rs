@@ -6,9 +6,9 @@
 //! J the symplectic form. For a short piece the integral is -r(b)^T J dT s(a) with T = exp(A L) from the
 //! series; for waves it is taken in closed form. The density of the length is constant along a segment.
 
-use crate::line::block::Block;
+use crate::line::block::{Block, Prepared};
 use crate::line::exponential;
-use crate::line::kernel::{Choice, Kernel, Wave, parity};
+use crate::line::kernel::{Kernel, Wave, Way, parity};
 use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
 use crate::model::assembly::{Model, Table};
@@ -153,16 +153,14 @@ impl<const D: usize> Gradient<D> {
         block: &Block<S, D>,
         left: &Field<S, D>,
         right: &Field<S, D>,
-        sensitivities: &[Option<Sensitivity<S, D>>],
-        overlaps: &[Option<[C<S>; DERIVATIVES]>],
+        sensitivities: &Sensitivities<S, D>,
     ) -> C<S> {
         let zero = C::zero(block.iw.simd);
         match self {
-            Self::Section { row, kinetic, compliance } => match &sensitivities[*row] {
-                Some(found) => by_column(found, kinetic, compliance),
-                None => zero,
-            },
-            Self::Length { row } => sensitivities[*row].as_ref().map_or(zero, |found| found.length),
+            Self::Section { row, kinetic, compliance } => {
+                by_column(&sensitivities.segments[*row], kinetic, compliance)
+            }
+            Self::Length { row } => sensitivities.segments[*row].length,
             Self::Joint { row, column, spring, lost } => {
                 let (left, right) = (&left.joints[*row].gap, &right.joints[*row].gap);
                 let whole = spring_derivative(spring, *column, block.iw, left, right);
@@ -180,7 +178,7 @@ impl<const D: usize> Gradient<D> {
                 sum
             }
             Self::Overlap { row, factors, rates } => {
-                let Some(found) = &overlaps[*row] else { return zero };
+                let found = &sensitivities.overlaps[*row];
                 let mut sum = zero;
                 for (value, factor) in found.iter().zip(factors) {
                     sum = C::splat(zero.simd, *factor).mul_add(*value, sum);
@@ -261,23 +259,42 @@ pub struct Sensitivity<S: Simd, const D: usize> {
     pub length: C<S>,
 }
 
+/// Derivatives of H by the coefficients of all segments and overlaps, zero where they are not requested.
+pub struct Sensitivities<S: Simd, const D: usize> {
+    /// Those of the segments.
+    pub segments: Vec<Sensitivity<S, D>>,
+    /// Those of the overlaps.
+    pub overlaps: Vec<[C<S>; DERIVATIVES]>,
+}
+
+impl<S: Simd, const D: usize> Sensitivities<S, D> {
+    /// Zeros for each segment and overlap of a model.
+    pub fn zeros(simd: S, prepared: &Prepared<D>) -> Self {
+        let zero = C::zero(simd);
+        let none = || Sensitivity { kinetic: [zero; D], compliance: [zero; D], length: zero };
+        Self {
+            segments: prepared.segments.iter().map(|_| none()).collect(),
+            overlaps: vec![[zero; DERIVATIVES]; prepared.overlaps.len()],
+        }
+    }
+}
+
 /// Derivatives by the coefficients of one segment from the states of the two loads.
 #[inline(always)]
 pub fn segment<S: Simd, const D: usize>(
     segment: &Segment<D>,
     kernel: &Kernel<S, D>,
-    choice: Choice,
     w2: C<S>,
     left: &[State<S, D>],
     right: &[State<S, D>],
 ) -> Sensitivity<S, D> {
     let zero = C::zero(w2.simd);
     let mut out = Sensitivity { kinetic: [zero; D], compliance: [zero; D], length: zero };
-    match (kernel, choice) {
-        (Kernel::Waves(wave), _) => waves(segment, wave, left, right, &mut out),
-        (Kernel::Pieces { count, .. }, Choice::Pieces { terms, .. }) => {
-            let l = segment.length / *count as f64;
-            for piece in 0..*count {
+    match kernel.way {
+        Way::Waves => waves(segment, &kernel.wave, left, right, &mut out),
+        Way::Pieces { count, terms } => {
+            let l = segment.length / count as f64;
+            for piece in 0..count {
                 if D == 1 {
                     rod_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
                 } else {
@@ -285,7 +302,7 @@ pub fn segment<S: Simd, const D: usize>(
                 }
             }
         }
-        (Kernel::Pieces { .. }, Choice::Waves) | (Kernel::Skipped, _) => {}
+        Way::Skipped => {}
     }
     for i in 0..D {
         out.kinetic[i] = out.kinetic[i] * w2;

@@ -65,15 +65,9 @@ pub fn terms(square: f64) -> usize {
     n
 }
 
-/// e_2, e_3, e_4, e_5.
-pub struct Sums<S: Simd> {
-    /// e_2 to e_5.
-    pub e: [C<S>; 4],
-}
-
-/// The sums for `terms` terms.
+/// The sums e_2 to e_5 for `terms` terms.
 #[inline(always)]
-pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> Sums<S> {
+pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [C<S>; 4] {
     let simd = z1.simd;
     let top = 2 * terms + 2;
     // Two chains, even and odd k; (e_(k+4), e_(k+2)) of each.
@@ -87,7 +81,7 @@ pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> Sums<S> {
         let start = C::real(simd, INVERSE_FACTORIAL[k + 1]);
         odd = [odd[1], z2.neg_mul_add(odd[0], z1.mul_add(odd[1], start))];
     }
-    Sums { e: [even[1], odd[1], even[0], odd[0]] }
+    [even[1], odd[1], even[0], odd[0]]
 }
 
 /// A sum with its derivatives by z1 and z2.
@@ -175,8 +169,8 @@ mod tests {
             let got = sums(one(a + b), one(a * b), n);
             let e2 = (l1.cosh() - l2.cosh()) / (a - b);
             let e3 = (l1.sinh() / l1 - l2.sinh() / l2) / (a - b);
-            assert!((number(got.e[0]) - e2).norm() < 1e-14 * e2.norm().max(1.0));
-            assert!((number(got.e[1]) - e3).norm() < 1e-14 * e3.norm().max(1.0));
+            assert!((number(got[0]) - e2).norm() < 1e-14 * e2.norm().max(1.0));
+            assert!((number(got[1]) - e3).norm() < 1e-14 * e3.norm().max(1.0));
         }
     }
 
@@ -190,10 +184,10 @@ mod tests {
         let (up, down) = (sums(one(z1 + h), one(z2), n), sums(one(z1 - h), one(z2), n));
         let (up2, down2) = (sums(one(z1), one(z2 + h), n), sums(one(z1), one(z2 - h), n));
         for k in 0..4 {
-            assert!((number(all[k][0]) - number(plain.e[k])).norm() < 1e-15);
-            let slope = (number(up.e[k]) - number(down.e[k])) / (2.0 * h);
+            assert!((number(all[k][0]) - number(plain[k])).norm() < 1e-15);
+            let slope = (number(up[k]) - number(down[k])) / (2.0 * h);
             assert!((number(all[k][1]) - slope).norm() < 1e-9);
-            let slope = (number(up2.e[k]) - number(down2.e[k])) / (2.0 * h);
+            let slope = (number(up2[k]) - number(down2[k])) / (2.0 * h);
             assert!((number(all[k][2]) - slope).norm() < 1e-9);
         }
     }

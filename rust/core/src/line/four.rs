@@ -2,6 +2,7 @@
 
 use crate::line::signs::Line;
 use crate::simd::lane::{C, MAX_LANES, R};
+use crate::simd::small;
 use num_complex::Complex64;
 use pulp::{Scalar, Simd};
 
@@ -27,16 +28,6 @@ pub fn multiply<S: Simd, const N: usize>(rows: &mut Rows<S, N>, by: &Rows<S, 4>)
             row[j] = sum;
         }
     }
-}
-
-/// The identity.
-#[inline(always)]
-pub fn identity<S: Simd>(simd: S) -> Rows<S, 4> {
-    let mut out = [[C::zero(simd); 4]; 4];
-    for i in 0..4 {
-        out[i][i] = C::real(simd, 1.0);
-    }
-    out
 }
 
 /// Rows that may become pivots: the first ones of a basis.
@@ -72,7 +63,8 @@ type Taken = [Option<(usize, usize)>; 4];
 #[inline(always)]
 pub fn eliminate<S: Simd, const N: usize>(rows: &mut Rows<S, N>, among: Candidates<'_, S>) -> Change<S> {
     let simd = rows[0][0].simd;
-    let mut change = Change { matrix: identity(simd), determinant: C::real(simd, 1.0), taken: [None; 4] };
+    let mut change =
+        Change { matrix: small::identity(simd), determinant: C::real(simd, 1.0), taken: [None; 4] };
     let mut taken = [None; 4];
     for _ in 0..among.groups {
         let Some((row, column)) = pivot(rows, &among, &taken) else {

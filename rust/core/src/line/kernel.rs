@@ -49,33 +49,44 @@ pub struct Wave<S: Simd, const D: usize> {
 }
 
 /// How a block of lines passes a segment.
-#[derive(Copy, Clone)]
-pub enum Kernel<S: Simd, const D: usize> {
-    /// Equal pieces, each by the transfer matrix.
-    Pieces {
-        /// Number of pieces.
-        count: usize,
-        /// Transfer matrix of one.
-        transfer: Transfer<S, D>,
-    },
-    /// One step by waves.
-    Waves(Wave<S, D>),
-    /// Not computed: the segment lies in a branch that is taken as a whole.
-    Skipped,
-}
-
-/// The choice of a kernel, made for all lanes of a block.
 #[derive(Copy, Clone, Debug, PartialEq)]
-pub enum Choice {
-    /// Pieces and the terms of the series.
+pub enum Way {
+    /// Equal pieces, each by the transfer matrix.
     Pieces {
         /// Number of pieces.
         count: usize,
         /// Terms of the series.
         terms: usize,
     },
-    /// Waves.
+    /// One step by waves.
     Waves,
+    /// Not computed: the segment lies in a branch that is taken as a whole.
+    Skipped,
+}
+
+/// A segment on a block of lines.
+// Not one enumeration: matrices in variants begin at different places, and the compiler then moves their vectors in
+// parts that straddle each other. These moves took a third of the time of a sweep.
+pub struct Kernel<S: Simd, const D: usize> {
+    /// How the segment is passed.
+    pub way: Way,
+    /// Transfer matrix of a piece, if it is passed in pieces.
+    pub transfer: Transfer<S, D>,
+    /// Its waves, if it is passed by waves.
+    pub wave: Wave<S, D>,
+}
+
+impl<S: Simd, const D: usize> Kernel<S, D> {
+    /// A kernel to be evaluated.
+    #[inline(always)]
+    pub fn skipped(simd: S) -> Self {
+        let (vector, matrix) = ([C::zero(simd); D], small::zeros(simd));
+        Self {
+            way: Way::Skipped,
+            transfer: Transfer { uu: matrix, uf: matrix, fu: matrix, ff: matrix },
+            wave: Wave { lambda: vector, u: matrix, f: matrix, decay: vector },
+        }
+    }
 }
 
 impl<const D: usize> Segment<D> {
@@ -112,18 +123,15 @@ impl<const D: usize> Segment<D> {
         (out, curvature)
     }
 
-    /// Chooses the kernel for the lines `w`, the largest |w|^2 of which is `most`, and the weights for its
-    /// charts; `pieces_only` keeps to the series.
-    pub fn choose(&self, w: &[Complex64], most: f64, pieces_only: bool) -> (Choice, [f64; D]) {
-        let square = self.wave_number_square(most);
-        let weights = self.weights(square);
+    /// The way for all of the lines `w`, on which the squares of the wave numbers are at most `square`; `pieces_only`
+    /// keeps to the series.
+    fn way(&self, w: &[Complex64], square: f64, pieces_only: bool) -> Way {
         let square = square * self.length * self.length;
         let count = ((square.sqrt() / exponential::REACH).ceil() as usize).max(1);
         if !pieces_only && count > FEW_PIECES && self.waves_serve(w) {
-            return (Choice::Waves, weights);
+            return Way::Waves;
         }
-        let terms = exponential::terms(square / (count * count) as f64);
-        (Choice::Pieces { count, terms }, weights)
+        Way::Pieces { count, terms: exponential::terms(square / (count * count) as f64) }
     }
 
     /// Whether the waves are well separated and long enough on every line.
@@ -135,15 +143,23 @@ impl<const D: usize> Segment<D> {
         })
     }
 
-    /// Evaluates the kernel.
+    /// Evaluates the kernel for the lines `w` as in `way`.
     #[inline(always)]
-    pub fn kernel<S: Simd>(&self, simd: S, choice: Choice, w: &[Complex64], w2: C<S>) -> Kernel<S, D> {
-        match choice {
-            Choice::Pieces { count, terms } => {
-                let transfer = self.transfer(simd, self.length / count as f64, terms, w2);
-                Kernel::Pieces { count, transfer }
+    pub fn evaluate<S: Simd>(
+        &self,
+        w: &[Complex64],
+        w2: C<S>,
+        square: f64,
+        pieces_only: bool,
+        into: &mut Kernel<S, D>,
+    ) {
+        into.way = self.way(w, square, pieces_only);
+        match into.way {
+            Way::Pieces { count, terms } => {
+                into.transfer = self.transfer(w2.simd, self.length / count as f64, terms, w2);
             }
-            Choice::Waves => Kernel::Waves(self.waves(simd, w, w2)),
+            Way::Waves => into.wave = self.waves(w2.simd, w, w2),
+            Way::Skipped => {}
         }
     }
 
@@ -188,7 +204,7 @@ impl<const D: usize> Segment<D> {
             out.ff[0][0] = c[0];
             return out;
         }
-        let exponential::Sums { e } = exponential::sums(z1, z2, terms);
+        let e = exponential::sums(z1, z2, terms);
         let one = C::real(simd, 1.0);
         let c0 = z2.neg_mul_add(e[2], one);
         let c1 = z2.neg_mul_add(e[3], one).scale(l);
@@ -201,14 +217,14 @@ impl<const D: usize> Segment<D> {
         let slope = (a + b).neg_mul_add(c3, c1);
         let (mu_c2, beta_c2) = (mu * c2, beta * c2);
         let beta_mu_c3 = beta * (mu * c3);
-        out.uu = fill([[diagonal[0], -slope], [-beta_mu_c3, diagonal[1]]], zero);
-        out.ff = fill([[diagonal[0], beta_mu_c3], [slope, diagonal[1]]], zero);
+        out.uu = small::leading(&[[diagonal[0], -slope], [-beta_mu_c3, diagonal[1]]]);
+        out.ff = small::leading(&[[diagonal[0], beta_mu_c3], [slope, diagonal[1]]]);
         let short = a.neg_mul_add(c3, c1);
         let shear = beta.neg_mul_add(c3, alpha * short);
         let bend = beta * b.neg_mul_add(c3, c1);
-        out.uf = fill([[shear, -beta_c2], [beta_c2, bend]], zero);
+        out.uf = small::leading(&[[shear, -beta_c2], [beta_c2, bend]]);
         let rotary = nu.neg_mul_add(c1, nu.mul_add(b, mu) * c3);
-        out.fu = fill([[-(mu * short), mu_c2], [-mu_c2, rotary]], zero);
+        out.fu = small::leading(&[[-(mu * short), mu_c2], [-mu_c2, rotary]]);
         out
     }
 
@@ -248,17 +264,6 @@ impl<const D: usize> Segment<D> {
         }
         out
     }
-}
-
-/// Puts a 2 x 2 matrix into a D x D one, D being 2 wherever this runs.
-#[inline(always)]
-fn fill<S: Simd, const D: usize>(from: [[C<S>; 2]; 2], mut into: Mat<S, D>) -> Mat<S, D> {
-    for i in 0..D {
-        for j in 0..D {
-            into[i][j] = from[i][j];
-        }
-    }
-    into
 }
 
 /// Sign of a displacement under x -> -x; its load has the same, its internal force the opposite one.

@@ -262,7 +262,7 @@ impl<S: Simd> Passed<S> {
     /// The u rows of the near beam.
     #[inline(always)]
     pub fn near_u<const D: usize>(&self) -> Mat<S, D> {
-        matrix(&self.u)
+        small::leading(&self.u)
     }
 }
 
@@ -308,7 +308,7 @@ impl<S: Simd> Lanes<S> {
         let simd = self.pair.total[0].simd;
         let weights = self.weights_behind(!forward);
         let passed = simd.vectorize(Pass { overlap: self, beside, plane, forward, wanted });
-        let (near, inverse) = Plane::pivot(&matrix(&passed.u), &matrix(&passed.f), &weights);
+        let (near, inverse) = Plane::pivot(&small::leading(&passed.u), &small::leading(&passed.f), &weights);
         let columns = self.trace.last;
         for i in 0..4 {
             for j in 0..D {
@@ -319,7 +319,7 @@ impl<S: Simd> Lanes<S> {
                 self.trace.last[i][j] = sum;
             }
         }
-        (near, small::mul(&matrix(&passed.behind), &inverse), passed)
+        (near, small::mul(&small::leading(&passed.behind), &inverse), passed)
     }
 
     /// The states within on the last way through, from the independent variables after it.
@@ -472,18 +472,6 @@ fn by_length<S: Simd>(overlap: &Lanes<S>, length: f64, left: &States<S>, right: 
         }
     }
     sum
-}
-
-/// The leading D x D entries of a 2 x 2 matrix.
-#[inline(always)]
-fn matrix<S: Simd, const D: usize>(from: &Two<S>) -> Mat<S, D> {
-    let mut out = small::zeros(from[0][0].simd);
-    for i in 0..D {
-        for j in 0..D {
-            out[i][j] = from[i][j];
-        }
-    }
-    out
 }
 
 /// The basis at the far end: the end of the near beam is free, the structure behind moves according to its plane.

@@ -2,15 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::line::block::{Block, Prepared};
-use crate::line::derivatives;
-use crate::line::derivatives::Gradient;
-use crate::line::layer::DERIVATIVES;
+use crate::line::derivatives::{self, Gradient, Sensitivities};
 use crate::line::sweep::{Blind, Field, Record, Within};
 use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::{EMPTY, Frequencies, LINES_PER_TASK};
 use crate::model::request::{ByLine, Coordinate, Request, Response, check};
 use crate::series::branch::{Tip, shorten};
-use crate::simd::lane::{C, MAX_LANES};
+use crate::simd::lane::MAX_LANES;
 use crate::simd::small::column;
 use crate::threads::on_threads;
 use core::ops::Range;
@@ -56,16 +54,21 @@ pub(crate) struct Job<'a, const D: usize> {
 /// singular interface, or a resonance without damping met exactly.
 pub fn linear(model: &Model, lines: &Frequencies, request: &Request, threads: usize) -> Result<Response> {
     let highest = check(model, lines, request)?;
-    let solve = |whole_branches: bool| {
-        let whole = whole_branches.then_some((highest, lines.len()));
-        match model.motion.degrees() {
-            1 => Job::<1>::new(model, request, whole).run(lines, threads),
-            _ => Job::<2>::new(model, request, whole).run(lines, threads),
-        }
-    };
-    match solve(true) {
-        // A free resonance without damping can make the one denominator of a branch zero to the last bit.
-        Err(Error::Resonance { .. }) => solve(false),
+    with_branches(highest, lines.len(), |whole| match model.motion.degrees() {
+        1 => Job::<1>::new(model, request, whole).run(lines, threads),
+        _ => Job::<2>::new(model, request, whole).run(lines, threads),
+    })
+}
+
+/// Does the work on so many lines up to a frequency with whole branches as one series, see `Job::new`, or else without:
+/// a free resonance without damping can make the one denominator of a branch zero to the last bit.
+pub(crate) fn with_branches<T>(
+    highest: f64,
+    lines: usize,
+    work: impl Fn(Option<(f64, usize)>) -> Result<T>,
+) -> Result<T> {
+    match work(Some((highest, lines))) {
+        Err(Error::Resonance { .. }) => work(None),
         other => other,
     }
 }
@@ -266,8 +269,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
         let mut records: Vec<Record<S, D>> = Vec::new();
         let mut fields: Vec<Field<S, D>> =
             job.loads.iter().map(|_| Field::empty(simd, job.nodes, &job.prepared)).collect();
-        let mut sensitivities: Vec<Option<derivatives::Sensitivity<S, D>>> =
-            job.prepared.segments.iter().map(|_| None).collect();
+        let mut sensitivities = Sensitivities::zeros(simd, &job.prepared);
         let within = Within { segments: !job.differentiated.is_empty(), overlaps: !job.overlaps.is_empty() };
         let mut next = 0;
         while next < w.len() {
@@ -331,7 +333,7 @@ impl<const D: usize> Job<'_, D> {
         &self,
         block: &Block<S, D>,
         fields: &[Field<S, D>],
-        sensitivities: &mut [Option<derivatives::Sensitivity<S, D>>],
+        sensitivities: &mut Sensitivities<S, D>,
         lines: usize,
         start: usize,
         h: &mut [Complex64],
@@ -353,24 +355,19 @@ impl<const D: usize> Job<'_, D> {
                 }
                 let left = &fields[self.observed[i]];
                 for &row in &self.differentiated {
-                    sensitivities[row] = Some(derivatives::segment(
-                        &self.prepared.segments[row],
-                        &block.kernels[row],
-                        block.choices[row],
-                        block.w2,
-                        &left.states[row],
-                        &right.states[row],
-                    ));
+                    let (left, right) = (&left.states[row], &right.states[row]);
+                    let segment = &self.prepared.segments[row];
+                    sensitivities.segments[row] =
+                        derivatives::segment(segment, &block.kernels[row], block.w2, left, right);
                 }
-                let mut beside: Vec<Option<[C<S>; DERIVATIVES]>> = vec![None; self.prepared.overlaps.len()];
                 for &row in &self.overlaps {
                     let (left, right) = (&left.overlaps[row], &right.overlaps[row]);
                     let overlap = &self.prepared.overlaps[row];
-                    let found = block.overlaps[row].derivatives(block.w2, overlap, left, right);
-                    beside[row] = Some(found);
+                    sensitivities.overlaps[row] =
+                        block.overlaps[row].derivatives(block.w2, overlap, left, right);
                 }
                 for (k, gradient) in self.gradients.iter().enumerate() {
-                    gradient.evaluate(block, left, right, sensitivities, &beside).store(&mut lanes);
+                    gradient.evaluate(block, left, right, sensitivities).store(&mut lanes);
                     for lane in 0..lines {
                         let line = (start + lane) * rows * columns + pair;
                         dh[line * parameters + k] = lanes[lane];

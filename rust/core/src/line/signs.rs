@@ -1,45 +1,18 @@
 //! Counts of the negative pivots of an overlap on a single line.
 
+use nalgebra::Matrix4;
 use num_complex::Complex64;
 
 /// Rows of four columns.
 pub type Line<const N: usize> = [[Complex64; 4]; N];
 
-/// The inverse by elimination with row pivoting, the rows weighted by their largest entries.
-pub fn inverse(mut matrix: [[Complex64; 4]; 4]) -> [[Complex64; 4]; 4] {
-    let mut out = [[Complex64::ZERO; 4]; 4];
-    for i in 0..4 {
-        out[i][i] = Complex64::ONE;
-    }
+/// The inverse by elimination with row pivoting, the rows divided by their largest entries; not a number where there is
+/// none.
+pub fn inverse(matrix: Line<4>) -> Line<4> {
     let scale = matrix.map(|row| row.iter().fold(0.0_f64, |most, value| most.max(value.norm())));
-    let mut order = [0, 1, 2, 3];
-    for column in 0..4 {
-        let mut best = column;
-        for i in column..4 {
-            let share = |i: usize| matrix[order[i]][column].norm() / scale[order[i]];
-            if share(i) > share(best) {
-                best = i;
-            }
-        }
-        order.swap(column, best);
-        let row = order[column];
-        let pivot = matrix[row][column].inv();
-        for j in 0..4 {
-            matrix[row][j] *= pivot;
-            out[row][j] *= pivot;
-        }
-        for i in 0..4 {
-            if i != row {
-                let factor = matrix[i][column];
-                for j in 0..4 {
-                    let (a, b) = (matrix[row][j], out[row][j]);
-                    matrix[i][j] -= factor * a;
-                    out[i][j] -= factor * b;
-                }
-            }
-        }
-    }
-    order.map(|row| out[row])
+    let scaled = Matrix4::from_fn(|i, j| matrix[i][j] / scale[i]);
+    let inverse = scaled.lu().try_inverse().unwrap_or(Matrix4::from_element(f64::NAN.into()));
+    core::array::from_fn(|i| core::array::from_fn(|j| inverse[(i, j)] / scale[j]))
 }
 
 /// Negative eigenvalues of the pivot at a piece's far end, K U_near U_far^-1 with K the piece's stiffness.

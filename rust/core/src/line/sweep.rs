@@ -2,7 +2,7 @@
 
 use crate::line::block::{Block, Prepared};
 use crate::line::combine::{JointState, Kind, add_beyond, add_diagonal, in_joint, join};
-use crate::line::kernel::{Kernel, oriented};
+use crate::line::kernel::{Kernel, Way, oriented};
 use crate::line::overlap::{Passed, States, Wanted};
 use crate::line::plane::Plane;
 use crate::model::assembly::Step;
@@ -13,15 +13,14 @@ use pulp::Simd;
 /// Weights that differ by more than this factor need charts of their own.
 const MOST_WEIGHTS_APART: f64 = 100.0;
 
-/// The plane after a step, and the way back: the independent variables before it from those after it.
+/// The plane after a step, and the way back: the independent variables before it from those after it. A join has two
+/// records of one plane: the way back to the branch that was swept first, then that to the other one.
 #[derive(Copy, Clone)]
 pub struct Record<S: Simd, const D: usize> {
     /// The plane after the step.
     pub plane: Plane<S, D>,
     /// Independent variables of the plane before, from those of this plane.
     pub back: Mat<S, D>,
-    /// The same for the other branch of a join.
-    pub other: Mat<S, D>,
     /// The weights by which the chart was chosen.
     pub weights: [f64; D],
 }
@@ -29,9 +28,9 @@ pub struct Record<S: Simd, const D: usize> {
 impl<S: Simd, const D: usize> Record<S, D> {
     /// Two branches on one node, the second being the one that was swept last.
     #[inline(always)]
-    fn join(first: &Plane<S, D>, second: &Plane<S, D>, weights: [f64; D]) -> Self {
+    fn join(first: &Plane<S, D>, second: &Plane<S, D>, weights: [f64; D]) -> [Self; 2] {
         let (plane, [other, back]) = join(first, second, &weights);
-        Self { plane, back, other, weights }
+        [Self { plane, back: other, weights }, Self { plane, back, weights }]
     }
 }
 
@@ -136,14 +135,16 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 _ => None,
             });
             weights = next.unwrap_or(weights);
-            let current = records.last().map(|record| record.plane);
-            let plane = current.unwrap_or(Plane::free(simd));
+            let plane = match records.last() {
+                Some(record) => record.plane,
+                None => Plane::free(simd),
+            };
             match *step {
                 Step::Leaf { .. } => {
                     if !records.is_empty() {
                         waiting.push(plane);
                     }
-                    records.push(Record { plane: Plane::free(simd), back: zero, other: zero, weights });
+                    records.push(Record { plane: Plane::free(simd), back: zero, weights });
                 }
                 Step::Segment { row, forward, .. } => {
                     self.through_segment(row, forward, plane, records, observer);
@@ -160,7 +161,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     } else {
                         add_diagonal(&plane, &self.centres[row].compliance, Kind::Compliance, &weights)
                     };
-                    records.push(Record { plane, back, other: zero, weights });
+                    records.push(Record { plane, back, weights });
                 }
                 Step::Point { node } => {
                     if let Some(points) = &self.points[node] {
@@ -180,11 +181,11 @@ impl<S: Simd, const D: usize> Block<S, D> {
                             plane = next;
                             back = small::mul(&back, &step);
                         }
-                        records.push(Record { plane, back, other: zero, weights });
+                        records.push(Record { plane, back, weights });
                     }
                     if let Some((_, beyond)) = self.terminals.iter().find(|one| one.0 == node) {
                         let plane = records.last().map_or(plane, |record| record.plane);
-                        records.push(Record::join(beyond, &plane, weights));
+                        records.extend(Record::join(beyond, &plane, weights));
                     }
                 }
                 Step::Branch { index } => {
@@ -195,11 +196,11 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     weights = branch.weights(self.most);
                     let minors = branch.minors(simd, self.w2, self.real);
                     let plane = Plane::from_minors(minors, &weights);
-                    records.push(Record { plane, back: zero, other: zero, weights });
+                    records.push(Record { plane, back: zero, weights });
                 }
                 Step::Join => {
                     let first = waiting.pop().unwrap_or(plane);
-                    records.push(Record::join(&first, &plane, weights));
+                    records.extend(Record::join(&first, &plane, weights));
                 }
             }
         }
@@ -222,7 +223,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
         if wanted != Wanted::Plane {
             observer.overlapped(&plane.basis().0, &passed.near_u(), &passed);
         }
-        records.push(Record { plane: near, back, other: back, weights });
+        records.push(Record { plane: near, back, weights });
     }
 
     #[inline(always)]
@@ -235,33 +236,33 @@ impl<S: Simd, const D: usize> Block<S, D> {
         observer: &mut impl Observer<S, D>,
     ) {
         let weights = &self.weights[row];
-        match &self.kernels[row] {
-            Kernel::Skipped => {}
-            Kernel::Pieces { count, transfer } => {
+        let Kernel { way, transfer, wave } = &self.kernels[row];
+        match way {
+            Way::Skipped => {}
+            Way::Pieces { count, .. } => {
                 let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
                 let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
                 // As for the waves below: elements behind a far lighter segment are in a chart of their own scale.
                 let before = records.last().map(|record| record.weights).unwrap_or(*weights);
-                let mut rechart = None;
-                if far_apart(&before, weights) {
-                    let (start, step) = plane.weighted(weights);
-                    plane = start;
-                    rechart = Some(step);
+                let (far, first) = (far_apart(&before, weights), records.len());
+                let mut rechart = small::identity(self.iw.simd);
+                if far {
+                    (plane, rechart) = plane.weighted(weights);
                 }
                 for _ in 0..*count {
                     let (u, f) = plane.basis();
                     let near_u = small::mul_add(&uf, &f, &small::mul(&uu, &u));
                     let near_f = small::mul_add(&ff, &f, &small::mul(&fu, &u));
                     observer.passed(&u, &near_u, &uf);
-                    let (next, mut back) = Plane::pivot(&near_u, &near_f, weights);
-                    if let Some(step) = rechart.take() {
-                        back = small::mul(&step, &back);
-                    }
-                    records.push(Record { plane: next, back, other: back, weights: *weights });
+                    let (next, back) = Plane::pivot(&near_u, &near_f, weights);
+                    records.push(Record { plane: next, back, weights: *weights });
                     plane = next;
                 }
+                if far {
+                    records[first].back = small::mul(&rechart, &records[first].back);
+                }
             }
-            Kernel::Waves(wave) => {
+            Way::Waves => {
                 let [(away_u, away_f), (back_u, back_f)] = wave.oriented(forward);
                 // Elements behind may be far lighter or stiffer; in a chart that suits this segment its
                 // small loads or motions are not differences of large waves.
@@ -287,7 +288,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 let far = small::mul_add(&in_back, &reflection, &arrived);
                 let (next, coordinates) = Plane::pivot(&near_u, &near_f, weights);
                 let back = small::mul(&rechart, &small::mul(&far, &coordinates));
-                records.push(Record { plane: next, back, other: back, weights: *weights });
+                records.push(Record { plane: next, back, weights: *weights });
             }
         }
     }
@@ -317,9 +318,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     }
                 }
                 Step::Segment { row, forward, far } => {
-                    let pieces = match &self.kernels[row] {
-                        Kernel::Pieces { count, .. } => *count,
-                        Kernel::Waves(_) | Kernel::Skipped => 1,
+                    let pieces = match self.kernels[row].way {
+                        Way::Pieces { count, .. } => count,
+                        Way::Waves | Way::Skipped => 1,
                     };
                     if within.segments {
                         field.states[row].clear();
@@ -366,9 +367,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 }
                 Step::Point { node } => {
                     if let Some(row) = self.terminals.iter().position(|one| one.0 == node) {
-                        field.terminals[row] = small::apply(&records[at].other, &independent);
+                        field.terminals[row] = small::apply(&records[at - 1].back, &independent);
                         independent = small::apply(&records[at].back, &independent);
-                        at -= 1;
+                        at -= 2;
                     }
                     if self.points[node].is_some() {
                         independent = small::apply(&records[at].back, &independent);
@@ -376,9 +377,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     }
                 }
                 Step::Join => {
-                    stack.push(small::apply(&records[at].other, &independent));
+                    stack.push(small::apply(&records[at - 1].back, &independent));
                     independent = small::apply(&records[at].back, &independent);
-                    at -= 1;
+                    at -= 2;
                 }
             }
         }

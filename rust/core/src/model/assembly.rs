@@ -30,6 +30,35 @@ pub enum Table {
 
 /// Number of tables.
 pub const TABLES: usize = 8;
+
+impl Table {
+    /// All tables in their order.
+    pub const ALL: [Self; TABLES] = [
+        Self::Segments,
+        Self::Joints,
+        Self::Masses,
+        Self::Grounds,
+        Self::Overlaps,
+        Self::Terminals,
+        Self::Modes,
+        Self::Slips,
+    ];
+
+    /// Number of columns.
+    pub fn columns(self) -> usize {
+        match self {
+            Self::Segments => section::column::COUNT,
+            Self::Joints => JOINT_COLUMNS,
+            Self::Masses => MASS_COLUMNS,
+            Self::Grounds => GROUND_COLUMNS,
+            Self::Overlaps => overlap::column::COUNT,
+            Self::Terminals => TERMINAL_COLUMNS,
+            Self::Modes => MODE_COLUMNS,
+            Self::Slips => SLIP_COLUMNS,
+        }
+    }
+}
+
 /// Columns of the joint table: nodes a, b, then those of the spring.
 pub const JOINT_COLUMNS: usize = 2 + SPRING_COLUMNS;
 /// Columns of the mass table: node, mass, inertia (for rods: node, inertia of the motion, unused).

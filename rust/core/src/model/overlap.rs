@@ -5,12 +5,9 @@ use crate::model::section;
 use crate::model::section::{Motion, Segment};
 use num_complex::Complex64;
 
-/// Columns of the overlap table.
+/// Columns of the overlap table; first the node where the inner beam goes on, at the end of smaller x, and that where
+/// the outer beam does, at the end of larger x.
 pub mod column {
-    /// Node where the inner beam goes on, at the end of smaller x.
-    pub const A: usize = 0;
-    /// Node where the outer beam goes on, at the end of larger x.
-    pub const B: usize = 1;
     /// Length in m.
     pub const LENGTH: usize = 2;
     /// Section of the inner beam: the columns of the segment table from the outer diameter on.

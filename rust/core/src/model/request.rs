@@ -1,13 +1,12 @@
 //! Requests to a model, and their checks.
 
 use crate::error::{Error, Result};
-use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, Table};
+use crate::model::assembly::{Model, Table};
 use crate::model::frequencies::Frequencies;
 use crate::model::overlap::{self, Beside, Overlap};
 use crate::model::section::{Segment, column};
-use crate::model::slip::SLIP_COLUMNS;
 use crate::model::spring::Spring;
-use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS, TERMINAL_ENTRIES};
+use crate::model::terminals::TERMINAL_ENTRIES;
 use core::ops::Range;
 use num_complex::Complex64;
 
@@ -182,15 +181,17 @@ fn check_request(model: &Model, request: &Request) -> Result<()> {
 /// Checks that the model has the parameters.
 pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
     for (index, parameter) in parameters.iter().enumerate() {
+        let count = parameter.table.columns();
+        // Nodes and rows of other tables come first; the last column of beams is a choice.
         let (rows, columns) = match parameter.table {
-            Table::Segments => (model.segments.len(), column::LENGTH..column::SHEAR_MODEL),
-            Table::Joints => (model.joints.len(), 2..JOINT_COLUMNS),
-            Table::Masses => (model.masses.len(), 1..MASS_COLUMNS),
-            Table::Grounds => (model.grounds.len(), 1..GROUND_COLUMNS),
-            Table::Overlaps => (model.overlaps.len(), overlap::column::LENGTH..overlap::column::POINTS),
-            Table::Terminals => (model.terminals.len(), 1..TERMINAL_COLUMNS),
-            Table::Modes => (model.modes.len(), 1..MODE_COLUMNS),
-            Table::Slips => (model.slips.len(), 1..SLIP_COLUMNS),
+            Table::Segments => (model.segments.len(), 2..count - 1),
+            Table::Joints => (model.joints.len(), 2..count),
+            Table::Masses => (model.masses.len(), 1..count),
+            Table::Grounds => (model.grounds.len(), 1..count),
+            Table::Overlaps => (model.overlaps.len(), 2..count - 1),
+            Table::Terminals => (model.terminals.len(), 1..count),
+            Table::Modes => (model.modes.len(), 1..count),
+            Table::Slips => (model.slips.len(), 1..count),
         };
         if parameter.row >= rows {
             let expected = format!("a row below {rows}");

@@ -22,12 +22,8 @@ impl Motion {
     }
 }
 
-/// Columns of the segment table (the two nodes come first).
+/// Columns of the segment table; the two nodes come first, that of smaller x before the other.
 pub mod column {
-    /// First node, x smaller.
-    pub const A: usize = 0;
-    /// Second node, x larger.
-    pub const B: usize = 1;
     /// Length in m.
     pub const LENGTH: usize = 2;
     /// Outer diameter in m.

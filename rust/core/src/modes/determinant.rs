@@ -131,8 +131,7 @@ impl<const D: usize> WithSimd for Lines<'_, D> {
 
 impl<const D: usize> Job<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
-        prepared.follow(&plan);
+        let (prepared, plan) = Prepared::to_first_node(model);
         Self { prepared, plan }
     }
 

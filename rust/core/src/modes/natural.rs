@@ -10,7 +10,7 @@
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::line::block::{Block, Prepared};
-use crate::line::derivatives::Gradient;
+use crate::line::derivatives::{Gradient, Sensitivities};
 use crate::line::layer::DERIVATIVES;
 use crate::line::sweep::{Blind, Field, Observer, Within};
 use crate::line::{derivatives, exponential, overlap};
@@ -281,7 +281,7 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
         let mut block = Block::empty(simd);
         let mut records = Vec::with_capacity(4 * self.search.plan.len());
         let mut field = Field::empty(simd, self.model.nodes, prepared);
-        let (mut sensitivities, mut beside) = (Vec::new(), Vec::new());
+        let mut sensitivities = Sensitivities::zeros(simd, prepared);
         for (lines, out) in self.angular.chunks(S::F64_LANES).zip(out.chunks_mut(S::F64_LANES * count)) {
             let w = angular(lines);
             prepared.block(simd, &w[..lines.len()], false, ByLine::default(), &mut block);
@@ -293,24 +293,21 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             block.downwards(&self.search.plan, &records, mode, within, &mut field, 0);
             // Work by w^2, which inertia alone has, times w^2.
             let mut by_square = C::zero(simd);
-            sensitivities.clear();
             for (row, segment) in prepared.segments.iter().enumerate() {
                 let states = &field.states[row];
-                let (kernel, choice) = (&block.kernels[row], block.choices[row]);
-                let found = derivatives::segment(segment, kernel, choice, block.w2, states, states);
+                let found = derivatives::segment(segment, &block.kernels[row], block.w2, states, states);
                 for i in 0..D {
                     by_square = by_square + found.kinetic[i].scale(segment.per_length.kinetic[i]);
                 }
-                sensitivities.push(Some(found));
+                sensitivities.segments[row] = found;
             }
-            beside.clear();
             for (row, overlap) in prepared.overlaps.iter().enumerate() {
                 let states = &field.overlaps[row];
                 let found = block.overlaps[row].derivatives(block.w2, overlap, states, states);
                 for i in 0..4 {
                     by_square = by_square + found[i].scale(overlap.beams[i / 2].per_length.kinetic[i % 2]);
                 }
-                beside.push(Some(found));
+                sensitivities.overlaps[row] = found;
             }
             for (node, inertia) in &self.model.masses {
                 for i in 0..D {
@@ -322,7 +319,7 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             by_square.store(&mut lanes);
             let factors = lanes.map(|work| -0.5 / work.re);
             for (k, gradient) in self.gradients.iter().enumerate() {
-                gradient.evaluate(&block, &field, &field, &sensitivities, &beside).store(&mut lanes);
+                gradient.evaluate(&block, &field, &field, &sensitivities).store(&mut lanes);
                 for (lane, w) in lines.iter().enumerate() {
                     out[lane * count + k] = w * factors[lane] * lanes[lane].re;
                 }
@@ -343,8 +340,7 @@ fn angular(lines: &[f64]) -> [Complex64; MAX_LANES] {
 
 impl<const D: usize> Search<D> {
     fn new(model: &Model) -> Self {
-        let (mut prepared, plan) = (Prepared::new(model), model.plan(0));
-        prepared.follow(&plan);
+        let (prepared, plan) = Prepared::to_first_node(model);
         Self { prepared, plan }
     }
 

@@ -6,7 +6,7 @@
 
 use crate::error::{Error, Result};
 use crate::line::amplitude::receptance;
-use crate::line::response::{Job, first_of};
+use crate::line::response::{Job, first_of, with_branches};
 use crate::model::frequencies::{Frequencies, LINES_PER_TASK};
 use crate::model::request::{Coordinate, Parameter, Request, Response, check};
 use crate::modes::natural::expected_frequencies;
@@ -181,19 +181,13 @@ impl Modelled {
             return Ok(each.collect());
         }
         let highest = check(&at.model, &lines, &request)?;
-        let solve = |whole: bool| {
-            let whole = whole.then_some((highest, w.len()));
+        with_branches(highest, w.len(), |whole| {
             let (model, lines) = (&at.model, (w.as_slice(), evaluated.as_slice()));
             match model.motion.degrees() {
                 1 => parts(&Job::<1>::new(model, &request, whole), lines, records, &chain, threads, &work),
                 _ => parts(&Job::<2>::new(model, &request, whole), lines, records, &chain, threads, &work),
             }
-        };
-        match solve(true) {
-            // A free resonance without damping can make the one denominator of a branch zero to the last bit.
-            Err(Error::Resonance { .. }) => solve(false),
-            other => other,
-        }
+        })
     }
 
     /// Weighted derivatives by the entries and weighted residual of each measured frequency and damping ratio.

@@ -1,10 +1,10 @@
 //! Many candidates of any parameters of a model: receptances, magnitudes or misfits of each, threads over candidates.
 
 use crate::error::{Error, Result, one_a_line, same_length};
-use crate::joint::sweep::Misfit;
-use crate::line::response::Job;
+use crate::joint::sweep::{Misfit, Sweep};
+use crate::line::response::linear;
 use crate::model::frequencies::Frequencies;
-use crate::model::request::{Coordinate, Request, check};
+use crate::model::request::{Coordinate, Request};
 use crate::observe::ties::Tied;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::threads::on_threads;
@@ -22,7 +22,6 @@ pub struct ModelSweep<'a> {
     tied: &'a Tied,
     frequencies: Frequencies<'a>,
     request: Request,
-    count: usize,
 }
 
 impl<'a> ModelSweep<'a> {
@@ -40,24 +39,26 @@ impl<'a> ModelSweep<'a> {
             beyond,
             ..Request::default()
         };
-        Self { tied, frequencies, request, count: tied.count() }
+        Self { tied, frequencies, request }
+    }
+}
+
+impl Sweep for ModelSweep<'_> {
+    fn columns(&self) -> usize {
+        self.tied.count()
     }
 
-    /// Receptances, `(n_candidates, n_lines)`; a row of NaN where a candidate is no model or has no finite value.
-    ///
-    /// # Errors
-    /// Arrays of other lengths, or threads that could not be started.
-    pub fn receptances(&self, candidates: &[f64], out: &mut [Complex64], threads: usize) -> Result<()> {
+    fn lines(&self) -> usize {
+        self.frequencies.len()
+    }
+
+    fn receptances(&self, candidates: &[f64], out: &mut [Complex64], threads: usize) -> Result<()> {
         self.each(candidates, out, self.frequencies.len(), threads, |found, out| {
             out.copy_from_slice(found);
         })
     }
 
-    /// Moduli of the receptances, likewise.
-    ///
-    /// # Errors
-    /// As `receptances`.
-    pub fn magnitudes(&self, candidates: &[f64], out: &mut [f64], threads: usize) -> Result<()> {
+    fn magnitudes(&self, candidates: &[f64], out: &mut [f64], threads: usize) -> Result<()> {
         self.each(candidates, out, self.frequencies.len(), threads, |found, out| {
             for (out, value) in out.iter_mut().zip(found) {
                 *out = value.norm();
@@ -65,11 +66,7 @@ impl<'a> ModelSweep<'a> {
         })
     }
 
-    /// The sum of squares over the lines of each candidate, likewise.
-    ///
-    /// # Errors
-    /// As `receptances`.
-    pub fn misfits(
+    fn misfits(
         &self,
         candidates: &[f64],
         measured: &[Complex64],
@@ -85,14 +82,17 @@ impl<'a> ModelSweep<'a> {
         })?;
         Ok(out)
     }
+}
 
+impl ModelSweep<'_> {
     /// Number of candidates.
     fn rows(&self, candidates: &[f64]) -> Result<usize> {
-        if self.count == 0 || !candidates.len().is_multiple_of(self.count) {
+        let count = self.columns();
+        if count == 0 || !candidates.len().is_multiple_of(count) {
             let (what, value) = ("candidates", candidates.len() as f64);
-            return Err(Error::Index { what, index: 0, value, expected: format!("rows of {}", self.count) });
+            return Err(Error::Index { what, index: 0, value, expected: format!("rows of {count}") });
         }
-        Ok(candidates.len() / self.count)
+        Ok(candidates.len() / count)
     }
 
     /// Works on the receptance of each candidate and its part of the output.
@@ -108,7 +108,7 @@ impl<'a> ModelSweep<'a> {
         if out.is_empty() {
             return Ok(());
         }
-        let tasks = candidates.chunks(self.count).zip(out.chunks_mut(a_row)).collect();
+        let tasks = candidates.chunks(self.columns()).zip(out.chunks_mut(a_row)).collect();
         let at_least = A_MODEL + self.frequencies.len() as f64 * A_LINE;
         on_threads(threads, tasks, at_least, |(values, out)| match self.receptance(values) {
             Some(found) => work(&found, out),
@@ -120,16 +120,7 @@ impl<'a> ModelSweep<'a> {
     /// The receptance of a candidate; nothing where it is no model or has no finite value.
     fn receptance(&self, values: &[f64]) -> Option<Vec<Complex64>> {
         let model = self.tied.at(values, &vec![1.0; values.len()]).ok()?.model;
-        let highest = check(&model, &self.frequencies, &self.request).ok()?;
-        let lines = self.frequencies.len();
-        [true, false].into_iter().find_map(|whole| {
-            let whole = whole.then_some((highest, lines));
-            let found = match model.motion.degrees() {
-                1 => Job::<1>::new(&model, &self.request, whole).run(&self.frequencies, 1),
-                _ => Job::<2>::new(&model, &self.request, whole).run(&self.frequencies, 1),
-            };
-            Some(found.ok()?.receptance)
-        })
+        Some(linear(&model, &self.frequencies, &self.request, 1).ok()?.receptance)
     }
 }
 

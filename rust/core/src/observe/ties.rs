@@ -5,12 +5,10 @@
 //! table grows with the addresses at fixed rates. Addresses may also be factors of the record, see `observed`.
 
 use crate::error::{Error, Result};
-use crate::model::assembly::{GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, Model, TABLES, Table, Tables};
+use crate::model::assembly::{Model, TABLES, Table, Tables};
 use crate::model::request::Parameter;
 use crate::model::section::Motion;
-use crate::model::slip::SLIP_COLUMNS;
-use crate::model::terminals::{MODE_COLUMNS, TERMINAL_COLUMNS};
-use crate::model::{overlap, section};
+use crate::model::terminals::TERMINAL_COLUMNS;
 
 /// Parameters of the measuring chain between a structure and its record.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -107,7 +105,7 @@ impl Tied {
             }
             tied.check_entry(index, rate.entry)?;
             let Parameter { table, row, column } = rate.entry;
-            tied.fixed[table as usize][row * columns(table) + column] -= rate.rate * present[rate.address];
+            tied.fixed[table as usize][row * table.columns() + column] -= rate.rate * present[rate.address];
             let known = tied.entries.iter().position(|entry| *entry == rate.entry);
             let entry = known.unwrap_or_else(|| {
                 tied.entries.push(rate.entry);
@@ -143,7 +141,7 @@ impl Tied {
     }
 
     fn check_entry(&self, index: usize, Parameter { table, row, column }: Parameter) -> Result<()> {
-        if column < columns(table) && (row + 1) * columns(table) <= self.fixed[table as usize].len() {
+        if column < table.columns() && (row + 1) * table.columns() <= self.fixed[table as usize].len() {
             return Ok(());
         }
         let expected = "a row and a column of its table".to_owned();
@@ -172,7 +170,7 @@ impl Tied {
         let slopes_of = |address: usize| &by_address[address * self.count..(address + 1) * self.count];
         for &(entry, address, rate) in &self.rates {
             let Parameter { table, row, column } = self.entries[entry];
-            tables[table as usize][row * columns(table) + column] += rate * found[address];
+            tables[table as usize][row * table.columns() + column] += rate * found[address];
             let start = entry * self.count;
             for (into, slope) in by_variable[start..start + self.count].iter_mut().zip(slopes_of(address)) {
                 *into += rate * slope;
@@ -219,18 +217,4 @@ fn address(row: &[f64], values: &[f64], slopes: &[f64], by: &mut [f64]) -> f64 {
         by[own] += multiple * factor * slopes[own];
     }
     start * factor + dot(shifts)
-}
-
-/// Columns of a table.
-fn columns(table: Table) -> usize {
-    match table {
-        Table::Segments => section::column::COUNT,
-        Table::Joints => JOINT_COLUMNS,
-        Table::Masses => MASS_COLUMNS,
-        Table::Grounds => GROUND_COLUMNS,
-        Table::Overlaps => overlap::column::COUNT,
-        Table::Terminals => TERMINAL_COLUMNS,
-        Table::Modes => MODE_COLUMNS,
-        Table::Slips => SLIP_COLUMNS,
-    }
 }

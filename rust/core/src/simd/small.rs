@@ -22,6 +22,18 @@ pub fn identity<S: Simd, const D: usize>(simd: S) -> Mat<S, D> {
     out
 }
 
+/// The leading entries of a 2 x 2 matrix.
+#[inline(always)]
+pub fn leading<S: Simd, const D: usize>(from: &Mat<S, 2>) -> Mat<S, D> {
+    let mut out = zeros(from[0][0].simd);
+    for i in 0..D {
+        for j in 0..D {
+            out[i][j] = from[i][j];
+        }
+    }
+    out
+}
+
 /// `a b`.
 #[inline(always)]
 pub fn mul<S: Simd, const D: usize>(a: &Mat<S, D>, b: &Mat<S, D>) -> Mat<S, D> {
