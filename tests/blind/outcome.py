@@ -57,6 +57,8 @@ class Outcome:
     layer: bool = False
     error: str = ""
     candidates: list[Any] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
+    """Reasons that the verdict gives."""
     next_measurement: str = ""
     shuffled: tuple[str, ...] = ()
     """Verdict and reported ids under other names and without remarks, for misleading cases."""
@@ -139,6 +141,7 @@ def run_case(
         layer=case.nominal.layer,
         error=answer.error,
         candidates=list(answer.candidates),
+        notes=tuple(answer.notes),
         next_measurement=answer.next_measurement,
         resolved=resolved,
         shuffled=() if again is None else (again.verdict, *sorted(again.reported)),
