@@ -212,6 +212,9 @@ SENSOR_SHARE = 0.05
 """Largest plausible mass of a forgotten sensor, as a share of the mass of the tool, where this is more than usual."""
 COLLET_GYRATION = 0.6
 """Radius of gyration of a collet as a multiple of the shank's diameter."""
+COLLET_SHAPE = 0.5
+"""Standard deviation of the natural logarithm of its moment of inertia. A thin ring around the shank has a radius of
+gyration of 0.35 diameters, a collet with its nut of about one diameter: two standard deviations to either side."""
 TIP_STEP = 1e-5
 """Distance in m from the tip, or from a place on the tool, of a new step between sections."""
 SHORTENED = 0.98
