@@ -44,12 +44,14 @@ from receptance.diagnosis.thresholds import (
     CONVERGED,
     EVALUATED_ON_INTERRUPT,
     LEADING_CAUSES,
+    LEAST_SHARE,
     LOOK_ALIKE,
     MARGIN,
     MISFIT_LIMIT,
     ROOTS,
     SCREENING_LIMIT,
     STRAIN_CHANCE,
+    VARIANTS_AGAIN,
 )
 from receptance.errors import ReceptanceError
 
@@ -113,7 +115,8 @@ class Search:
     1. `fit_singles`: every cause is screened to first order and its best variants are fitted.
     2. `refit_base`: the base is fitted again from the best explanation, because its first fit may have ended in a local
        minimum.
-    3. `fit_variants`: the other variants of the best cause are fitted, where the best one strains the tolerances.
+    3. `fit_variants`: the other variants of the best cause are fitted from its values, where it takes most of the
+       misfit but is not adequate, or strains the tolerances.
     4. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
        to the solution than that of the base. From the base the right cause may end in a local minimum.
     5. `add_causes`: to the best explanations further causes are added, one at a time.
@@ -208,13 +211,15 @@ class Search:
         self._fit_near(best, rank(similar, own.penalty))
 
     def fit_variants(self) -> None:
-        """Fit the other variants of the best cause from its values, where the best one strains the tolerances.
+        """Fit the other variants of the best cause from its values, where it takes most of the misfit.
 
-        The tolerances absorb what a variant leaves that acts at another place or in another way than the right one,
-        which the screening of the base ranks too low where the effect is large.
+        That is, where it is not adequate all the same, or strains the tolerances: these absorb what a variant leaves
+        that acts in another way than the right one. The screening of the base ranks the right variant too low where the effect is large.
         """
         own, best = self.selection, self.selection.best
-        if best is None or len(best.steps) > 1 or not best.passed or best.adequacy.strain.chance >= STRAIN_CHANCE:
+        if best is None or own.share(best) < LEAST_SHARE or own.base.misfit <= MISFIT_LIMIT:
+            return
+        if best.passed and best.adequacy.strain.chance >= STRAIN_CHANCE:
             return
         ((cause, variant),) = best.steps
         others = [
@@ -222,7 +227,8 @@ class Search:
             for one in own.directions
             if one.cause.id == cause.id and one.variant.name != variant and not one.variant.changes_data
         ]
-        self._fit_near(best, others)
+        others.sort(key=lambda one: -one.predicted_evidence(own.penalty))
+        self._fit_near(best, others[:VARIANTS_AGAIN])
 
     def _fit_near(self, best: Explanation, chosen: Sequence[Direction]) -> None:
         """Fit variants from the joint of an explanation, and the best one of each cause on all lines."""
