@@ -15,7 +15,7 @@ from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part,
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import IndescribableError, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
-from receptance.diagnosis.fitting import explore, in_parallel
+from receptance.diagnosis.fitting import explore, fit_base, in_parallel
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import COLLET_GYRATION
 from receptance.identification import Law, Move, Tolerance
@@ -179,6 +179,33 @@ def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_inserti
         before, after = (problem.residual(x + shift * np.eye(x.size)[at])[:lines].copy() for shift in (0.0, -3.0))
         assert np.isfinite(after).all()
         assert np.max(np.abs(after - before)) > 0.1
+
+
+def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
+    """Of twelve variants screening chooses three, and an uneven joint along the whole insertion is none of them."""
+    model = Model(tuple(map(observe_uneven, (0.05, 0.065, 0.08))), JOINT)
+    base = fit_base(model)
+    selection = Selection(base, 6.0)
+    search = Search(selection, [CATALOGUE["joint_spread"]], most=1)
+    search.fit_singles()
+    search.fit_variants()
+    assert base.misfit > 10.0
+    assert selection.best is not None
+    assert selection.best.steps[0].variant == "4 points, uneven over the whole insertion"
+    assert selection.best.fit.misfit < 0.01
+    assert selection.best.fit.values["joint_spread.slope"] == pytest.approx(-0.6, abs=0.01)
+
+
+def observe_uneven(overhang: float) -> MeasuredFRF:
+    nominal = observe_insertion(overhang)
+    true = spread_along_all(nominal).replace({"joint.slope": -0.6})
+    return replace(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
+
+
+def spread_along_all(one: MeasuredFRF) -> Assembly:
+    variants = CATALOGUE["joint_spread"].variants(Model((one,), JOINT))
+    whole = next(each for each in variants if each.name == "4 points, uneven over the whole insertion")
+    return whole.model.observations[0].assembly
 
 
 def observe_insertion(overhang: float) -> MeasuredFRF:

@@ -214,7 +214,8 @@ class Search:
         """Fit the other variants of the best cause from its values, where it takes most of the misfit.
 
         That is, where it is not adequate all the same, or strains the tolerances: these absorb what a variant leaves
-        that acts in another way than the right one. The screening of the base ranks the right variant too low where the effect is large.
+        that acts in another way than the right one. The screening of the base ranks the right variant too low where the
+        effect is large.
         """
         own, best = self.selection, self.selection.best
         if best is None or own.share(best) < LEAST_SHARE or own.base.misfit <= MISFIT_LIMIT:
