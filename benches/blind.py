@@ -6,6 +6,9 @@ score table, with exact binomial intervals. Every case is drawn anew from the se
 resumed run give the same cases as one long run. The file of `--resume` has one JSON line for each finished case;
 several shards are scored together with `--score FILE FILE ...`. Any beginning of the list of cases is a fair mixture,
 so `--budget` may end a run early: after so many minutes no case is begun any more, and the table says how many ran.
+`--effects ID ...` hides one of these effects in every case, in turn, instead of the mixture: to study one kind alone.
+`--only NAME ...` runs those cases of the list that have one of these kinds or effects; they keep their numbers.
+`--advice` scores the advised measurements alone and asks the oracle of ambiguous cases only.
 `--holder LEVEL ...` runs the same list of cases with less knowledge of the holder, and each level has a table of its
 own; `tests/blind/generator/knowledge.py` says how the levels are drawn.
 """
@@ -29,9 +32,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
 from blind.files import add_options, append, read, run_batch
-from blind.generator import LEVELS, every
+from blind.generator import CATALOGUE, KINDS, LEVELS, OUTSIDE, alone, every
 from blind.outcome import Outcome, run_case
-from blind.score import report, table
+from blind.score import of_advice, report, report_of_advice, table
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -46,10 +49,20 @@ def main(arguments: list[str] | None = None) -> int:
         help="what is known of the holder, by default its dimensions with ordinary tolerances; each case is run at "
         "all levels that are given",
     )
+    parser.add_argument("--effects", choices=CATALOGUE, nargs="+", metavar="ID", help="one of these in every case")
+    parser.add_argument(
+        "--only",
+        choices=(*KINDS, *CATALOGUE, *OUTSIDE),
+        nargs="+",
+        metavar="NAME",
+        help="cases of these kinds or effects",
+    )
+    parser.add_argument("--advice", action="store_true", help="score the measurements that are advised, and no more")
     parser.add_argument("--quick", action="store_true", help="three overhangs and a narrower band")
     parser.add_argument("--threads", type=int, default=1, help="of one diagnosis; shards are the better use of cores")
     options = parser.parse_args(arguments)
-    run_batch(options, functools.partial(run, options), report, table)
+    scored = (report_of_advice, of_advice) if options.advice else (report, table)
+    run_batch(options, functools.partial(run, options), *scored)
     return 0
 
 
@@ -60,7 +73,13 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     done = {(o.knowledge, o.index) for o in outcomes}
     own, count = options.shard
     begun = time.perf_counter()
-    cases = [(level, *case) for case in enumerate(every(options.cases)) for level in options.holder]
+    plan = alone(options.cases, options.effects) if options.effects else every(options.cases)
+    chosen = [
+        (index, case)
+        for index, case in enumerate(plan)
+        if not options.only or not set(options.only).isdisjoint((case[0], *case[1]))
+    ]
+    cases = [(level, *case) for case in chosen for level in options.holder]
     for level, index, (kind, effects) in cases:
         if index % count != own - 1 or (level, index) in done:
             continue
@@ -68,7 +87,8 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
             sys.stdout.write("the budget is used up\n")
             break
         asked = functools.partial(ask, threads=options.threads)
-        one = run_case(seed, index, kind, effects, asked, quick=options.quick, knowledge=level)
+        how = {"quick": options.quick, "knowledge": level, "advice": options.advice}
+        one = run_case(seed, index, kind, effects, asked, **how)
         outcomes.append(one)
         sizes = ", ".join(f"{id} {u:.2f}" for id, u in zip(one.effects, one.sizes, strict=True)) or "nothing"
         sizes += f" (in the data: {', '.join(one.within)})" if one.within else ""

@@ -65,6 +65,7 @@ class Answer:
     before: dict[str, tuple[list[float], list[float]]]
     next_measurement: str = ""
     candidates: list[tuple[str, float, float]] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
     error: str = ""
 
 
@@ -411,6 +412,7 @@ def answer_from(
         before=before or {},
         next_measurement="" if verdict.next_measurement is None else str(verdict.next_measurement.action),
         candidates=[(c.id, round(c.evidence, 2), round(c.misfit, 4)) for c in verdict.candidates[:6]],
+        notes=tuple(verdict.notes),
         error=error,
     )
 

@@ -72,7 +72,18 @@ def run_batch(
 
 def outcome_from(row: dict[str, Any]) -> Outcome:
     """Return an outcome from a line of a file."""
-    names = ("effects", "sizes", "reported", "together", "same", "covered", "size_covered", "shuffled", "within")
+    names = (
+        "effects",
+        "sizes",
+        "reported",
+        "together",
+        "same",
+        "covered",
+        "size_covered",
+        "shuffled",
+        "within",
+        "notes",
+    )
     return Outcome(**{name: tuple(v) if name in names else v for name, v in row.items()})
 
 

@@ -57,6 +57,8 @@ class Outcome:
     layer: bool = False
     error: str = ""
     candidates: list[Any] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
+    """Reasons that the verdict gives."""
     next_measurement: str = ""
     shuffled: tuple[str, ...] = ()
     """Verdict and reported ids under other names and without remarks, for misleading cases."""
@@ -104,14 +106,15 @@ class Outcome:
 
 def run_case(
     seed: int, index: int, kind: str, effects: Sequence[str], ask: Callable[[Any], Any], *, quick: bool = False,
-    u: float | None = None, oracle: bool = True, knowledge: str = "",
+    u: float | None = None, oracle: bool = True, knowledge: str = "", advice: bool = False,
 ) -> Outcome:  # fmt: skip
-    """Draw a case, run the diagnosis, and compare with the truth."""
+    """Draw a case, run the diagnosis, and compare with the truth; for `advice` alone ask the oracle if ambiguous."""
     case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u, knowledge=knowledge)
     answer = ask(case)
     names = tuple(effect.id for effect in truth.effects)
     resolved = _resolved(ask, case, truth, answer) if answer.verdict == "ambiguous" and names else None
     again = ask(shuffled(case)) if kind == "misleading" else None
+    oracle = oracle and (not advice or answer.verdict == "ambiguous")
     consulted = consult(case, truth) if oracle else None
     wrong = [id for id in answer.reported if id not in names and id in CATALOGUE]
     beside = [id for id in answer.reported if id in names] if len(names) > 1 else []
@@ -138,6 +141,7 @@ def run_case(
         layer=case.nominal.layer,
         error=answer.error,
         candidates=list(answer.candidates),
+        notes=tuple(answer.notes),
         next_measurement=answer.next_measurement,
         resolved=resolved,
         shuffled=() if again is None else (again.verdict, *sorted(again.reported)),

@@ -148,9 +148,7 @@ def _table(cases: Sequence[Outcome]) -> tuple[list[Line], list[str]]:
         own = [o for o in of(kind) if o.large]
         lines.append(_line(f"{title}, large enough: rightly named", own, lambda o: o.named_right))
     open_ = [o for o in cases if o.resolved is not None and o.large and o.kind != "outside"]
-    lines.append(
-        _line("ambiguous, large enough: the advised measurement resolves", open_, lambda o: bool(o.resolved), ">= 70 %")
-    )
+    lines.append(_line("ambiguous, large enough: the advised measurement resolves", open_, _resolved, ">= 70 %"))
     asked_twice = [o for o in cases if o.shuffled]
     lines.append(_line("other names, order, no remarks: another verdict", asked_twice, _moved, "none"))
     layered = [o for o in cases if o.layer]
@@ -186,6 +184,34 @@ def _table(cases: Sequence[Outcome]) -> tuple[list[Line], list[str]]:
     sizes = [hit for o in cases if o.named_right for hit in o.size_covered]
     lines.append(Line("95 % intervals of rightly named sizes cover", sum(sizes), len(sizes), "reported"))
     return lines, _rest(cases, large, plain)
+
+
+def of_advice(cases: Sequence[Outcome]) -> tuple[list[Line], list[str]]:
+    """Return the table of the advice alone; the oracle was asked of ambiguous cases only."""
+    ambiguous = [o for o in cases if o.resolved is not None]
+    right = [o for o in ambiguous if o.in_set]
+    large = [o for o in ambiguous if o.large]
+    lines = [
+        _line("ambiguous, of all cases", cases, lambda o: o.verdict == "ambiguous"),
+        _line("ambiguous, large enough: the advised measurement resolves", large, _resolved, ">= 80 %"),
+        _line("ambiguous, of any size: the advised measurement resolves", ambiguous, _resolved),
+        _line("   the same, where the hidden effect is in the set", right, _resolved),
+        _line("ambiguous: the hidden effect is in the set", ambiguous, lambda o: o.in_set),
+    ]
+    actions = dict.fromkeys(o.next_measurement for o in ambiguous)
+    texts = [str(_line(f"   {action or 'nothing'}", [o for o in ambiguous if o.next_measurement == action], _resolved))
+             for action in actions]  # fmt: skip
+    return lines, ["advised, and resolved:", *texts]
+
+
+def _resolved(o: Outcome) -> bool:
+    return bool(o.resolved)
+
+
+def report_of_advice(outcomes: Sequence[Outcome]) -> str:
+    """Return the table of the advice alone as text."""
+    lines, rest = of_advice(outcomes)
+    return "\n".join([*map(str, lines), *rest])
 
 
 def of_partly(cases: Iterable[Outcome]) -> list[Outcome]:

@@ -18,10 +18,11 @@ def bench(monkeypatch):
     spec = importlib.util.spec_from_file_location("bench_of_blind", BENCH)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.ran = []
+    module.ran, module.effects = [], []
 
-    def run_case(seed, index, kind, effects, ask, *, quick=False, knowledge=""):
+    def run_case(seed, index, kind, effects, ask, *, quick=False, knowledge="", advice=False):
         module.ran.append(index)
+        module.effects.append(tuple(effects))
         effects = effects or (() if kind.startswith("nothing") else ("time_delay",))
         return Outcome(
             seed=seed, index=index, kind=kind, effects=tuple(effects), sizes=(0.5,) * len(effects), large=bool(effects),
@@ -72,6 +73,38 @@ def test_no_case_starts_after_the_time_budget(bench, capsys):
     bench.main(["--cases", "9", "--seed", "4", "--budget", "0"])
     assert not bench.ran
     assert "no case" in capsys.readouterr().out
+
+
+def test_cases_of_some_effects_or_kinds(bench):
+    bench.main(["--cases", "5", "--seed", "4", "--effects", "sensor_mass", "collet_mass"])
+    assert bench.effects == [("sensor_mass",), ("collet_mass",)] * 2 + [("sensor_mass",)]
+    # Cases that are chosen from the mixture keep their numbers, so they are the same ones.
+    bench.ran.clear()
+    bench.main(["--cases", "30", "--seed", "4", "--only", "nothing_exact", "time_delay"])
+    every = bench.every(30)
+    assert bench.ran == [i for i, (kind, ids) in enumerate(every) if kind == "nothing_exact" or "time_delay" in ids]
+    with pytest.raises(SystemExit):
+        bench.main(["--effects", "time_dilay"])
+
+
+def test_advice_is_scored_over_ambiguous_cases(bench, monkeypatch, capsys):
+    def run_case(seed, index, kind, effects, ask, *, quick=False, knowledge="", advice=False):
+        assert advice
+        resolved = (None, True, False)[index % 3]
+        return Outcome(
+            seed=seed, index=index, kind=kind, effects=tuple(effects), sizes=(0.5,), large=index < 6, oracle={},
+            verdict="named" if resolved is None else "ambiguous", reported=("sensor_mass", "hammer_offset"),
+            together=(), same=(), seconds=1.0, misfit=2.0, misfit_after=1.0, share=None, covered=(), size_covered=(),
+            resolved=resolved, next_measurement="weigh the sensor and state its mass",
+        )  # fmt: skip
+
+    monkeypatch.setattr(bench, "run_case", run_case)
+    bench.main(["--cases", "9", "--seed", "4", "--advice", "--effects", "sensor_mass"])
+    out = capsys.readouterr().out
+    lines = {line[:62].strip(): line[62:].split("=")[0].split() for line in out.splitlines() if " = " in line}
+    assert lines["ambiguous, of all cases"] == ["6", "of", "9"]
+    assert lines["ambiguous, large enough: the advised measurement resolves"] == ["2", "of", "4"]
+    assert lines["ambiguous, of any size: the advised measurement resolves"] == ["3", "of", "6"]
 
 
 def test_invalid_shard_is_an_error(bench):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,8 +15,9 @@ from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part,
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import IndescribableError, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
-from receptance.diagnosis.fitting import in_parallel
+from receptance.diagnosis.fitting import explore, fit_base, in_parallel
 from receptance.diagnosis.selection import Search
+from receptance.diagnosis.thresholds import COLLET_GYRATION
 from receptance.identification import Law, Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -142,6 +144,75 @@ def test_a_collet_of_no_mass_is_the_joint() -> None:
     np.testing.assert_allclose(after, before, atol=1e-7)
     with pytest.raises(UndecidableError, match="has a collet"):
         CATALOGUE["collet_mass"].variants(collet.model)
+
+
+def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
+    """One radius of gyration for all collets leaves a misfit far beyond the noise where a collet of 70 g differs."""
+    inertia = 0.07 * (0.75 * 0.012) ** 2
+
+    def observe(overhang: float) -> MeasuredFRF:
+        tool, _, holder = make_assembly(overhang).elements.values()
+        half = PointJoint(k_y=1.2e9, k_theta=2e5, c_y=600.0, c_theta=2.0)
+        true = Assembly([tool, ColletJoint(inner=half, outer=half, mass=0.07, inertia=inertia, name="joint"), holder])
+        return replace(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
+
+    (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
+    few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}])
+    fit = few.finish()
+    assert fit is not None
+    assert fit.misfit < 0.01
+    assert fit.values["collet_mass.mass"] == pytest.approx(0.07, rel=1e-2)
+    assert fit.values["collet_mass.log_inertia"] == pytest.approx(2.0 * np.log(0.75 / COLLET_GYRATION), abs=0.02)
+
+
+def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_insertion() -> None:
+    """What that joint leaves of the segment is shorter than an ordinary error, which would make it negative."""
+    error = Tolerance(name="insertion", moves={"holder.segment[0].length": 1e-4})
+    model = Model(tuple(map(observe_insertion, (0.05, 0.08))), JOINT, (error,))
+    whole = [one for one in CATALOGUE["joint_spread"].variants(model) if "whole insertion" in one.name]
+    assert len(whole) == 6
+    for variant in whole:
+        problem = variant.model.task.problem()
+        x = problem.variables.start.copy()
+        at = problem.variables.names.index("insertion")
+        lines = 2 * LINES.size
+        before, after = (problem.residual(x + shift * np.eye(x.size)[at])[:lines].copy() for shift in (0.0, -3.0))
+        assert np.isfinite(after).all()
+        assert np.max(np.abs(after - before)) > 0.1
+
+
+def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
+    """Of twelve variants screening chooses three, and an uneven joint along the whole insertion is none of them."""
+    model = Model(tuple(map(observe_uneven, (0.05, 0.065, 0.08))), JOINT)
+    base = fit_base(model)
+    selection = Selection(base, 6.0)
+    search = Search(selection, [CATALOGUE["joint_spread"]], most=1)
+    search.fit_singles()
+    search.fit_variants()
+    assert base.misfit > 10.0
+    assert selection.best is not None
+    assert selection.best.steps[0].variant == "4 points, uneven over the whole insertion"
+    assert selection.best.fit.misfit < 0.01
+    assert selection.best.fit.values["joint_spread.slope"] == pytest.approx(-0.6, abs=0.01)
+
+
+def observe_uneven(overhang: float) -> MeasuredFRF:
+    nominal = observe_insertion(overhang)
+    true = spread_along_all(nominal).replace({"joint.slope": -0.6})
+    return replace(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
+
+
+def spread_along_all(one: MeasuredFRF) -> Assembly:
+    variants = CATALOGUE["joint_spread"].variants(Model((one,), JOINT))
+    whole = next(each for each in variants if each.name == "4 points, uneven over the whole insertion")
+    return whole.model.observations[0].assembly
+
+
+def observe_insertion(overhang: float) -> MeasuredFRF:
+    tool, joint, _ = make_assembly(overhang).elements.values()
+    mouth = Segment(length=0.04, outer_diameter=0.03, inner_diameter=0.012, core=CARBIDE, material=STEEL)
+    holder = Part([mouth, Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
+    return replace(make_observations(overhang), assembly=Assembly([tool, joint, holder]))
 
 
 def explanation(evidence: float, *ids: str) -> Explanation:

@@ -10,9 +10,16 @@ from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
 from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of, require_beams
-from receptance.diagnosis.thresholds import COLLET_GYRATION, LAYER_POINTS, SAME_PLACE, SHORTEST_SPREAD, VARIED
+from receptance.diagnosis.thresholds import (
+    COLLET_GYRATION,
+    COLLET_SHAPE,
+    LAYER_POINTS,
+    SAME_PLACE,
+    SHORTEST_SPREAD,
+    VARIED,
+)
 from receptance.identification.observations import MeasuredFRF, Observation, altered
-from receptance.identification.unknowns import Law, Move, Tolerance, covered
+from receptance.identification.unknowns import Law, Move, Prior, Tolerance, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
@@ -245,9 +252,11 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         unknowns=tuple(unknowns),
         tolerances=tuple(replace(one, moves=halves(one.moves)) for one in model.tolerances),
     )
-    mass = p["mass"].move({f"{joint}.mass": 1.0, f"{joint}.inertia": (COLLET_GYRATION * diameter) ** 2})
+    inertia = f"{joint}.inertia"
+    mass = p["mass"].unknown(f"{joint}.mass", also={inertia: (COLLET_GYRATION * diameter) ** 2})
+    shape = p["log_inertia"].move({inertia: 1.0}, relative=True)
     split = {f"{joint}.inner.{field}": 1.0 for field in fields} | {f"{joint}.outer.{field}": -1.0 for field in fields}
-    yield Variant("between tool and holder", changed.plus(mass, p["split"].move(split, relative=True)))
+    yield Variant("between tool and holder", changed.plus(mass, shape, p["split"].move(split, relative=True)))
 
 
 def _halves(address: str, joint: str) -> tuple[str, ...]:
@@ -284,7 +293,8 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         if inside:
             continue
         wholly = _spread_model(model, anatomy, points, whole=True)
-        kept = replace(wholly, unknowns=_restrict(unknowns, wholly), tolerances=_restrict(tolerances, wholly))
+        own, errors = (_lengthen_contact(moving, anatomy) for moving in (unknowns, tolerances))
+        kept = replace(wholly, unknowns=_restrict(own, wholly), tolerances=_restrict(errors, wholly))
         yield Variant(f"{name} over the whole insertion", kept.plus(*more))
 
 
@@ -328,6 +338,18 @@ def _spread_model(model: Model, anatomy: Anatomy, points: int | None, *, whole: 
 
     build = partial(_spread_joint, anatomy=anatomy, points=points, whole=whole)
     return model.rebuild(build).map(change)
+
+
+def _lengthen_contact(moving: Iterable[Any], anatomy: Anatomy) -> Iterator[Any]:
+    """Yield unknowns or tolerances that move the length of the contact instead of the holder's first segment.
+
+    A joint along the whole insertion leaves `SHORTEST_SPREAD` of that segment, which most errors would make negative.
+    """
+    first, contact = f"{anatomy.holder[0]}.segment[0].length", f"{anatomy.joint}.length"
+    for one in moving:
+        if isinstance(one, (Move, Tolerance)):
+            one = replace(one, moves={contact if a == first else a: n for a, n in one.moves.items()})
+        yield one
 
 
 def _restrict(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
@@ -465,6 +487,15 @@ JOINT_CAUSES = (
         parameters=(
             Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),
             Parameter(name="split", unit="", lower=-2.0, upper=2.0, typical=0.0, secondary=True),
+            Parameter(
+                name="log_inertia",
+                unit="",
+                lower=-4.0 * COLLET_SHAPE,
+                upper=4.0 * COLLET_SHAPE,
+                typical=0.0,
+                secondary=True,
+                prior=Prior(mean=0.0, standard_deviation=COLLET_SHAPE),
+            ),
         ),
         change=_collet,
         meaning="collet and nut move with the joint, and the model has no mass there",

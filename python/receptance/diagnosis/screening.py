@@ -62,8 +62,8 @@ class Direction:
 
     @property
     def count(self) -> int:
-        """Number of its parameters."""
-        return len(self.parameters)
+        """Number of its parameters; a secondary one with a prior is no more free than an error of a tolerance."""
+        return sum(not (one.secondary and one.prior) for one in self.parameters.values())
 
     @cached_property
     def basis(self) -> NDArray[np.float64]:

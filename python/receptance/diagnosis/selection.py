@@ -44,11 +44,14 @@ from receptance.diagnosis.thresholds import (
     CONVERGED,
     EVALUATED_ON_INTERRUPT,
     LEADING_CAUSES,
+    LEAST_SHARE,
     LOOK_ALIKE,
     MARGIN,
     MISFIT_LIMIT,
     ROOTS,
     SCREENING_LIMIT,
+    STRAIN_CHANCE,
+    VARIANTS_AGAIN,
 )
 from receptance.errors import ReceptanceError
 
@@ -112,17 +115,19 @@ class Search:
     1. `fit_singles`: every cause is screened to first order and its best variants are fitted.
     2. `refit_base`: the base is fitted again from the best explanation, because its first fit may have ended in a local
        minimum.
-    3. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
+    3. `fit_variants`: the other variants of the best cause are fitted from its values, where it takes most of the
+       misfit but is not adequate, or strains the tolerances.
+    4. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
        to the solution than that of the base. From the base the right cause may end in a local minimum.
-    4. `add_causes`: to the best explanations further causes are added, one at a time.
-    5. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
+    5. `add_causes`: to the best explanations further causes are added, one at a time.
+    6. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
-    6. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
+    7. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
        the base may have led all other starts to a local minimum.
-    7. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
+    8. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
        that has not converged no cause is named.
-    8. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
-    9. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
+    9. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
+    10. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
     After each step the invariant of `Selection` holds. A KeyboardInterrupt ends the steps; complete fits are kept.
 
@@ -147,6 +152,7 @@ class Search:
         try:
             self.fit_singles()
             self.refit_base()
+            self.fit_variants()
             self.fit_look_alikes()
             self.add_causes()
             self.exchange_causes()
@@ -202,9 +208,39 @@ class Search:
             for one in own.directions
             if one.cause.id != cause.id and not one.variant.changes_data and look_alike(one, leading) >= LOOK_ALIKE
         ]
-        chosen = rank(similar, own.penalty)
+        self._fit_near(best, rank(similar, own.penalty))
+
+    def fit_variants(self) -> None:
+        """Fit the other variants of the best cause from its values, where it takes most of the misfit.
+
+        That is, where it is not adequate all the same, or strains the tolerances: these absorb what a variant leaves
+        that acts in another way than the right one. The screening of the base ranks the right variant too low where the
+        effect is large.
+        """
+        own, best = self.selection, self.selection.best
+        if best is None or own.share(best) < LEAST_SHARE or own.base.misfit <= MISFIT_LIMIT:
+            return
+        if best.passed and best.adequacy.strain.chance >= STRAIN_CHANCE:
+            return
+        ((cause, variant),) = best.steps
+        others = [
+            one
+            for one in own.directions
+            if one.cause.id == cause.id and one.variant.name != variant and not one.variant.changes_data
+        ]
+        others.sort(key=lambda one: -one.predicted_evidence(own.penalty))
+        self._fit_near(best, others[:VARIANTS_AGAIN])
+
+    def _fit_near(self, best: Explanation, chosen: Sequence[Direction]) -> None:
+        """Fit variants from the joint of an explanation, and the best one of each cause on all lines."""
+        own = self.selection
         joint = {name: best.fit.values[name] for name in own.base.values}
         starts = [[{**start, **joint} for start in starts_of(one, own.base)] for one in chosen]
+        # Another variant of the same cause may have the same size.
+        starts = [
+            [*each, best.fit.values] if one.cause.id in best.ids else each
+            for one, each in zip(chosen, starts, strict=True)
+        ]
         self._report.plan("causes", len(chosen))
         titles = [_title((), one) for one in chosen]
         explored = list(self._explore("causes", titles, chosen, starts))

@@ -82,6 +82,9 @@ OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
+VARIANTS_AGAIN = 12
+"""Other variants of the best cause that are fitted from its values where it is not adequate: all those of a joint along
+the insertion."""
 COLUMNS_TOGETHER = 64
 """Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
@@ -212,6 +215,9 @@ SENSOR_SHARE = 0.05
 """Largest plausible mass of a forgotten sensor, as a share of the mass of the tool, where this is more than usual."""
 COLLET_GYRATION = 0.6
 """Radius of gyration of a collet as a multiple of the shank's diameter."""
+COLLET_SHAPE = 0.5
+"""Standard deviation of the natural logarithm of its moment of inertia. A thin ring around the shank has a radius of
+gyration of 0.35 diameters, a collet with its nut of about one diameter: two standard deviations to either side."""
 TIP_STEP = 1e-5
 """Distance in m from the tip, or from a place on the tool, of a new step between sections."""
 SHORTENED = 0.98

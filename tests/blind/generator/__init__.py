@@ -1,7 +1,7 @@
 """Data from an independent simulation: finite elements, hits in time, noise. Independent of the library."""
 
 from .advised import measured_again, shown_by
-from .batch import every, group_of, shuffled
+from .batch import alone, every, group_of, shuffled
 from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
 from .knowledge import CHANGES, INSIDE, LEVELS, Blank, Modes, Table
@@ -25,6 +25,7 @@ __all__ = [
     "Table",
     "Truth",
     "Where",
+    "alone",
     "draw_case",
     "every",
     "group_of",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -75,6 +75,11 @@ def every(count: int) -> list[tuple[str, tuple[str, ...]]]:
             plan.append(hidden[taken])
             taken += 1
     return plan
+
+
+def alone(count: int, effects: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return kinds and effects of a batch that hides one of some effects in every case, in turn."""
+    return [("single", (effects[i % len(effects)],)) for i in range(count)]
 
 
 def group_of(id: str) -> str:
