@@ -7,6 +7,7 @@ here are exact; where there is none, scipy.special is used.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -15,10 +16,14 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["chi_square_chance", "f_chance_4", "normal_quantile"]
+__all__ = ["chi_square_chance", "chi_square_quantile", "f_chance_4", "normal_chance", "normal_quantile"]
 
 _MOST_TERMS = 1_000_000
 """Largest number of terms of sums, beyond which scipy.special is faster."""
+_LEAST_FREEDOM = 0.5
+"""Least degrees of freedom of a quantile: with fewer, and below the median, its first approximation is poor."""
+_MOST_STEPS = 30
+"""Most steps to a quantile; four are usual."""
 
 
 def normal_quantile(chance: float) -> float:
@@ -31,6 +36,18 @@ def normal_quantile(chance: float) -> float:
     1.959964
     """
     return NormalDist().inv_cdf(chance)
+
+
+def normal_chance(value: float) -> float:
+    """Return the probability of a larger value of a standard normal variable.
+
+    Examples
+    --------
+    >>> from receptance._chances import normal_chance
+    >>> round(normal_chance(1.959964), 6)
+    0.025
+    """
+    return 0.5 * math.erfc(value / math.sqrt(2.0))
 
 
 def chi_square_chance(chi_square: ArrayLike, freedom: ArrayLike) -> NDArray[np.float64]:
@@ -71,6 +88,53 @@ def _finite_sum(x: NDArray[np.float64], freedom: int) -> NDArray[np.float64]:
     with np.errstate(divide="ignore"):
         logarithm = np.log(x)[:, None] * powers - np.array([math.lgamma(power + 1.0) for power in powers.tolist()])
     return np.asarray(np.minimum(first + np.exp(logarithm - x[:, None]).sum(axis=1), 1.0))
+
+
+@lru_cache(maxsize=1024)
+def chi_square_quantile(freedom: float, chance: float) -> float:
+    """Return the value that chi-square exceeds with some probability.
+
+    Newton's method leads to it from the approximation of Wilson and Hilferty (Abramowitz and Stegun 26.4.17).
+
+    Parameters
+    ----------
+    freedom : float
+        Degrees of freedom above 0.
+    chance : float
+        Between 0 and 1.
+
+    Examples
+    --------
+    >>> from receptance._chances import chi_square_quantile
+    >>> round(chi_square_quantile(2.0, 0.01), 6)
+    9.21034
+    """
+    if not _LEAST_FREEDOM <= freedom <= _MOST_TERMS or chance > 0.5:
+        from scipy.special import chdtri  # slow to import
+
+        return float(chdtri(freedom, chance))
+    share = 2.0 / (9.0 * freedom)
+    half, x = 0.5 * freedom, 0.5 * freedom * (1.0 - share + normal_quantile(1.0 - chance) * math.sqrt(share)) ** 3
+    for _ in range(_MOST_STEPS):
+        density, larger = _gamma(half, x)
+        # On the logarithm of the chance, which is nearly a parabola.
+        step = larger * math.log(larger / chance) / density
+        x = max(x + step, 0.1 * x)
+        if abs(step) <= 1e-14 * x:
+            break
+    return 2.0 * x
+
+
+def _gamma(shape: float, x: float) -> tuple[float, float]:
+    """Return the density of a gamma variable and the probability of a larger value (Abramowitz and Stegun 6.5.29)."""
+    density = math.exp((shape - 1.0) * math.log(x) - x - math.lgamma(shape))
+    term = total = x / shape
+    further = shape
+    while term > 1e-17 * total:
+        further += 1.0
+        term *= x / further
+        total += term
+    return density, max(1.0 - density * total, 1e-300)
 
 
 def f_chance_4(ratio: float, freedom: int) -> float:

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 from scipy import special
 
-from receptance._chances import chi_square_chance, f_chance_4, normal_quantile
+from receptance._chances import (
+    chi_square_chance,
+    chi_square_quantile,
+    f_chance_4,
+    normal_chance,
+    normal_quantile,
+)
 
 RNG = np.random.default_rng(20261123)
 
@@ -48,9 +54,21 @@ def test_normal_quantiles() -> None:
         assert normal_quantile(chance) == pytest.approx(special.ndtri(chance), rel=1e-13, abs=1e-15)
 
 
+@pytest.mark.parametrize("chance", [1e-4, 1e-3, 0.05, 0.5])
+def test_quantiles_of_chi_square(chance: float) -> None:
+    for freedom in (0.5, 1.0, 1.7, 3.2, 20.0, 431.6, 5800.25, 90000.0, 3e6):
+        assert chi_square_quantile(freedom, chance) == pytest.approx(special.chdtri(freedom, chance), rel=1e-8)
+    assert chi_square_quantile(0.1, 0.5) == special.chdtri(0.1, 0.5)
+
+
+def test_chances_of_the_normal_distribution() -> None:
+    for value in (-3.0, 0.0, 1.96, 8.0):
+        assert normal_chance(value) == pytest.approx(special.ndtr(-value), rel=1e-12)
+
+
 def test_scipy_is_not_loaded() -> None:
     code = (
         "import sys; from receptance._chances import *; chi_square_chance([1.0, 2.0], [3, 4]); f_chance_4(1.0, 4); "
-        "normal_quantile(0.9); sys.exit('scipy' in sys.modules)"
+        "chi_square_quantile(4.5, 1e-3); normal_chance(1.0); normal_quantile(0.9); sys.exit('scipy' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance._chances import chi_square_chance, normal_quantile
+from receptance._chances import chi_square_chance, chi_square_quantile, normal_chance, normal_quantile
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
@@ -180,8 +180,6 @@ def _strain(fit: Fit) -> Strain:
     With residuals r = J x and the rows P of J that belong to the priors, the residuals of the priors of an adequate
     model have the covariance I - P (J^T J)^-1 P^T.
     """
-    from scipy.special import ndtr  # the light part of scipy.stats
-
     names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
     if not names:
         return Strain()
@@ -211,14 +209,12 @@ def _strain(fit: Fit) -> Strain:
         limit=float(-normal_quantile(0.5 * MISFIT_CHANCE / tested)),
         together=together / count,
         together_limit=_quantile(float(count)),
-        chance=min(2.0 * tested * float(ndtr(-largest)), float(chi_square_chance(together, count)), 1.0),
+        chance=min(2.0 * tested * normal_chance(largest), float(chi_square_chance(together, count)), 1.0),
     )
 
 
 def _quantile(freedom: float) -> float:
-    from scipy.special import chdtri  # the light part of scipy.stats
-
-    return float(chdtri(freedom, MISFIT_CHANCE)) / freedom
+    return chi_square_quantile(freedom, MISFIT_CHANCE) / freedom
 
 
 def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:

@@ -120,14 +120,14 @@ def _is_other_quantity(fit: Fit) -> bool:
     return bool(errors) and max(errors) > OTHER_QUANTITY
 
 
-def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]]) -> list[Direction]:
-    """Return the linear effect of each variant on a fit."""
+def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]], threads: int | None = 1) -> list[Direction]:
+    """Return the linear effect of each variant on a fit; `threads` as in `Assembly.receptance`."""
     basis = fit.basis
     rest = fit.residual - basis @ (basis.T @ fit.residual)
     before = {unknown.name for unknown in fit.model.unknowns}
     parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
     seen = [i for i, (_, one) in enumerate(variants) if parameters[i] and not one.changes_data]
-    found = slopes_of(fit, [variants[i][1].model for i in seen])
+    found = slopes_of(fit, [variants[i][1].model for i in seen], threads)
     slopes = dict(zip(seen, _after_a_refit(found, basis), strict=True))
     return [
         _direction((cause, variant), parameters[i], slopes.get(i), rest) for i, (cause, variant) in enumerate(variants)

@@ -169,7 +169,7 @@ class Search:
         """Screen all causes, and fit the best variants of each."""
         own, base = self.selection, self.selection.base
         variants, own.undecidable = list_variants(base, self._causes)
-        own.directions = in_common_basis(directions(base, variants))
+        own.directions = in_common_basis(directions(base, variants, own.workers))
         beside = own.discrepancy
         own.threshold = detection_threshold(
             own.directions,
@@ -288,7 +288,8 @@ class Search:
     def _effects_of_others(self, root: Fit, ids: frozenset[str]) -> list[Direction]:
         """Return the linear effects on a fit of all causes but some; no variant changes the data."""
         variants, _ = list_variants(root, [cause for cause in self._causes if cause.id not in ids])
-        effects = directions(root, [(cause, one) for cause, one in variants if not one.changes_data])
+        kept = [(cause, one) for cause, one in variants if not one.changes_data]
+        effects = directions(root, kept, self.selection.workers)
         self.selection.evaluations += len(effects)
         return effects
 
@@ -385,7 +386,7 @@ class Search:
             self._report.plan("alternatives", 0)
             return
         variants, _ = list_variants(base, ALTERNATIVES)
-        screened = directions(base, variants)
+        screened = directions(base, variants, own.workers)
         own.evaluations += len(screened)
         chosen = rank([one for one in screened if one.slopes.shape[1]], own.penalty)
         self._report.plan("alternatives", len(chosen))

@@ -2,22 +2,28 @@
 
 They are taken at the values of the fit and at the starting values of the variant's own unknowns. Most variants of a
 model change nothing at these values, so that one evaluation serves all of them: their unknowns are columns of one
-linear map from small changes to the parameters of the assemblies.
+linear map from small changes to the parameters of the assemblies. Variants that differ in the values of one added
+element, as the frequencies of a resonator, are evaluated together on copies of it: at its null a cause has no effect,
+so that the copies do not act on each other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
 from receptance.identification.mapping import ParameterMap, Parameters
+from receptance.identification.observations import Observation
 from receptance.identification.problem import InfeasibleError, Observed, slopes_at
+from receptance.model.assembly import Assembly
 
 __all__ = ["slopes_of"]
 
@@ -34,10 +40,14 @@ class _Place(NamedTuple):
 
 
 class _Own(NamedTuple):
-    """A variant at the values of the fit: its place in the list of variants, and one place for each observation."""
+    """A variant at the values of the fit: its place in the list of variants, and one place for each observation.
+
+    `added` is the name of the only element that the variant moves, where the cause has added it.
+    """
 
     number: int
     places: list[_Place]
+    added: str = ""
 
     @property
     def columns(self) -> int:
@@ -45,7 +55,7 @@ class _Own(NamedTuple):
         return int(self.places[0].slopes.shape[1])
 
 
-def slopes_of(fit: Fit, models: Sequence[Model]) -> list[NDArray[np.float64] | None]:
+def slopes_of(fit: Fit, models: Sequence[Model], threads: int | None = 1) -> list[NDArray[np.float64] | None]:
     """Return the derivatives of the observed residuals with respect to the own unknowns of each model, `(n, k)`.
 
     Parameters
@@ -55,6 +65,8 @@ def slopes_of(fit: Fit, models: Sequence[Model]) -> list[NDArray[np.float64] | N
     models : sequence of Model
         Models with further unknowns, in the order in which the columns are returned. Unknowns of the fit that a model
         does not have are left out.
+    threads : int, optional
+        As in `Assembly.receptance`.
 
     Returns
     -------
@@ -67,7 +79,7 @@ def slopes_of(fit: Fit, models: Sequence[Model]) -> list[NDArray[np.float64] | N
     for number, model in enumerate(models):
         groups.setdefault(_without(model, names), []).append(number)
     for base, numbers in groups.items():
-        group = _VariantGroup(base, fit, names)
+        group = _VariantGroup(base, fit, names, threads)
         for batch in group.batches([(number, models[number]) for number in numbers]):
             for number, slopes in group.evaluate(batch):
                 found[number] = slopes
@@ -93,34 +105,45 @@ class _VariantGroup:
         The fit.
     names : set of str
         Names of the unknowns of the fit.
+    threads : int or None
+        As of `slopes_of`.
     """
 
-    def __init__(self, base: Model, fit: Fit, names: set[str]) -> None:
-        self._base, self._fit, self._names = base, fit, names
+    def __init__(self, base: Model, fit: Fit, names: set[str], threads: int | None) -> None:
+        self._base, self._fit, self._names, self._threads = base, fit, names, threads
         self._maps = base.task.mappings
         self._unknowns = self._values(base.task.parameters)
         values = {one: one.values(self._unknowns) for one in dict.fromkeys(self._maps)}
         self._present = [values[one] for one in self._maps]
+        self._copied: dict[tuple[str, int], tuple[Observation, ...]] = {}
 
     def batches(self, models: Sequence[tuple[int, Model]]) -> Iterator[list[_Own]]:
-        """Yield variants that are evaluated together: those that change nothing at their starts, and each other one."""
-        together: list[_Own] = []
+        """Yield variants that are evaluated together.
+
+        These are the variants that change nothing at their starts, those that move the same added element, and each
+        other one by itself.
+        """
+        together: dict[str, list[_Own]] = {}
         for number, model in models:
             further = self._further(model)
             own = _Own(number, self._all_places(model) if further is None else self._own_places(further))
-            if further is None or not all(self._is_same(i, place) for i, place in enumerate(own.places)):
+            is_same = further is not None and all(self._is_same(i, place) for i, place in enumerate(own.places))
+            if further is not None and not is_same:
+                own = own._replace(added=self._added(own))
+            if not (is_same or own.added):
                 yield [own]
                 continue
-            if together and sum(one.columns for one in together) + own.columns > COLUMNS_TOGETHER:
-                yield together
-                together = []
-            together.append(own)
-        if together:
-            yield together
+            batch = together.setdefault(own.added, [])
+            if batch and sum(one.columns for one in batch) + own.columns > COLUMNS_TOGETHER:
+                yield together.pop(own.added)
+                batch = together.setdefault(own.added, [])
+            batch.append(own)
+        yield from together.values()
 
     def evaluate(self, batch: Sequence[_Own]) -> Iterator[tuple[int, NDArray[np.float64] | None]]:
         """Yield the numbers of variants, and the derivatives by their own unknowns."""
-        base = self._base
+        base, added = self._base, batch[0].added
+        observations = self._with_copies(added, len(batch)) if added else base.observations
         joined: dict[tuple[int, ...], ParameterMap] = {}
         mappings = []
         for own, present, places in zip(
@@ -128,11 +151,12 @@ class _VariantGroup:
         ):
             key = (id(own), *map(id, places))
             if key not in joined:
-                joined[key] = _join(own.addresses, present, places)
+                copies = [place if i == 0 else _renamed(place, added, i) for i, place in enumerate(places)]
+                joined[key] = _join(own.addresses, present, copies if added else places)
             mappings.append(joined[key])
-        observed = [Observed(*one) for one in zip(base.observations, mappings, base.task.units, strict=True)]
+        observed = [Observed(*one) for one in zip(observations, mappings, base.task.units, strict=True)]
         try:
-            slopes = slopes_at(observed, base.threads)
+            slopes = slopes_at(observed, self._threads)
         except InfeasibleError:
             if len(batch) == 1:
                 yield batch[0].number, None
@@ -144,6 +168,27 @@ class _VariantGroup:
         for one in batch:
             yield one.number, slopes[:, begin : begin + one.columns]
             begin += one.columns
+
+    def _added(self, own: _Own) -> str:
+        """Return the name of the only element that a variant moves, if the cause has added it; otherwise nothing."""
+        base = self._base
+        names = {address.split(".", 1)[0] for place in own.places for address in place.addresses}
+        # A further body adds a natural frequency, so that measured ones would be numbered otherwise.
+        if len(names) != 1 or len(base.receptances) < len(base.observations):
+            return ""
+        (name,) = names
+        before = any(name in one.assembly.attachments for one in self._fit.model.observations)
+        moved = any(address.split(".", 1)[0] == name for own in self._maps for address in own.addresses)
+        pairs = zip(base.observations, own.places, strict=True)
+        attached = all(name in one.assembly.attachments for one, place in pairs if place.addresses)
+        return name if attached and not before and not moved else ""
+
+    def _with_copies(self, name: str, count: int) -> tuple[Observation, ...]:
+        """Return the observations with an attachment several times: the first one keeps its name."""
+        if (name, count) not in self._copied:
+            changed = self._base if count == 1 else self._base.rebuild(partial(_copy, name, count))
+            self._copied[name, count] = changed.observations
+        return self._copied[name, count]
 
     def _values(self, parameters: Parameters) -> NDArray[np.float64]:
         """Return the values of unknowns: those of the fit, and the starts of others."""
@@ -190,6 +235,19 @@ class _VariantGroup:
             if abs(value - present) > _ROUNDING * abs(present):
                 return False
         return True
+
+
+def _copy(name: str, count: int, assembly: Assembly) -> Assembly:
+    """Return an assembly with an attachment several times, if it has it."""
+    if name not in assembly.attachments:
+        return assembly
+    one = assembly.attachments[name]
+    return with_points(assembly, *(replace(one, name=f"{name}_{i}") for i in range(1, count)))
+
+
+def _renamed(place: _Place, name: str, number: int) -> _Place:
+    """Return the place of a variant on the copy of its element with a number."""
+    return place._replace(addresses=tuple(f"{name}_{number}{one.removeprefix(name)}" for one in place.addresses))
 
 
 def _join(addresses: Sequence[str], present: NDArray[np.float64], places: Sequence[_Place]) -> ParameterMap:

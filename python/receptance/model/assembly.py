@@ -505,7 +505,8 @@ class Assembly(Renderable):
         known = self._tied.get(points)
         if known is not None and known[0] == addresses:
             return known[1]
-        flat, names = self.flat(points), [[] if one in others else self._named(one) for one in addresses]
+        flat = self.flat(points)
+        names = [[] if one in others else [one] if one in flat.entries else self._named(one) for one in addresses]
         for address, own in zip(addresses, names, strict=True):
             if len(own) > 1:
                 self.get(address)  # raises if the segments differ
