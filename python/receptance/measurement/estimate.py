@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from receptance.units import FORMS
 if TYPE_CHECKING:
     from receptance.frf import FRF
 
-__all__ = ["estimate_frf"]
+__all__ = ["EstimateKeywords", "estimate_frf"]
 
 _WARNING_SHARE = 0.01
 """Share of excluded lines in the band of the force above which a warning is issued."""
@@ -28,6 +28,20 @@ _DECAYED = 0.1
 _MIN_CORRELATED = 1.05
 """Number of correlated lines above which a note is added."""
 _RESPONSE_WINDOW = Reason("exponential", "on no line: the exponential window is on the response alone")
+
+
+class EstimateKeywords(TypedDict, total=False):
+    """Options of `estimate_frf` that other functions pass on; their meaning is described there."""
+
+    estimator: Estimator
+    decay_rate: float
+    exponential_on: ExponentialOn
+    force_window_s: float | Literal["auto"] | None
+    low_hz: float | None
+    high_hz: float | None
+    pooled_lines: int | None
+    force_drop_db: float
+    largest_deviation: float
 
 
 def estimate_frf(

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.identification import Identification
     from receptance.measurement import Hits
+    from receptance.measurement.estimate import EstimateKeywords
     from receptance.model.assembly import Assembly
 
 __all__ = ["TaperFit", "fit_axial", "fit_radial", "without_each"]
@@ -172,7 +173,7 @@ def _fit(
     )
 
 
-def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
+def without_each(hits: Hits, **settings: Unpack[EstimateKeywords]) -> tuple[FRF, ...]:
     """Estimate the FRFs without one of the hits each.
 
     Parameters
@@ -195,8 +196,8 @@ def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
         # The estimate from all hits has given these warnings already.
         warnings.simplefilter("ignore", ReceptanceWarning)
         # Only the values are used, so the variance is not pooled.
-        settings = {"pooled_lines": 1, **settings}
-        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **settings) for hit in hits.kept)
+        own: EstimateKeywords = {"pooled_lines": 1, **settings}
+        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
 
 
 def _relative_errors(
