@@ -160,7 +160,8 @@ def test_results_are_written_together_or_not_at_all(
 
     monkeypatch.setattr(_files, "_stage", fail)
     monkeypatch.setattr(er32, "run", er32_study.results)
-    assert call(monkeypatch, "study", "er32", "--draws", "3", "--json", "er32.json", "--plot", "er32.png") == 2
+    files = ("--json", "er32.json", "--plot", "er32.png", "--overwrite")
+    assert call(monkeypatch, "study", "er32", "--draws", "3", *files) == 2
     assert "cannot write er32.png: No space left on device" in capsys.readouterr().err
     assert left() == {"er32.json"}
     assert Path("er32.json").read_text() == "older"

@@ -14,6 +14,7 @@ from receptance.cli.running import (
     InputError,
     InterruptedAnswer,
     NewSeed,
+    Overwrite,
     Targets,
     input_errors,
     output,
@@ -61,6 +62,7 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
     for name in files:
         targets.protect(found.file.parent / name, "a data file of the campaign")
+    targets.require_new()
     return found
 
 
@@ -87,7 +89,7 @@ def example(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Name of the example, see --list.")] = None,
     folder: Annotated[Path | None, typer.Argument(metavar="DIR", help="Folder; by default NAME.")] = None,
     list_them: Annotated[bool, typer.Option("--list", help="List the examples and exit.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a complete example campaign with its data to a folder."""
     from receptance import examples

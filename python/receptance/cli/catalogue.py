@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from receptance._files import check_target, write_whole
 from receptance.cli.campaigns import CampaignFile, run_on_campaign
-from receptance.cli.running import InputError, NewSeed, Targets, input_errors, takes_targets
+from receptance.cli.running import InputError, NewSeed, Targets, input_errors, refuse_existing, takes_targets
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
@@ -63,7 +63,7 @@ def catalogue(
 
     def work(read: Campaign) -> CatalogueSummary:
         wanted.protect_inputs(read, targets)
-        return _run(read, wanted)
+        return _run(read, wanted, targets)
 
     _, found = run_on_campaign(campaign, targets, work, seed)
     targets.show(found)
@@ -121,6 +121,15 @@ class _Wanted:
             for option, target in self._tables:
                 if target.resolve() == path.resolve():
                     raise InputError(f"{option} names {target}, which is read; give another file")
+        for option, target in self._tables:
+            refuse_existing(option, target, overwrite=targets.overwrite)
+
+    def protect_existing(self, names: Collection[str], targets: Targets) -> None:
+        """Raise `InputError` if the file of a tool exists and --overwrite was not given."""
+        for option, folder, ending in (("--figures", self.figures, ".png"), ("--frfs", self.frfs, ".csv")):
+            if folder is not None:
+                for name in names:
+                    refuse_existing(option, folder / f"{name}{ending}", overwrite=targets.overwrite)
 
     def check_cut(self, read: Campaign) -> str:
         """Return the name of the cut for --depths after checking it and the spindle speeds; empty without --depths."""
@@ -135,12 +144,14 @@ class _Wanted:
         return name
 
 
-def _run(read: Campaign, wanted: _Wanted) -> CatalogueSummary:
+def _run(read: Campaign, wanted: _Wanted, targets: Targets) -> CatalogueSummary:
     from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
     from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
 
     cut = wanted.check_cut(read)
     chosen = Catalogue(read, wanted.tools, wanted.holders)
+    names = file_names(row.name for row in chosen.tools)
+    wanted.protect_existing(names.values(), targets)
     draws = read.table.stability.number_of_draws if cut else _DRAWS if wanted.figures else 0
     predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
     if wanted.out is not None:
@@ -148,7 +159,6 @@ def _run(read: Campaign, wanted: _Wanted) -> CatalogueSummary:
     if wanted.depths is not None:
         predictions = write_depths(wanted.depths, predictions, read, cut)
     if wanted.figures is not None or wanted.frfs is not None:
-        names = file_names(row.name for row in chosen.tools)
         predictions = _write_files(predictions, names, wanted.figures, wanted.frfs)
     tools = tuple(summaries(predictions))
     return CatalogueSummary(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from receptance.cli.reading import MeasurementNumber, Reading, collected_warnings, read_measurements, takes_reading
-from receptance.cli.running import InputError, input_errors, output
+from receptance.cli.running import InputError, Overwrite, input_errors, output, refuse_existing
 
 if TYPE_CHECKING:
     from receptance import FRF
@@ -32,12 +32,14 @@ def convert(
     target_format: Annotated[
         str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT if its ending does not determine it.")
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Convert FRFs, coherences and time records to another file format."""
     from receptance.io import write
 
     if target.exists() and source.exists() and target.resolve() == source.resolve():
         raise InputError(f"IN and OUT are both {source}; give two files")
+    refuse_existing("OUT", target, overwrite=overwrite)
     with input_errors(), collected_warnings() as further:
         found, notes = read_measurements(source, reading, number)
         written = [_as_form(thing, form) for thing in found]

@@ -20,10 +20,15 @@ if TYPE_CHECKING:
 
 __all__ = ["MeasurementNumber", "Reading", "collected_warnings", "read_measurements", "takes_reading"]
 
+READING = "Reading of files that do not state everything"
+"""Group of options in the help."""
 FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
 MeasurementNumber = Annotated[
-    int | None, typer.Option("--number", min=1, metavar="N", help="Number of the only measurement to take, from 1.")
+    int | None,
+    typer.Option(
+        "--number", rich_help_panel=READING, min=1, metavar="N", help="Number of the only measurement to take, from 1."
+    ),
 ]
 
 
@@ -34,18 +39,23 @@ class Reading:
     quantity: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance."
+            rich_help_panel=READING,
+            metavar="NAME",
+            help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance.",
         ),
     ] = None
     unit: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="UNIT", help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel."
+            rich_help_panel=READING,
+            metavar="UNIT",
+            help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel.",
         ),
     ] = None
     variable: Annotated[
         list[str] | None,
         typer.Option(
+            rich_help_panel=READING,
             metavar="ROLE=NAME",
             help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
             "CHANNEL=NAME.",
@@ -54,24 +64,32 @@ class Reading:
     columns: Annotated[
         str | None,
         typer.Option(
+            rich_help_panel=READING,
             metavar="NAMES",
             help="Header with units of a table, separated by commas, if it has none or one with other names: "
             "'frequency \\[Hz],real \\[g/N],imag \\[g/N],coherence'.",
         ),
     ] = None
     coherence: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Another file with the coherence of the FRF.")
+        Path | None,
+        typer.Option(rich_help_panel=READING, metavar="FILE", help="Another file with the coherence of the FRF."),
     ] = None
-    ignore_coherence: Annotated[bool, typer.Option("--ignore-coherence", help="Ignore the coherence of the FRFs.")] = (
-        False
-    )
+    ignore_coherence: Annotated[
+        bool, typer.Option("--ignore-coherence", rich_help_panel=READING, help="Ignore the coherence of the FRFs.")
+    ] = False
     sample_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Sample rate of time records if the file does not state it.")
+        float | None,
+        typer.Option(
+            rich_help_panel=READING, metavar="HZ", help="Sample rate of time records if the file does not state it."
+        ),
     ] = None
     source_format: Annotated[
         str | None,
         typer.Option(
-            "--from", metavar="FORMAT", help=f"Format of the file if its ending does not determine it: {FORMATS}."
+            "--from",
+            rich_help_panel=READING,
+            metavar="FORMAT",
+            help=f"Format of the file if its ending does not determine it: {FORMATS}.",
         ),
     ] = None
 
