@@ -195,6 +195,15 @@ def test_check_lists_all_mistakes(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert left() == {"machine"}
 
 
+def test_check_says_what_to_type_instead(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("tip.csv").write_text(GERMAN)
+    assert call(monkeypatch, "check", ".") == 2
+    assert "no campaign.toml in the folder .; `receptance new . FILES` writes one" in capsys.readouterr().err
+    assert call(monkeypatch, "check", "tip.csv") == 2
+    assert "`receptance show tip.csv` shows a measurement file" in capsys.readouterr().err
+    assert left() == {"tip.csv"}
+
+
 def test_a_figure_that_cannot_be_written_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

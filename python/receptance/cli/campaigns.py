@@ -42,6 +42,7 @@ __all__ = [
     "schema",
     "stability",
     "transfer",
+    "with_lines",
 ]
 
 _MOST_FILES = 6
@@ -290,12 +291,9 @@ def diagnose(
     targets.add_extended(extended)
 
     def work(read: Campaign) -> Verdict:
-        from receptance.campaign.changed_lines import with_campaign_lines
         from receptance.campaign.stability import named_metrics
 
-        return with_campaign_lines(
-            read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
-        )
+        return with_lines(read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ())))
 
     read, found = run_on_campaign(campaign, targets, work, seed)
     text, why_not = _extended(read, found, extended)
@@ -305,6 +303,13 @@ def diagnose(
     if not found.final:
         raise InterruptedAnswer("interrupted, the result is preliminary")
     targets.require(found.verdict == "adequate")
+
+
+def with_lines(read: Campaign, found: Verdict) -> Verdict:
+    """Return a verdict with the lines to copy into the campaign file."""
+    from receptance.campaign.changed_lines import with_campaign_lines
+
+    return with_campaign_lines(read, found)
 
 
 def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[str | None, str]:
