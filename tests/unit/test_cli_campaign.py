@@ -105,15 +105,17 @@ def test_json_to_standard_output(
     assert left() == {"campaign.toml", "p.png", "f.json"}
 
 
-def test_every_command_with_results_has_json_and_plot(
+def test_every_command_with_results_has_the_options_of_output(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = ("identify", "predict", "transfer", "diagnose", "invert", "next", "sweep", "stability", "catalogue", "demo")
-    for step in steps:
-        assert call(monkeypatch, step, "--help") == 0
+    files = ("--json", "--plot", "--report", "--overwrite", "--quiet")
+    analysing = ("identify", "predict", "transfer", "diagnose", "invert", "next", "sweep", "stability", "catalogue")
+    options = dict.fromkeys((*analysing, "check", "show", "demo"), files)
+    options |= {"new": ("--json", "--overwrite", "--quiet"), "convert": ("--overwrite", "--quiet")}
+    for step, names in options.items():
+        assert call(monkeypatch, step, "-h") == 0
         output = capsys.readouterr().out
-        assert "--json" in output, step
-        assert "--plot" in output, step
+        assert [name for name in names if name not in output] == [], step
 
 
 HOSTILE = r"5 $ \\alpha \\frac{ $ \u001b]0;owned\u0007\u001b[2J\u009b1m\u202e"
