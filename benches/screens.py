@@ -1,14 +1,21 @@
-"""Pictures of the terminal: `python benches/screens.py FOLDER [--columns N] [--only TEXT]`.
+"""Pictures of the terminal: `python benches/screens.py FOLDER [--columns N] [--only TEXT ...] [--json FILE]`.
 
 Every command runs on every packaged example on a terminal of 80 columns, and so do `demo`, `show`, the studies and the
 help of each command. What the terminal shows is written to FOLDER as SVG, with a page `index.html` of all of them.
 Printed are the processor time of each command, the number of lines, and the number of cut cells: lines with an ellipsis
 and lines of tables that are wider than the terminal. Exit code 1 if there is one, or if a command fails.
+
+`--json FILE` keeps the processor times, together with those that FILE has of earlier runs. `--source FOLDER` runs the
+package of another folder, such as `python` of an older commit with its compiled core. `--table FILE [FILE]` prints the
+times of one or two such files, before and after, as a Markdown table, and runs nothing. Bytecode is written and read,
+as after an installation.
 """
 
 from __future__ import annotations
 
 import argparse
+import compileall
+import json
 import os
 import pty
 import resource
@@ -49,8 +56,18 @@ OTHERS = (
         "40 mm",
         "--tool",
         "12 mm",
+        "--tool-material",
+        "carbide",
         "--holder",
-        "50 x 40 mm",
+        "40 mm x 50 mm, 50 mm x 44/16 mm",
+        "--holder-material",
+        "steel",
+        "--insertion",
+        "40 mm",
+        "--sensor",
+        "none",
+        "--support",
+        "free",
     ),
     *((command, "--help") for command in (*COMMANDS, "demo", "new", "show", "convert", "schema", "study")),
 )
@@ -73,10 +90,13 @@ class Screen(NamedTuple):
         return len(wide) + sum("\u2026" in line for line in lines)
 
 
-def run(words: tuple[str, ...], folder: Path, columns: int) -> Screen:
+def run(words: tuple[str, ...], folder: Path, columns: int, source: Path | None = None) -> Screen:
     """Run a command whose standard output is a terminal; progress on standard error is not part of the picture."""
     ours, theirs = pty.openpty()
     variables = {**os.environ, "COLUMNS": str(columns), "LINES": "50", "TERM": "xterm-256color"}
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)
+    if source is not None:
+        variables["PYTHONPATH"] = str(source.resolve())
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-m", "receptance.cli", *words]
     process = subprocess.Popen(
@@ -109,27 +129,67 @@ def picture(screen: Screen, columns: int) -> str:
     return console.export_svg(title=f"receptance {' '.join(screen.words)}")
 
 
+def times_table(files: list[Path]) -> str:
+    """Return the processor times of one or two files as Markdown: examples below each other, commands side by side."""
+    times = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    every = list(dict.fromkeys(name for one in reversed(times) for name in one))
+    examples = list(dict.fromkeys(name.split()[1] for name in every if name.split()[0] in COMMANDS))
+    rows = [["example", *COMMANDS], ["---"] * (len(COMMANDS) + 1)]
+    rows += [[example, *(_cell(times, f"{command} {example}") for command in COMMANDS)] for example in examples]
+    others = [name for name in every if name.split()[0] not in COMMANDS]
+    rows += [[], ["command", "processor time [s]"], ["---", "---"]]
+    rows += [[f"`receptance {name}`", _cell(times, name)] for name in others]
+    return "\n".join(f"| {' | '.join(row)} |" if row else "" for row in rows)
+
+
+def _named(words: tuple[str, ...]) -> str:
+    """Return the words of a command up to its second option."""
+    return " ".join(words[:2]) if words[0] in COMMANDS else " ".join(words[:3])
+
+
+def _cell(times: list[dict[str, float]], name: str) -> str:
+    """Return the time of a command in each file; a dash where it did not run."""
+    return " → ".join(f"{one[name]:.2f}" if name in one else "-" for one in times)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run all commands and write their pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="where the pictures are written")
+    parser.add_argument("folder", type=Path, nargs="?", help="where the pictures are written")
     parser.add_argument("--columns", type=int, default=80, help="width of the terminal")
-    parser.add_argument("--only", default="", help="only commands whose text contains this")
+    parser.add_argument("--only", nargs="+", default=[""], help="only commands whose text contains one of these")
+    parser.add_argument("--json", type=Path, help="processor times of the commands that ended without an error")
+    parser.add_argument("--source", type=Path, help="folder of another version of the package")
+    parser.add_argument("--table", type=Path, nargs="+", help="files of --json, before and after; nothing is run")
     options = parser.parse_args(arguments)
+    if options.table:
+        print(times_table(options.table))
+        return 0
+    if options.folder is None:
+        parser.error("give a FOLDER for the pictures, or --table")
     from receptance import examples
 
     options.folder.mkdir(parents=True, exist_ok=True)
     every = [*OTHERS, *((command, name, *more) for name in examples.EXAMPLES for command, more in COMMANDS.items())]
     cut = failed = 0
     shown = []
+    times: dict[str, float] = {}
+    if options.json and options.json.exists():
+        times = json.loads(options.json.read_text(encoding="utf-8"))
+    package = Path(examples.__file__).parents[1] if options.source is None else options.source / "receptance"
+    compileall.compile_dir(package, quiet=2)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         for name in examples.EXAMPLES:
             examples.write(name, folder / name)
         for words in every:
-            if options.only not in " ".join(words):
+            if not any(text in " ".join(words) for text in options.only):
                 continue
-            screen = run(words, folder, options.columns)
+            screen = run(words, folder, options.columns, options.source)
+            if screen.code == 0:
+                times[_named(words)] = round(screen.seconds, 3)
+            if options.json:
+                options.json.write_text(json.dumps(times, indent=2) + "\n", encoding="utf-8")
             # Exit code 2: an example without the data that a command needs; the message says so.
             failed += screen.code not in (0, 2)
             cut += screen.cut(options.columns)

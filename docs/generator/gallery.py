@@ -45,20 +45,31 @@ def run(script: Path) -> tuple[str, Figure]:
     return printed.getvalue(), figure
 
 
+def _run_all(app: Sphinx) -> None:
+    """Run all scripts before the pages are read, because the page with their pictures needs those of all."""
+    target = _target(app.srcdir)
+    target.mkdir(parents=True, exist_ok=True)
+    for script in sorted((Path(app.srcdir) / "gallery").glob("*.py")):
+        printed, figure = run(script)
+        figure.savefig(target / f"{script.stem}.png", dpi=130)
+        (target / f"{script.stem}.txt").write_text(printed, encoding="utf-8")
+
+
+def _target(source: str | os.PathLike[str]) -> Path:
+    return Path(source) / "generated" / "gallery"
+
+
 class Example(SphinxDirective):
     """The figure of a script, its output and its text."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Run the script and return the nodes."""
+        """Return the nodes."""
         _, script = self.env.relfn2path(self.arguments[0])
         self.env.note_dependency(script)
         path = Path(script)
-        printed, figure = run(path)
-        target = Path(self.env.srcdir) / "generated" / "gallery" / f"{path.stem}.png"
-        target.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(target, dpi=130)
+        printed = (_target(self.env.srcdir) / f"{path.stem}.txt").read_text(encoding="utf-8")
         text = path.read_text(encoding="utf-8")
         parts = [
             f"![Figure of the example](/generated/gallery/{path.stem}.png)",
@@ -68,7 +79,27 @@ class Example(SphinxDirective):
         return self.parse_text_to_nodes("\n\n".join(parts))
 
 
+class Pictures(SphinxDirective):
+    """The pictures of examples with their titles, which lead to their pages."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the nodes."""
+        whole = nodes.container(classes=["gallery"])
+        for name in filter(None, (line.strip() for line in self.content)):
+            page = Path(self.env.srcdir) / "gallery" / f"{name}.md"
+            title = page.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+            picture = f"[![{title}](/generated/gallery/{name}.png)]({name}.md)"
+            one = nodes.container()
+            one += self.parse_text_to_nodes(f"{picture}\n\n[{title}]({name}.md)")
+            whole += one
+        return [whole]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directive."""
+    """Register the directives."""
+    app.connect("builder-inited", _run_all)
     app.add_directive("example", Example)
+    app.add_directive("pictures", Pictures)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -49,12 +49,13 @@ def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     text = capsys.readouterr().out
     assert "Figure: receptance-demo.png" in text
     assert "Report: receptance-demo.html" in text
-    assert "named: mass of the sensor: mass 1.99" in " ".join(text.split())
+    assert "The cause is named: mass of the sensor; mass 1.99" in " ".join(text.split())
     assert "\x1b" not in text
     assert len(text.splitlines()) <= 20
     assert max(map(len, text.splitlines())) <= 80
     assert left() == {"receptance-demo.png", "receptance-demo.html", "results.json"}
     assert Path("receptance-demo.png").read_bytes().startswith(PNG)
+    assert "sensor = " in Path("receptance-demo.html").read_text(encoding="utf-8")  # a line for the campaign file
     found = json.loads(Path("results.json").read_text())
     assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", ["sensor_mass"])
     (size,) = found["causes"][0]["parameters"].values()
@@ -160,7 +161,8 @@ def test_results_are_written_together_or_not_at_all(
 
     monkeypatch.setattr(_files, "_stage", fail)
     monkeypatch.setattr(er32, "run", er32_study.results)
-    assert call(monkeypatch, "study", "er32", "--draws", "3", "--json", "er32.json", "--plot", "er32.png") == 2
+    files = ("--json", "er32.json", "--plot", "er32.png", "--overwrite")
+    assert call(monkeypatch, "study", "er32", "--draws", "3", *files) == 2
     assert "cannot write er32.png: No space left on device" in capsys.readouterr().err
     assert left() == {"er32.json"}
     assert Path("er32.json").read_text() == "older"

@@ -105,15 +105,17 @@ def test_json_to_standard_output(
     assert left() == {"campaign.toml", "p.png", "f.json"}
 
 
-def test_every_command_with_results_has_json_and_plot(
+def test_every_command_with_results_has_the_options_of_output(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = ("identify", "predict", "transfer", "diagnose", "invert", "next", "sweep", "stability", "catalogue", "demo")
-    for step in steps:
-        assert call(monkeypatch, step, "--help") == 0
+    files = ("--json", "--plot", "--report", "--overwrite", "--quiet")
+    analysing = ("identify", "predict", "transfer", "diagnose", "invert", "next", "sweep", "stability", "catalogue")
+    options = dict.fromkeys((*analysing, "check", "show", "demo"), files)
+    options |= {"new": ("--json", "--overwrite", "--quiet"), "convert": ("--overwrite", "--quiet")}
+    for step, names in options.items():
+        assert call(monkeypatch, step, "-h") == 0
         output = capsys.readouterr().out
-        assert "--json" in output, step
-        assert "--plot" in output, step
+        assert [name for name in names if name not in output] == [], step
 
 
 HOSTILE = r"5 $ \\alpha \\frac{ $ \u001b]0;owned\u0007\u001b[2J\u009b1m\u202e"
@@ -125,7 +127,7 @@ def test_title_is_not_interpreted(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     text = changed(("A blank in a holder", HOSTILE)).replace("measurements.short]", 'measurements."s$x^$\\u001b[2J"]')
     write(Path(), text + "\n[settings]\nstarts = 2\n")
     for plot in ("i.svg", "i.png", "i.pdf"):
-        assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", plot) == 0
+        assert call(monkeypatch, "identify", "campaign.toml", "--json", "i.json", "--plot", plot, "--overwrite") == 0
         output = capsys.readouterr()
         assert "5 $ \\alpha \\frac{ $ \\x1b]0;owned" in output.out
         assert "\\x1b[2J\\x9b1m\\u202e: identified" in output.out
@@ -192,7 +194,7 @@ def test_uninformative_interval_is_labelled(
     assert long["within"] == [None, None]
     assert long["interval_uninformative"] == [True, True]
     write(Path())
-    assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json") == 0
+    assert call(monkeypatch, "predict", "campaign.toml", "--json", "p.json", "--overwrite") == 0
     (long,) = (one for one in json.loads(Path("p.json").read_text())["natural_frequencies"] if one["name"] == "long")
     assert None not in long["within"]
     assert long["interval_uninformative"] == [False, False]
@@ -318,12 +320,66 @@ def test_seed_of_the_command_replaces_that_of_the_file(
     assert call(monkeypatch, "example", "machine") == 0
     found = {}
     for seed in ((), ("--seed", "0"), ("--seed", "5")):
-        assert call(monkeypatch, "stability", "machine", *seed, "--json", "found.json") == 0
+        assert call(monkeypatch, "stability", "machine", *seed, "--json", "found.json", "--overwrite") == 0
         found[seed] = json.loads(Path("found.json").read_text(encoding="utf-8"))
     assert found["--seed", "0"] == found[()] != found["--seed", "5"]
-    assert call(monkeypatch, "identify", "machine", "--seed", "5", "--json", "found.json") == 0
+    assert call(monkeypatch, "identify", "machine", "--seed", "5", "--json", "found.json", "--overwrite") == 0
     assert json.loads(Path("found.json").read_text(encoding="utf-8"))["seed"] == 5
     assert call(monkeypatch, "identify", "machine", "--seed", "-1") == 2
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        (("identify", "machine"), "--json"),
+        (("identify", "machine"), "--plot"),
+        (("check", "machine"), "--report"),
+        (("diagnose", "machine"), "--extended"),
+        (("sweep", "machine", "--sample", "3"), "--json"),
+        (("catalogue", "machine"), "--out"),
+        (("catalogue", "machine"), "--figures"),
+        (("study", "bt50"), "--json"),
+        (("study", "er32", "--draws", "3"), "--plot"),
+        (("convert", "machine/campaign.toml"), "OUT"),
+    ],
+)
+def test_a_file_is_replaced_only_with_overwrite(
+    command: tuple[str, ...], option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The refusal comes before the work, names option and file, and leaves everything as it was."""
+    assert call(monkeypatch, "example", "machine") == 0
+    endings = {"--json": ".json", "--plot": ".png", "--report": ".html", "--extended": ".toml", "--out": ".csv"}
+    target = Path("figures/T01.png") if option == "--figures" else Path(f"older{endings.get(option, '.csv')}")
+    target.parent.mkdir(exist_ok=True)
+    if option == "--figures":
+        for name in _tool_names():
+            (target.parent / f"{name}.png").write_text("older")
+        target = next(target.parent.iterdir())
+    target.write_text("older")
+    given = {"OUT": [str(target)], "--figures": [option, "figures"]}.get(option, [option, str(target)])
+    assert call(monkeypatch, *command, *given) == 2
+    assert f"{option} would replace" in capsys.readouterr().err
+    assert target.read_text() == "older"
+
+
+def test_the_profiles_of_an_older_figure_are_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "example", "machine") == 0
+    Path("a-profiles.png").write_text("older")
+    assert call(monkeypatch, "identify", "machine", "--plot", "a.png") == 2
+    assert "--plot would replace a-profiles.png" in capsys.readouterr().err
+    assert not Path("a.png").exists()
+    assert call(monkeypatch, "identify", "machine", "--plot", "a.png", "--overwrite") == 0
+    assert Path("a.png").exists()
+
+
+def _tool_names() -> list[str]:
+    """Return the names of the tools of the example machine."""
+    from receptance import campaign
+    from receptance.catalogue import Catalogue
+
+    return [row.name for row in Catalogue(campaign.load("machine"), None, None).tools]
 
 
 def test_examples_are_listed_and_not_written_over(

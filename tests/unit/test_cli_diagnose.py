@@ -180,7 +180,7 @@ def test_another_quantity_is_named_with_the_line_to_write(
     assert f"`{line}`" in cause["remedy"]
     file = Path("rods", "campaign.toml")
     file.write_text(file.read_text().replace('kind = "frf"', f'kind = "frf"\n{line}'))
-    assert call(monkeypatch, *arguments) == 0
+    assert call(monkeypatch, *arguments, "--overwrite") == 0
     assert "adequate: noise" in capsys.readouterr().out
 
 

@@ -40,13 +40,29 @@ def test_show_prints_what_was_understood(monkeypatch: pytest.MonkeyPatch, capsys
         "accelerance in m/s^2/N",
         "median 0.99, lowest 0.99",
         "tip.csv (table with a header)",
-        "Note: 1 lines before line 2 were not read",
+        "- 1 line before line 2 was not read",
         "Figure: tip.png",
     ):
         assert words in text
     assert max(map(len, text.splitlines())) <= 80
     assert Path("tip.png").read_bytes().startswith(PNG)
     assert left() == {"tip.csv", "tip.png"}
+
+
+def test_show_writes_what_was_understood(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("tip.csv").write_text(GERMAN)
+    assert call(monkeypatch, "show", "tip.csv", "--json", "-", "--report", "tip.html") == 0
+    output = capsys.readouterr()
+    found = json.loads(output.out)
+    assert found["format"] == "table with a header"
+    (frf,) = found["measurements"]
+    assert (frf["kind"], frf["form"], frf["units"]) == ("frf", "accelerance", ["m/s^2/N"])
+    assert (frf["lines"], frf["band_hz"], frf["median_coherence"]) == (50, [10.0, 59.0], pytest.approx(0.99))
+    assert "Report: tip.html" in output.err
+    page = Path("tip.html").read_text()
+    assert "accelerance in m/s^2/N" in page
+    assert "<svg" in page
+    assert left() == {"tip.csv", "tip.html"}
 
 
 def test_show_of_every_kind_of_measurement(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,9 +75,9 @@ def test_show_of_every_kind_of_measurement(monkeypatch: pytest.MonkeyPatch, caps
     for name, words in (
         ("hit.csv", ("2 at 1000 Hz", "force", "acceleration", "34.32")),
         ("coh.csv", ("10, 10 to 19 Hz", "median 0.75")),
-        ("many.npz", ("6: FRF p5", "the first 4 of 6 measurements; --number N")),
+        ("many.npz", ("6: FRF p5", "the first 4 of 6 measurements; `--number", "N` shows another")),
     ):
-        assert call(monkeypatch, "show", name, "--plot", "a.svg") == 0
+        assert call(monkeypatch, "show", name, "--plot", "a.svg", "--overwrite") == 0
         text = capsys.readouterr().out
         assert all(word in text for word in words), text
         assert b"<svg" in Path("a.svg").read_bytes()
@@ -101,6 +117,10 @@ def test_the_figure_is_opened_on_a_terminal(
     [
         (["no.csv"], "no.csv: No such file"),
         (["tip.png", "--plot", "tip.png"], "--plot names tip.png, which is the file to show"),
+        (["tip.csv", "--plot", "bare.csv"], "cannot write bare.csv: expected an ending"),
+        (["tip.csv", "--plot", "tip.png"], "--plot would replace tip.png, which exists; .*--overwrite"),
+        (["tip.csv", "--json", "tip.png"], "--json would replace tip.png, which exists; .*--overwrite"),
+        (["tip.csv", "--json", "tip.csv", "--overwrite"], "--json names tip.csv, which is the file to show"),
         (["tip.csv", "--plot", "tip.xyz"], "cannot write tip.xyz: expected an ending with a format of figures: .*png"),
         (["tip.csv", "--number", "3"], "--number is 3, but there are 1"),
         (["tip.csv", "--quantity", "weight"], "quantity is 'weight', expected one of receptance"),
@@ -173,6 +193,15 @@ def test_check_lists_all_mistakes(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert 'is "580 kg", a mass, expected a modulus' in output.err
     assert 'is "60", without a unit' in output.err
     assert left() == {"machine"}
+
+
+def test_check_says_what_to_type_instead(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("tip.csv").write_text(GERMAN)
+    assert call(monkeypatch, "check", ".") == 2
+    assert "no campaign.toml in the folder .; `receptance new . FILES` writes one" in capsys.readouterr().err
+    assert call(monkeypatch, "check", "tip.csv") == 2
+    assert "`receptance show tip.csv` shows a measurement file" in capsys.readouterr().err
+    assert left() == {"tip.csv"}
 
 
 def test_a_figure_that_cannot_be_written_leaves_nothing(

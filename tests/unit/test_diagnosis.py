@@ -392,7 +392,7 @@ def test_progress_counts_steps_and_names_the_leading_cause() -> None:
     assert numbers == list(range(1, len(lines) + 1))
     assert all(int(one[2]) >= int(one[1]) for one in steps if one)
     assert all(one[3] for one in steps[3:] if one)
-    assert any("leading so far: calibration_gain, misfit 1." in line or "gain, misfit 0.9" in line for line in lines)
+    assert any("leading so far: calibration gain, misfit 1." in line or "gain, misfit 0.9" in line for line in lines)
     # The count of the folds is known beforehand: the estimate at the first of them is near the end.
     first = next(i for i, line in enumerate(lines) if "held out" in line)
     assert int(steps[first][2]) == pytest.approx(len(lines), rel=0.4)  # type: ignore[index]

@@ -155,7 +155,9 @@ def _find(path: Path) -> Path:
     if file.is_file():
         return file
     if path.is_dir():
-        raise FileNotFoundError(f"there is no {FILE} in the folder {path}")
+        raise FileNotFoundError(
+            f"there is no {FILE} in the folder {path}; `receptance new {path} FILES` writes one for measurement files"
+        )
     folder = path.parent
     near = difflib.get_close_matches(path.name, [p.name for p in folder.iterdir()], n=1) if folder.is_dir() else []
     hint = f"; did you mean {folder / near[0]}?" if near else ""
@@ -173,7 +175,10 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         match = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         what = str(error).partition(" (at line")[0]
         where = f" (column {match[2]})" if match else ""
-        problem = Issue((), f"is not TOML: {what}{where}", int(match[1]) if match else None)
+        text = f"is not TOML: {what}{where}"
+        if file.suffix.lower() != ".toml":
+            text += f"; expected a campaign, such as {FILE}. `receptance show {file}` shows a measurement file"
+        problem = Issue((), text, int(match[1]) if match else None)
         raise CampaignError(file, [problem]) from None
     except RecursionError:
         raise CampaignError.about(file, _TOO_DEEP) from None

@@ -15,6 +15,7 @@ from receptance.cli.running import (
     InputError,
     InterruptedAnswer,
     NewSeed,
+    Overwrite,
     Targets,
     input_errors,
     output,
@@ -41,6 +42,7 @@ __all__ = [
     "schema",
     "stability",
     "transfer",
+    "with_lines",
 ]
 
 _MOST_FILES = 6
@@ -61,6 +63,7 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
     for name in files:
         targets.protect(found.file.parent / name, "a data file of the campaign")
+    targets.require_new()
     return found
 
 
@@ -87,7 +90,7 @@ def example(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Name of the example, see --list.")] = None,
     folder: Annotated[Path | None, typer.Argument(metavar="DIR", help="Folder; by default NAME.")] = None,
     list_them: Annotated[bool, typer.Option("--list", help="List the examples and exit.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a complete example campaign with its data to a folder."""
     from receptance import examples
@@ -289,11 +292,8 @@ def diagnose(
 
     def work(read: Campaign) -> Verdict:
         from receptance.campaign.stability import named_metrics
-        from receptance.campaign.write import with_campaign_lines
 
-        return with_campaign_lines(
-            read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
-        )
+        return with_lines(read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ())))
 
     read, found = run_on_campaign(campaign, targets, work, seed)
     texts, why_not = _extended(read, found, extended)
@@ -305,6 +305,13 @@ def diagnose(
     if not found.final:
         raise InterruptedAnswer("interrupted, the result is preliminary")
     targets.require(found.verdict == "adequate")
+
+
+def with_lines(read: Campaign, found: Verdict) -> Verdict:
+    """Return a verdict with the lines to copy into the campaign file."""
+    from receptance.campaign.write import with_campaign_lines
+
+    return with_campaign_lines(read, found)
 
 
 def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[dict[Path, str], str]:

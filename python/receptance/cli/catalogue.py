@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +12,7 @@ from rich.text import Text
 
 from receptance._files import check_target, write_whole
 from receptance.cli.campaigns import CampaignFile, run_on_campaign
-from receptance.cli.running import InputError, NewSeed, Targets, input_errors, takes_targets
+from receptance.cli.running import InputError, NewSeed, Targets, input_errors, refuse_existing, takes_targets
 
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
@@ -73,6 +73,8 @@ def catalogue(
                 targets.protect(path, "read")
         name = "" if depths is None else _cut(read, cut)
         chosen = Catalogue(read, tools, holders)
+        names = file_names(row.name for row in chosen.tools)
+        _require_new(names.values(), figures, frfs, overwrite=targets.overwrite)
         draws = read.table.stability.number_of_draws if name else _DRAWS if figures else 0
         predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
         if out is not None:
@@ -80,7 +82,7 @@ def catalogue(
         if depths is not None:
             predictions = write_depths(depths, predictions, read, name)
         if figures is not None or frfs is not None:
-            predictions = _write_files(predictions, file_names(row.name for row in chosen.tools), figures, frfs)
+            predictions = _write_files(predictions, names, figures, frfs)
         found = tuple(summaries(predictions))
         return CatalogueSummary(
             tools=found,
@@ -109,6 +111,14 @@ def _check_folder(folder: Path | None) -> None:
         raise InputError(f"{what}, expected a folder for one file of each tool")
     with input_errors():
         check_target(folder / "NAME")
+
+
+def _require_new(names: Collection[str], figures: Path | None, frfs: Path | None, *, overwrite: bool) -> None:
+    """Raise `InputError` if the file of a tool exists and --overwrite was not given."""
+    for option, folder, ending in (("--figures", figures, ".png"), ("--frfs", frfs, ".csv")):
+        if folder is not None:
+            for name in names:
+                refuse_existing(option, folder / f"{name}{ending}", overwrite=overwrite)
 
 
 def _cut(read: Campaign, cut: str | None) -> str:

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from receptance.cli.campaigns import with_lines
 from receptance.cli.running import Targets, input_errors, takes_targets, with_progress
 from receptance.report.terminal import print_sentences, print_title
 
@@ -31,6 +32,7 @@ def demo(targets: Targets) -> None:
 
     Writes receptance-demo.png and receptance-demo.html into the current folder.
     """
+    targets.require_new()
     found = with_progress(_diagnose)
     targets.write(found.to_dict, lambda: _draw(found), report=found.to_html)
     console = targets.console()
@@ -53,7 +55,8 @@ def _diagnose(say: Callable[[str], None]) -> Verdict:
 
     folder = resources.files("receptance.examples") / EXAMPLES[EXAMPLE].folder
     with resources.as_file(folder) as files, input_errors():
-        return campaign.load(files, progress=say).diagnose()
+        read = campaign.load(files, progress=say)
+        return with_lines(read, read.diagnose())
 
 
 def _story(found: Verdict) -> Iterator[tuple[str, ...]]:
@@ -70,7 +73,7 @@ def _story(found: Verdict) -> Iterator[tuple[str, ...]]:
         yield (f"2. {found.verdict}: no cause was found.",)
         return
     names = " and ".join(one.title for one in found.causes)
-    yield (f"2. Verdict: {found.verdict}: {names}: {'; '.join(sizes(one) for one in found.causes)}",)
+    yield (f"2. The cause is {found.verdict}: {names}; {'; '.join(sizes(one) for one in found.causes)}",)
     yield ("3. Joint with the cause:", *_joint(found.extended))
     yield (f"   {_residuals(found.adequacy_after.misfit)}. {_prediction(found, after=True)}",)
 

@@ -14,11 +14,19 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from receptance.cli.running import InputError, Plot, Targets, input_errors, output, with_parameters
+from receptance.cli.running import (
+    InputError,
+    Overwrite,
+    Targets,
+    input_errors,
+    output,
+    refuse_existing,
+    takes_targets,
+    with_parameters,
+)
 from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from rich.console import Console
 
     from receptance import FRF
@@ -27,10 +35,15 @@ if TYPE_CHECKING:
 
 __all__ = ["NoWindow", "Reading", "convert", "open_figure", "show", "takes_reading"]
 
+READING = "Reading of files that do not state everything"
+"""Group of options in the help."""
 FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
 MeasurementNumber = Annotated[
-    int | None, typer.Option("--number", min=1, metavar="N", help="Number of the only measurement to take, from 1.")
+    int | None,
+    typer.Option(
+        "--number", rich_help_panel=READING, min=1, metavar="N", help="Number of the only measurement to take, from 1."
+    ),
 ]
 
 
@@ -41,18 +54,23 @@ class Reading:
     quantity: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance."
+            rich_help_panel=READING,
+            metavar="NAME",
+            help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance.",
         ),
     ] = None
     unit: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="UNIT", help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel."
+            rich_help_panel=READING,
+            metavar="UNIT",
+            help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel.",
         ),
     ] = None
     variable: Annotated[
         list[str] | None,
         typer.Option(
+            rich_help_panel=READING,
             metavar="ROLE=NAME",
             help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
             "CHANNEL=NAME.",
@@ -61,24 +79,32 @@ class Reading:
     columns: Annotated[
         str | None,
         typer.Option(
+            rich_help_panel=READING,
             metavar="NAMES",
             help="Header with units of a table, separated by commas, if it has none or one with other names: "
             "'frequency \\[Hz],real \\[g/N],imag \\[g/N],coherence'.",
         ),
     ] = None
     coherence: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Another file with the coherence of the FRF.")
+        Path | None,
+        typer.Option(rich_help_panel=READING, metavar="FILE", help="Another file with the coherence of the FRF."),
     ] = None
-    ignore_coherence: Annotated[bool, typer.Option("--ignore-coherence", help="Ignore the coherence of the FRFs.")] = (
-        False
-    )
+    ignore_coherence: Annotated[
+        bool, typer.Option("--ignore-coherence", rich_help_panel=READING, help="Ignore the coherence of the FRFs.")
+    ] = False
     sample_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Sample rate of time records if the file does not state it.")
+        float | None,
+        typer.Option(
+            rich_help_panel=READING, metavar="HZ", help="Sample rate of time records if the file does not state it."
+        ),
     ] = None
     source_format: Annotated[
         str | None,
         typer.Option(
-            "--from", metavar="FORMAT", help=f"Format of the file if its ending does not determine it: {FORMATS}."
+            "--from",
+            rich_help_panel=READING,
+            metavar="FORMAT",
+            help=f"Format of the file if its ending does not determine it: {FORMATS}.",
         ),
     ] = None
 
@@ -160,15 +186,14 @@ def _units_of(given: Sequence[str] | None) -> str | dict[str, str] | None:
 # Commands -------------------------------------------------------------------------------------------------------------
 
 NoWindow = Annotated[bool, typer.Option("--no-window", help="Do not open the figure in a viewer.")]
-_MOST_DRAWN = 4
-"""Most measurements of one file in a figure."""
 
 
 @takes_reading()
+@takes_targets()
 def show(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="File with FRFs, coherences or time records.")],
     reading: Reading,
-    plot: Plot = None,
+    targets: Targets,
     no_window: NoWindow = False,
     number: MeasurementNumber = None,
 ) -> None:
@@ -176,45 +201,18 @@ def show(
 
     The figure is opened in the default viewer, or saved with --plot.
     """
+    from receptance.io.contents import FileContents
     from receptance.io.files import FORMATS, file_format
-    from receptance.report.terminal import print_sentences, print_table, print_title
 
-    targets = Targets(None, plot)
     targets.protect(source, "the file to show")
+    targets.require_new()
     with input_errors():
         found, warned = read_measurements(source, reading, number)
         read_as = reading.source_format or file_format(source)
-    console = output()
-    for index, measurement in enumerate(found, 1):
-        named = f"{index}: {measurement.title}" if len(found) > 1 else f"{source.name}: {measurement.title}"
-        print_title(console, named)
-        for table in measurement.tables():
-            print_table(console, table)
-    notes = dict.fromkeys([*warned, *(note for measurement in found for note in measurement.notes)])
-    print_sentences(console, [f"Format: {FORMATS[read_as].title}", *(f"Note: {note}" for note in notes)])
-    drawn = found[:_MOST_DRAWN]
-    if len(drawn) < len(found):
-        console.print(
-            f"The figure shows the first {len(drawn)} of {len(found)} measurements; --number N shows another.",
-            soft_wrap=True,
-        )
-    if plot is not None:
-        targets.write(dict, lambda: draw_measurements(drawn))
-        targets.print_names(console)
-    elif not no_window:
-        open_figure(console, lambda: draw_measurements(drawn), source.stem)
-
-
-def draw_measurements(found: list[Measurement]) -> Figure:
-    """Return one figure with a panel for each measurement."""
-    from receptance.report.figure import new_figure
-
-    if len(found) == 1:
-        return found[0].plot()
-    figure = new_figure(9.0, 4.6 * len(found))
-    for axes, measurement in zip(figure.subplots(len(found), 1), found, strict=True):
-        measurement.plot(axes)
-    return figure
+    contents = FileContents(source.name, FORMATS[read_as].title, tuple(found), tuple(warned))
+    targets.show(contents)
+    if not no_window and not targets.asked:
+        open_figure(targets.console(), contents.plot, source.stem)
 
 
 def open_figure(console: Console, draw: Any, name: str) -> None:
@@ -250,12 +248,14 @@ def convert(
     target_format: Annotated[
         str | None, typer.Option("--to", metavar="FORMAT", help="Format of OUT if its ending does not determine it.")
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Convert FRFs, coherences and time records to another file format."""
     from receptance.io import write
 
     if target.exists() and source.exists() and target.resolve() == source.resolve():
         raise InputError(f"IN and OUT are both {source}; give two files")
+    refuse_existing("OUT", target, overwrite=overwrite)
     with input_errors(), collected_warnings() as further:
         found, notes = read_measurements(source, reading, number)
         written = [_as_form(thing, form) for thing in found]

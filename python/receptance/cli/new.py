@@ -18,7 +18,7 @@ from receptance import units
 from receptance._files import check_target, created_folder, read_whole, write_whole
 from receptance._text import instead_of, one_of, printable, shown
 from receptance.cli.files import Reading, takes_reading
-from receptance.cli.running import InputError, input_errors, output
+from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors
 from receptance.errors import ReceptanceWarning
 
 if TYPE_CHECKING:
@@ -40,6 +40,12 @@ _NEIGHBOURS = 9
 _NONE = ("none", "laser", "0")
 _OVERHANG = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?)\s*_?mm(?![a-z])", re.IGNORECASE)
 """An overhang in the name of a file, which a question suggests."""
+_ASSUMED = (
+    "tolerances of dimensions and materials",
+    "loss factors",
+    "bounds of the joint",
+    "hit and response at the tip",
+)
 _MOTIONS = ("displacement", "velocity", "acceleration")
 
 _OPTION = 30
@@ -52,7 +58,7 @@ _T = TypeVar("_T")
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campaign; it is created.")],
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILES...", help="Files with FRFs or hammer hits, one for each overhang.")
+        list[Path], typer.Argument(metavar="FILES", help="Files with FRFs or hammer hits, one for each overhang.")
     ],
     reading: Reading,
     overhang: Annotated[
@@ -107,7 +113,11 @@ def new(
     ] = None,
     material: Annotated[
         list[str] | None,
-        typer.Option(metavar="'NAME = E, DENSITY, POISSON'", help="Another material; may be repeated."),
+        typer.Option(
+            metavar="TEXT",
+            help="Another material, 'NAME = modulus, density, Poisson's ratio', such as 'brass = 100 GPa, "
+            "8400 kg/m^3, 0.34'; may be repeated.",
+        ),
     ] = None,
     force: Annotated[
         str | None, typer.Option(metavar="CHANNEL", help="Force channel of time records, if there are several.")
@@ -116,19 +126,25 @@ def new(
         str | None, typer.Option(metavar="CHANNEL", help="Motion channel of time records, if there are several.")
     ] = None,
     title: Annotated[str | None, typer.Option(metavar="TEXT", help="Title; by default the name of DIR.")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing campaign.toml.")] = False,
+    json_file: Json = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a commented campaign for measurement files of a tool in a holder.
 
     Without an option its question is asked on a terminal; otherwise the missing options are listed.
     """
     from receptance.cli.draft import Draft
-    from receptance.report.terminal import print_sentences, print_table
+    from receptance.report.result import grouped_notes
+    from receptance.report.terminal import print_list, print_table
 
     target = _target(folder, files, overwrite)
     asked: dict[str, Any] = {}
     answers = _Answers(sys.stdin.isatty())
-    console = output()
+    targets = Targets(json_file, None, None, overwrite=overwrite)
+    for path, what in ((target, "the new campaign"), *((file, "a measurement file") for file in files)):
+        targets.protect(path, what)
+    targets.require_new()
+    console = targets.console()
     with warnings.catch_warnings(), input_errors():
         warnings.simplefilter("ignore", ReceptanceWarning)
         contents = [one for file in files for one in _contents(file, reading, asked, answers, force, motion)]
@@ -178,13 +194,13 @@ def new(
             materials=materials,
         )
         notes = _write(draft, target)
-    print_sentences(console, [f"Note: {note}" for note in notes])
+    step = f"receptance check {shlex.quote(str(folder))}"
+    targets.write(lambda: _data(target, draft, notes, step))
+    print_list(console, "Assumed, and commented in the file", _ASSUMED)
+    print_list(console, "Notes", list(grouped_notes(notes)))
     console.print(f"Written: {target}", soft_wrap=True)
-    console.print(
-        "Assumed, and commented there: tolerances of dimensions and materials, loss factors, bounds of the joint, hit "
-        "and response at the tip."
-    )
-    console.print(f"Next: receptance check {shlex.quote(str(folder))}", soft_wrap=True)
+    targets.print_names(console)
+    console.print(f"Next: {step}", soft_wrap=True)
 
 
 # Questions ------------------------------------------------------------------------------------------------------------
@@ -639,6 +655,26 @@ def _with_shank(
 
 
 # The file -------------------------------------------------------------------------------------------------------------
+
+
+def _data(target: Path, draft: Draft, notes: Sequence[str], step: str) -> dict[str, Any]:
+    """Return the contents of `--json`."""
+    measurements = {
+        one.name: {
+            "file": one.table["file"],
+            "overhang_m": one.overhang,
+            "role": "hold out" if one.held_out else "identify",
+            "data": one.about,
+        }
+        for one in draft.measurements
+    }
+    return {
+        "file": str(target),
+        "measurements": measurements,
+        "assumed": list(_ASSUMED),
+        "notes": list(notes),
+        "next": step,
+    }
 
 
 def _write(draft: Draft, target: Path) -> tuple[str, ...]:

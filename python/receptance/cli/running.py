@@ -7,7 +7,7 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -32,12 +32,14 @@ if TYPE_CHECKING:
 __all__ = [
     "InputError",
     "InterruptedAnswer",
+    "Json",
     "NewSeed",
-    "Plot",
+    "Overwrite",
     "Seed",
     "Targets",
     "input_errors",
     "output",
+    "refuse_existing",
     "takes_quiet",
     "takes_targets",
     "with_parameters",
@@ -49,23 +51,38 @@ _QUIET = 10.0
 """Seconds without output after which progress is printed to a pipe."""
 _SOON = 0.05
 """Shortest interval in seconds at which the time without output is checked."""
+_OUTPUT = "Output"
+"""Group of the options of output files in the help."""
 _Result = TypeVar("_Result")
 
-_Json = Annotated[
+Json = Annotated[
     Path | None,
     typer.Option(
         "--json",
         metavar="FILE",
         help="Write the results as JSON; with - to standard output, and the text to standard error.",
+        rich_help_panel=_OUTPUT,
     ),
 ]
-Plot = Annotated[
+_Plot = Annotated[
     Path | None,
-    typer.Option("--plot", metavar="FILE", help="Save the figure; its ending is the format: png, pdf, svg."),
+    typer.Option(
+        "--plot",
+        metavar="FILE",
+        help="Save the figure; its ending is the format: png, pdf, svg.",
+        rich_help_panel=_OUTPUT,
+    ),
 ]
 _Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE.html", help="Write the results with figures as one HTML file.")
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="FILE",
+        help="Write the results with figures as one HTML file, ending .html.",
+        rich_help_panel=_OUTPUT,
+    ),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.", rich_help_panel=_OUTPUT)]
 Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of random numbers.")]
 NewSeed = Annotated[
     int | None, typer.Option("--seed", metavar="N", min=0, help="Seed of random numbers; by default that of the file.")
@@ -112,7 +129,8 @@ def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
         finally:
             _is_quiet.reset(before)
 
-    option = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only; files are written all the same.")]
+    words = "Print errors only; files are written all the same."
+    option = Annotated[bool, typer.Option("--quiet", "-q", help=words, rich_help_panel=_OUTPUT)]
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
     return with_parameters(command, called, [quiet])
 
@@ -122,20 +140,28 @@ def takes_targets(
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the options of its output files, and pass these as `targets`.
 
-    `strict` are the results for which the option --strict, which is then there, ends with exit code 3; `plot` and
-    `report` are default files.
+    `strict` are the results for which the option --strict, which is then there, ends with exit code 3. `plot` and
+    `report` are default files, which are replaced because the same command has written them.
     """
+    defaults = (plot, report)
 
     def given(command: Callable[..., None]) -> Callable[..., None]:
         def called(
-            *, json_file: Path | None, plot: Path | None, report: Path | None, strict: bool = False, **values: Any
+            *,
+            json_file: Path | None,
+            plot: Path | None,
+            report: Path | None,
+            overwrite: bool,
+            strict: bool = False,
+            **values: Any,
         ) -> None:
-            command(targets=Targets(json_file, plot, report, strict=strict), **values)
+            own = {path for path, default in zip((plot, report), defaults, strict=True) if path == default}
+            command(targets=Targets(json_file, plot, report, overwrite=overwrite, own=own, strict=strict), **values)
 
-        added: list[tuple[str, Any, Any]] = [("json_file", _Json, None), ("plot", Plot, plot)]
-        added.append(("report", _Report, report))
+        added: list[tuple[str, Any, Any]] = [("json_file", Json, None), ("plot", _Plot, plot)]
+        added += [("report", _Report, report), ("overwrite", Overwrite, False)]
         if strict:
-            option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.")
+            option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.", rich_help_panel=_OUTPUT)
             added.append(("strict", Annotated[bool, option], False))
         keyword = inspect.Parameter.KEYWORD_ONLY
         parameters = [inspect.Parameter(name, keyword, default=own, annotation=kind) for name, kind, own in added]
@@ -157,13 +183,26 @@ def input_errors(*kinds: type[Exception]) -> Iterator[None]:
         raise InputError(text) from error
 
 
+def refuse_existing(option: str, path: Path, *, overwrite: bool) -> None:
+    """Raise `InputError` if a file exists and may not be replaced; devices and pipes are written to."""
+    if path.is_file() and not overwrite:
+        raise InputError(f"{option} would replace {path}, which exists; give another name, or add --overwrite")
+
+
 class Targets:
     """Output files of a command: checked before the work, and written together after it."""
 
     def __init__(
-        self, json_file: Path | None, plot: Path | None, report: Path | None = None, *, strict: bool = False
+        self,
+        json_file: Path | None,
+        plot: Path | None,
+        report: Path | None,
+        *,
+        overwrite: bool,
+        own: Set[Path | None] = frozenset(),
+        strict: bool = False,
     ) -> None:
-        self._strict = strict
+        self._strict, self.overwrite, self._own = strict, overwrite, own
         self._files: dict[str, Path] = {}
         """Files by option."""
         self._names: list[tuple[str, Path]] = []
@@ -212,6 +251,14 @@ class Targets:
         for option, target in (*self._files.items(), *second):
             if target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
+
+    def require_new(self) -> None:
+        """Raise `InputError` if an output file exists and --overwrite was not given."""
+        plot = self._files.get("--plot")
+        second = [] if plot is None or plot in self._own else [("--plot", _beside(plot, PROFILES))]
+        for option, path in (*self._files.items(), *second):
+            if path not in self._own:
+                refuse_existing(option, path, overwrite=self.overwrite)
 
     def write(
         self,

@@ -57,6 +57,7 @@ def er32(
     """
     from receptance.studies import er32 as study
 
+    targets.require_new()
     with input_errors():
         settings = study.ER32Settings(
             resolution=study.Resolution(fine_hz=resolution, coarse_hz=10.0 * resolution),
@@ -75,6 +76,7 @@ def bt50(targets: Targets, step: Step = 1, seed: Seed = 0) -> None:
     """BT50 taper over drawbar force, Xu et al. 2012, on a virtual rig."""
     from receptance.studies import bt50 as study
 
+    targets.require_new()
     found = with_progress(lambda say: study.run(step, seed, progress=say))
     _report(targets, found, study.sections(found), lambda: study.draw(found))
 

@@ -329,7 +329,7 @@ class Search:
             self._restart_one((step,), partial(fit_base, model))
 
     def _restart_one(self, steps: tuple[Step, ...], fit: Callable[[], Fit | None]) -> None:
-        titles = [f"{cause.id}, {variant}" if len(steps) == 1 else cause.id for cause, variant in steps]
+        titles = [f"{cause.title}, {variant}" if len(steps) == 1 else cause.title for cause, variant in steps]
         self._report("together", f"{' + '.join(titles)}, from its own starting values")
         try:
             found = fit()
@@ -528,8 +528,8 @@ class Search:
 
 
 def _title(steps: tuple[Step, ...], direction: Direction, *, variant: bool = True) -> str:
-    ids = [*(cause.id for cause, _ in steps), direction.cause.id]
-    return " + ".join(ids) + (f", {direction.variant.name}" if variant else "")
+    titles = [*(cause.title for cause, _ in steps), direction.cause.title]
+    return " + ".join(titles) + (f", {direction.variant.name}" if variant else "")
 
 
 def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +38,27 @@ _PER_LINE = (*_PER_ENTRY, "correlated_lines", "usable")
 """Fields with an array whose first axis is that of the lines."""
 _PHYSICAL = {"frequency_hz", "values", "form", "responses", "excitations", "usable"}
 """Fields whose change requires a new plausibility check of the drive points."""
+
+
+class FRFFields(TypedDict, total=False):
+    """Fields of an FRF that `FRF.with_` replaces; their meaning is described there."""
+
+    frequency_hz: ArrayLike
+    values: ArrayLike
+    form: Form
+    responses: Side
+    excitations: Side
+    decay_rate: float
+    coherence: ArrayLike | None
+    averages: int | None
+    log_variance: ArrayLike | None
+    degrees_of_freedom: ArrayLike | None
+    correlated_lines: ArrayLike
+    usable: ArrayLike | None
+    labels: Sequence[Sequence[str]] | None
+    label: str
+    source: str
+    notes: Sequence[str]
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -521,7 +542,7 @@ class FRF(Renderable):
         sides = {"responses": responses, "excitations": excitations}
         return self._checked_copy({name: side for name, side in sides.items() if side is not None})
 
-    def with_(self, **changes: Any) -> FRF:
+    def with_(self, **changes: Unpack[FRFFields]) -> FRF:
         """Return the FRF with some fields replaced, validated as on creation.
 
         Examples
@@ -534,7 +555,7 @@ class FRF(Renderable):
         for name in changes:
             if name not in names:
                 raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(names)}")
-        return self._checked_copy(changes)
+        return self._checked_copy({**changes})
 
     def __repr__(self) -> str:
         n, n_out, n_in = self.shape

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, TypedDict, get_args
 
 import numpy as np
 
@@ -27,11 +27,27 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import Unit
 
-__all__ = ["conclude", "identify"]
+__all__ = ["FitKeywords", "conclude", "identify"]
 
 Objective = Literal["log", "percentage"]
 Noise = Literal["scaled", "stated"]
 Strategy = Literal["direct", "staged"]
+
+
+class FitKeywords(TypedDict, total=False):
+    """Options of `identify` that other functions pass on; their meaning is described there."""
+
+    objective: Objective
+    bands: Sequence[tuple[float, float]] | None
+    band_width_percent: float
+    starts: int
+    max_evaluations: int
+    tolerance: float
+    threads: int | None
+    strategy: Strategy
+    noise: Noise
+
+
 _SMOOTHING_PERCENT = 0.1
 """The cost is the absolute value of percentages well above this, and the square of those below."""
 _MAX_RESCALINGS = 10

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from receptance import _checks
 from receptance._threads import one_blas_thread
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
-from receptance.identification.fit import identify
+from receptance.identification.fit import FitKeywords, identify
 from receptance.identification.observations import MeasuredFRF, as_observations
 from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
@@ -277,7 +277,7 @@ def transfer(
     draws: int = 200,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
-    **options: Any,
+    **options: Unpack[FitKeywords],
 ) -> Transfer:
     """Identify on some configurations and predict the others, for every split.
 

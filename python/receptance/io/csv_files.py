@@ -201,7 +201,7 @@ def _read_table(data: bytes, options: ReadOptions) -> CsvTable:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
     skipped, delimiter = _layout(lines, options.columns)
     lines = lines[skipped:]
-    notes = [f"{skipped} lines before line {lines[0][0]} were not read"] if skipped else []
+    notes = [_skipped(skipped, lines[0][0])] if skipped else []
     averages = None if about is not None else _averages([one for one in every if one[0] < lines[0][0]], notes)
     rows = _split(lines, delimiter)
     header, names = rows[0]
@@ -266,6 +266,12 @@ def _read_table(data: bytes, options: ReadOptions) -> CsvTable:
     else:
         notes += truncation_notes(content, lines[-len(rows) :])
     return replace(table, notes=tuple(notes))
+
+
+def _skipped(count: int, first: int) -> str:
+    return (
+        f"1 line before line {first} was not read" if count == 1 else f"{count} lines before line {first} were not read"
+    )
 
 
 def _averages(before: Sequence[tuple[int, str]], notes: list[str]) -> int | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,20 @@ _DECAYED = 0.1
 _MIN_CORRELATED = 1.05
 """Number of correlated lines above which a note is added."""
 _RESPONSE_WINDOW = Reason("exponential", "on no line: the exponential window is on the response alone")
+
+
+class EstimateKeywords(TypedDict, total=False):
+    """Options of `estimate_frf` that other functions pass on; their meaning is described there."""
+
+    estimator: Estimator
+    decay_rate: float
+    exponential_on: ExponentialOn
+    force_window_s: float | Literal["auto"] | None
+    low_hz: float | None
+    high_hz: float | None
+    pooled_lines: int | None
+    force_drop_db: float
+    largest_deviation: float
 
 
 def estimate_frf(

@@ -14,10 +14,40 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Renderable", "Result", "Results"]
+__all__ = ["Renderable", "Result", "Results", "grouped_notes"]
 
 _MOST_SOURCES = 3
 """Number of sources, such as measurements, whose notes are printed; `to_dict` contains all notes."""
+
+
+def grouped_notes(notes: Sequence[str]) -> Iterator[str]:
+    """Yield notes; several notes of one source, the text before a colon, follow the name of the source.
+
+    Examples
+    --------
+    >>> from receptance.report.result import grouped_notes
+    >>> list(grouped_notes(["a.csv: 3 lines skipped", "a.csv: 10 averages", "seed 0"]))
+    ['a.csv:', '  3 lines skipped', '  10 averages', 'seed 0']
+    """
+    sources: dict[str, list[str]] = {}
+    for note in notes:
+        source, colon, text = note.partition(": ")
+        if colon:
+            sources.setdefault(source, []).append(text)
+    several = [source for source, texts in sources.items() if len(texts) > 1]
+    shown = set(several[:_MOST_SOURCES])
+    started: set[str] = set()
+    for note in notes:
+        source, colon, _ = note.partition(": ")
+        if not colon or source not in several:
+            yield note
+        elif source in shown and source not in started:
+            started.add(source)
+            yield f"{source}:"
+            yield from (f"  {text}" for text in sources[source])
+    rest = len(several) - len(shown)
+    if rest:
+        yield f"the notes of {rest} more sources are in the JSON"
 
 
 class Renderable(ABC):
@@ -70,26 +100,8 @@ class Renderable(ABC):
         return ""
 
     def grouped_notes(self) -> Iterator[str]:
-        """Yield the notes; several notes of one source, the text before a colon, follow the name of the source."""
-        sources: dict[str, list[str]] = {}
-        for note in self.notes:
-            source, colon, text = note.partition(": ")
-            if colon:
-                sources.setdefault(source, []).append(text)
-        several = [source for source, texts in sources.items() if len(texts) > 1]
-        shown = set(several[:_MOST_SOURCES])
-        started: set[str] = set()
-        for note in self.notes:
-            source, colon, _ = note.partition(": ")
-            if not colon or source not in several:
-                yield note
-            elif source in shown and source not in started:
-                started.add(source)
-                yield f"{source}:"
-                yield from (f"  {text}" for text in sources[source])
-        rest = len(several) - len(shown)
-        if rest:
-            yield f"the notes of {rest} more sources are in the JSON"
+        """Yield the notes as `grouped_notes` does."""
+        return grouped_notes(self.notes)
 
     def summary(self, width: int = 100) -> str:
         """Return the content as text: warnings, findings, tables, next step and notes.

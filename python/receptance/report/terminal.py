@@ -26,7 +26,16 @@ if TYPE_CHECKING:
     from receptance.report.result import Renderable
     from receptance.report.table import Table
 
-__all__ = ["LEAST_WIDTH", "as_text", "print_facts", "print_result", "print_sentences", "print_table", "print_title"]
+__all__ = [
+    "LEAST_WIDTH",
+    "as_text",
+    "print_facts",
+    "print_list",
+    "print_result",
+    "print_sentences",
+    "print_table",
+    "print_title",
+]
 
 LEAST_WIDTH = 40
 """Smallest width in characters that fits every interval with its name."""
@@ -50,7 +59,7 @@ def print_result(console: Console, content: Renderable, measured: Sequence[Table
     if content.description:
         print_sentences(console, [content.description])
     # Above the numbers, which a reader should not use before.
-    _print_list(console, "Advice", content.warnings())
+    print_list(console, "Advice", content.warnings())
     for table in measured:
         print_table(console, table)
     print_facts(console, content.facts())
@@ -59,12 +68,13 @@ def print_result(console: Console, content: Renderable, measured: Sequence[Table
         print_table(console, table)
     if content.next_step:
         print_facts(console, [Fact("Next step", (content.next_step,))])
-    _print_list(console, "Notes", list(content.grouped_notes()))
+    print_list(console, "Notes", list(content.grouped_notes()))
     if content.origin:
         console.print(Text(content.origin))
 
 
-def _print_list(console: Console, title: str, texts: Sequence[str]) -> None:
+def print_list(console: Console, title: str, texts: Sequence[str]) -> None:
+    """Print texts as a list with a title; nothing if there are none. Leading spaces add to the indentation."""
     if texts:
         console.print(Text(title, style="bold"))
         for text in texts:

@@ -15,6 +15,7 @@ from receptance.identification import Identification, MeasuredFRF, Tolerance, Un
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import check_observations
 from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 from receptance.spindle.blanks import check_blanks
 
@@ -82,37 +83,56 @@ class SpindleModes:
         """The covariance as tolerances, for a fit or a diagnosis of tools on this spindle; see `mode_tolerances`."""
         return mode_tolerances(self.part, self.covariance)
 
-    def standard_deviation(self, machine: Assembly, frequency_hz: Any, **coordinates: Any) -> NDArray[np.float64]:
+    def standard_deviation(
+        self,
+        machine: Assembly,
+        frequency_hz: ArrayLike,
+        *,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+    ) -> NDArray[np.float64]:
         """Relative standard deviation `(n,)` of the magnitude of a receptance of an assembly that ends with `part`.
 
-        First order in the errors of the modes and in the model error. `coordinates` are `response` and `excitation` of
+        First order in the errors of the modes and in the model error. `response` and `excitation` are those of
         `Assembly.receptance`.
         """
-        h, modes, error = self._sensitivities(machine, frequency_hz, coordinates)
+        h, modes, error = self._sensitivities(machine, frequency_hz, response, excitation)
         slope = (modes / h[:, None]).real
         variance = np.einsum("ni,ij,nj->n", slope, self.covariance, slope)
         variance += np.sum(np.abs(error / h[:, None]) ** 2, axis=1)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def draws(
-        self, machine: Assembly, frequency_hz: Any, *, count: int = 100, seed: int = 0, **coordinates: Any
+        self,
+        machine: Assembly,
+        frequency_hz: ArrayLike,
+        *,
+        count: int = 100,
+        seed: int = 0,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
     ) -> NDArray[np.complex128]:
         """Return random receptances `(count, n)` of an assembly that ends with `part`, for error bands.
 
         First order in the logarithm; all lines of a draw share one model error.
         """
-        h, modes, error = self._sensitivities(machine, frequency_hz, coordinates)
+        h, modes, error = self._sensitivities(machine, frequency_hz, response, excitation)
         random = np.random.default_rng(seed)
         values = random.standard_normal((count, len(self.addresses))) @ square_root(self.covariance).T
         normal = random.normal(size=(count, 3)) + 1j * random.normal(size=(count, 3))
         return np.asarray(h * np.exp((values @ modes.T + normal @ error.T) / h))
 
     def _sensitivities(
-        self, machine: Assembly, frequency_hz: Any, coordinates: dict[str, Any]
+        self,
+        machine: Assembly,
+        frequency_hz: ArrayLike,
+        response: Coordinate | None,
+        excitation: Coordinate | None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
         """Return a receptance `(n,)`, its derivatives, and its changes for one model error of each entry."""
         residuals = [f"{self.part.name}.{quantity}" for quantity in RESIDUALS]
-        h, slope = machine.derivatives(frequency_hz, [*self.addresses, *residuals], **coordinates)
+        addresses = [*self.addresses, *residuals]
+        h, slope = machine.derivatives(frequency_hz, addresses, response=response, excitation=excitation)
         count = len(self.addresses)
         errors = self.discrepancy * _magnitudes(self.part, np.asarray(frequency_hz))
         return h, slope[..., :count], slope[..., count:] * errors

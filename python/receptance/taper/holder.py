@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.identification import Identification
     from receptance.measurement import Hits
+    from receptance.measurement.estimate import EstimateKeywords
 
 BodyModel = Literal["elastic", "rigid"]
 Contact = Literal["spread", "fading", "ends"]
@@ -306,7 +307,7 @@ def fit_taper(
     )
 
 
-def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
+def without_each(hits: Hits, **settings: Unpack[EstimateKeywords]) -> tuple[FRF, ...]:
     """Estimate the FRFs without one of the hits each.
 
     Parameters
@@ -329,8 +330,8 @@ def without_each(hits: Hits, **settings: Any) -> tuple[FRF, ...]:
         # The estimate from all hits has given these warnings already.
         warnings.simplefilter("ignore", ReceptanceWarning)
         # Only the values are used, so the variance is not pooled.
-        settings = {"pooled_lines": 1, **settings}
-        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **settings) for hit in hits.kept)
+        own: EstimateKeywords = {"pooled_lines": 1, **settings}
+        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
 
 
 def _relative_errors(

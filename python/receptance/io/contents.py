@@ -1,0 +1,131 @@
+"""The contents of a measurement file as a result: tables, figure and data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance.frf import FRF
+from receptance.io.measurements import Coherence, Measurement
+from receptance.report import Result, Table
+from receptance.report.provenance import Provenance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["FileContents"]
+
+_MOST_DRAWN = 4
+"""Most measurements of one file in a figure."""
+
+
+@dataclass(frozen=True)
+class FileContents(Result):
+    """Measurements of one file, as `receptance show` prints and draws them.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file.
+    format : str
+        Format in words.
+    measurements : tuple of FRF, Coherence or TimeSeries
+        The contents.
+    warned : tuple of str
+        Warnings of the reader.
+    provenance : Provenance
+        Versions of the software.
+
+    Examples
+    --------
+    >>> from receptance.io import Coherence
+    >>> from receptance.io.contents import FileContents
+    >>> found = FileContents("a.csv", "table", (Coherence(frequency_hz=[1.0, 2.0], values=[0.9, 1.0]),))
+    >>> found.data()["measurements"][0]["median_coherence"]
+    0.95
+    """
+
+    name: str
+    format: str
+    measurements: tuple[Measurement, ...]
+    warned: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @property
+    def title(self) -> str:
+        """Name of the file, and its only measurement or their number."""
+        if len(self.measurements) == 1:
+            return f"{self.name}: {self.measurements[0].title}"
+        return f"{self.name}: {len(self.measurements)} measurements"
+
+    @property
+    def description(self) -> str:
+        """Format of the file."""
+        return f"Format: {self.format}"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Warnings of the reader and notes on the measurements, each once."""
+        notes = dict.fromkeys([*self.warned, *(note for one in self.measurements for note in one.notes)])
+        if len(self.measurements) > _MOST_DRAWN:
+            notes[
+                f"the figure shows the first {_MOST_DRAWN} of {len(self.measurements)} measurements; "
+                "`--number N` shows another"
+            ] = None
+        return tuple(notes)
+
+    def tables(self) -> list[Table]:
+        """Return the tables of all measurements, with their numbers if there are several."""
+        found = []
+        for number, one in enumerate(self.measurements, 1):
+            first, *others = one.tables()
+            named = f"{number}: {one.title}" if len(self.measurements) > 1 else first.title
+            found += [replace(first, title=named), *others]
+        return found
+
+    def data(self) -> dict[str, Any]:
+        """Return the format, and kind, band, unit and quality of each measurement."""
+        return {"file": self.name, "format": self.format, "measurements": list(map(_facts, self.measurements))}
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the first measurements, a panel each; see `Result.plot`."""
+        from receptance.report.figure import finished, surface
+
+        drawn = self.measurements[:_MOST_DRAWN]
+        if len(drawn) == 1:
+            return drawn[0].plot(ax)
+        figure = surface(ax, 9.0, 4.6 * len(drawn))
+        for axes, measurement in zip(figure.subplots(len(drawn), 1), drawn, strict=True):
+            measurement.plot(axes)
+        return finished(figure)
+
+
+def _facts(one: Measurement) -> dict[str, Any]:
+    found: dict[str, Any] = {"title": one.title}
+    if isinstance(one, FRF | Coherence):
+        coherence = one.coherence if isinstance(one, FRF) else one.values
+        found |= {
+            "kind": "frf" if isinstance(one, FRF) else "coherence",
+            "lines": int(one.frequency_hz.size),
+            "band_hz": one.frequency_hz[[0, -1]],
+        }
+        if isinstance(one, FRF):
+            found |= {
+                "form": one.form,
+                "units": one.distinct_units,
+                "responses": [coordinate.describe() for coordinate in one.responses],
+                "excitations": [coordinate.describe() for coordinate in one.excitations],
+                "averages": one.averages,
+            }
+        if coherence is not None:
+            found["median_coherence"] = float(np.median(coherence))
+        return found
+    return found | {
+        "kind": "time records",
+        "samples": len(one),
+        "sample_rate_hz": one.sample_rate_hz,
+        "channels": dict(zip(one.channels, one.units, strict=True)),
+    }
