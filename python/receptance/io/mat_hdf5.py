@@ -43,7 +43,7 @@ _LIBRARIES = {"mat": "scipy.io", "hdf5": "libhdf5"}
 
 def is_mat(start: bytes) -> bool:
     """Return whether a file begins like a MAT file before version 7.3, which is HDF5."""
-    return start.startswith(b"MATLAB ")
+    return start.startswith(b"MATLAB ") and not is_hdf5(start)
 
 
 def is_hdf5(start: bytes) -> bool:
