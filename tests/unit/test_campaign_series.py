@@ -230,4 +230,4 @@ def test_levels_are_fitted_with_the_threads_of_the_campaign(folder: Path, given_
     read = campaign.load(folder, threads=3)
     given_threads.clear()
     read.identify()
-    assert given_threads == {1, 3}  # one where an observation is checked
+    assert given_threads == {3}

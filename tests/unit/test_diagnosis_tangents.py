@@ -69,7 +69,8 @@ def own_slopes(fit: Fit, model: Model) -> np.ndarray:
     values = np.array([fit.values.get(u.name, u.start or 0.0) for u in task.parameters.unknowns])
     fresh = np.array([u.name in {o.name for o in model.unknowns} - before for u in task.parameters.unknowns])
     problem = task.problem()
-    rows = problem.slopes(task.variables.from_values(values), fresh) / task.variables.slopes(values)[fresh]
+    _, rows = problem.rows(task.variables.from_values(values), fresh)
+    rows = rows / task.variables.slopes(values)[fresh]
     return rows[: sum(problem.sizes)]
 
 
