@@ -233,16 +233,16 @@ impl<T: Change> WithSimd for Each<'_, T> {
     fn with_simd<S: Simd>(self, simd: S) -> Vec<Complex64> {
         let size = self.0.joint.columns.len() + 1;
         let frequencies = self.0.observed.reduction.frequencies();
-        let mut out = Vec::with_capacity(self.0.range.len() * size);
-        let mut lanes = [[Complex64::ZERO; MAX_LANES]; SPRING_COLUMNS + 1];
+        let mut out = vec![Complex64::ZERO; self.0.range.len() * size];
+        let mut lanes = [Complex64::ZERO; MAX_LANES];
         for lines in self.0.blocks(S::F64_LANES) {
-            let count = lines.len();
+            let (start, count) = (lines.start - self.0.range.start, lines.len());
             let rows = self.0.block(simd, &frequencies, lines);
-            for (row, lanes) in rows[..size].iter().zip(&mut lanes) {
-                row.store(lanes);
-            }
-            for lane in 0..count {
-                out.extend(lanes[..size].iter().map(|row| row[lane]));
+            for (column, row) in rows[..size].iter().enumerate() {
+                row.store(&mut lanes);
+                for lane in 0..count {
+                    out[(start + lane) * size + column] = lanes[lane];
+                }
             }
         }
         out
