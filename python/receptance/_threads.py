@@ -1,4 +1,4 @@
-"""Threads of the linear algebra in NumPy and SciPy."""
+"""Threads of the linear algebra in NumPy."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread within the block, or within a function that has this as a decorator.
 
     The matrices of fits are small: threads of BLAS wait for each other longer than they compute, and they compete with
-    the threads of the core. On two processors `receptance diagnose` takes up to twice as long with them.
+    the threads of the core. On two processors `receptance diagnose` takes up to twice as long with them. SciPy has a
+    BLAS of its own, which fits do not use: it is not loaded for this.
     """
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:  # scripts that have NumPy and SciPy alone
         yield
         return
-    import scipy.linalg  # noqa: F401  # SciPy has a BLAS of its own, and the limit holds for loaded libraries only
-
     with threadpool_limits(1, user_api="blas"):
         yield

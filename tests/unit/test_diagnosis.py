@@ -420,6 +420,7 @@ def test_interruption_returns_a_preliminary_result(what: str, times: int, tried:
     assert ("not fitted yet" in text) == (tried == 0)
     written = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
     assert written["final"] is False
+    assert verdict.modes == verdict.modes_after == ()
     assert written["settings"]["interrupted"]["step"] == len(lines)
     assert "not final" in verdict.to_html()
     assert diagnose(make_observations(), JOINT, causes=["sensor_mass"], most=1).final

@@ -388,17 +388,17 @@ class Verdict(Result):
 
     @cached_property
     def modes(self) -> tuple[ModeResidual, ...]:
-        """Residuals of the base by mode."""
+        """Residuals of the base by mode; empty after an interruption, because fits of circles take seconds."""
         from receptance.diagnosis.by_mode import residuals_by_mode
 
-        return residuals_by_mode(self.base_fit)
+        return residuals_by_mode(self.base_fit) if self.final else ()
 
     @cached_property
     def modes_after(self) -> tuple[ModeResidual, ...]:
-        """Residuals of the best of the reported explanations by mode; empty where no cause is reported."""
+        """Residuals of the best of the reported explanations by mode; empty where none is, and as `modes`."""
         from receptance.diagnosis.by_mode import residuals_by_mode
 
-        return () if self.explanation is None else residuals_by_mode(self.explanation.fit)
+        return residuals_by_mode(self.explanation.fit) if self.final and self.explanation is not None else ()
 
     def facts(self) -> list[Fact]:
         """Return the answer: verdict, causes with sizes and remedies."""
