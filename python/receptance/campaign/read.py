@@ -102,7 +102,7 @@ def campaign_fields(
     conditions = {name: assembly.conditions for name, assembly in table.assemblies.items() if assembly.conditions}
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
-        say(f"reading {name}")
+        say(f"reading {name}, {len(measurements) + 1} of {len(table.measurements)}")
         measured = reader.measurement(name)
         if measured is not None:
             measurements[name] = measured

@@ -217,7 +217,7 @@ def profile_likelihoods(
         try:
             for name in chosen:
                 if progress is not None:
-                    progress(f"profiling {name}")
+                    progress(f"profiling {name}, {len(profiles) + 1} of {len(chosen)}")
                 profiles[name] = profiler.profile(name)
         except BetterOptimumError as error:
             start = error.better.x
