@@ -213,7 +213,7 @@ def profile_likelihoods(
     start = found.vector
     for _ in range(_RESTARTS):
         profiler = _Profiler(found, level, start)
-        profiles = {}
+        profiles: dict[str, Profile] = {}
         try:
             for name in chosen:
                 if progress is not None:
