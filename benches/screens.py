@@ -133,18 +133,20 @@ def times_table(files: list[Path]) -> str:
     """Return the processor times of one or two files as Markdown: examples below each other, commands side by side."""
     times = [json.loads(file.read_text(encoding="utf-8")) for file in files]
     every = list(dict.fromkeys(name for one in reversed(times) for name in one))
-    examples = list(dict.fromkeys(name.split()[1] for name in every if name.split()[0] in COMMANDS))
+    by_example = [name for name in every if name.split()[0] in COMMANDS and not name.endswith("--help")]
+    examples = list(dict.fromkeys(name.split()[1] for name in by_example))
     rows = [["example", *COMMANDS], ["---"] * (len(COMMANDS) + 1)]
     rows += [[example, *(_cell(times, f"{command} {example}") for command in COMMANDS)] for example in examples]
-    others = [name for name in every if name.split()[0] not in COMMANDS]
+    others = [name for name in every if name not in by_example]
     rows += [[], ["command", "processor time [s]"], ["---", "---"]]
     rows += [[f"`receptance {name}`", _cell(times, name)] for name in others]
     return "\n".join(f"| {' | '.join(row)} |" if row else "" for row in rows)
 
 
 def _named(words: tuple[str, ...]) -> str:
-    """Return the words of a command up to its second option."""
-    return " ".join(words[:2]) if words[0] in COMMANDS else " ".join(words[:3])
+    """Return the first words of a command, without options that take values."""
+    kept = [word for word in words[:3] if not word.startswith("-") or word in ("--help", "--list")]
+    return " ".join(kept)
 
 
 def _cell(times: list[dict[str, float]], name: str) -> str:

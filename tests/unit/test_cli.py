@@ -24,7 +24,7 @@ from receptance import FRF, _files, io
 from receptance._files import check_target, write_whole
 from receptance.campaign import Campaign
 from receptance.cli import app as command_line
-from receptance.cli import main
+from receptance.cli import main, running
 from receptance.examples import EXAMPLES
 from receptance.studies import er32
 
@@ -60,6 +60,23 @@ def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", ["sensor_mass"])
     (size,) = found["causes"][0]["parameters"].values()
     assert size["lower"] < 1e-3 * foreign_beam.SENSOR_G < size["upper"]
+
+
+def test_progress_with_counts_states_the_remaining_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two steps of five took 4 s each; three are left. Another kind of step starts anew."""
+    clock = iter([10.0, 14.0, 18.0, 20.0, 23.0])
+    monkeypatch.setattr(running, "perf_counter", lambda: next(clock))
+    timed = running._Remaining()
+    assert [timed(f"reading {name}, {i} of 5") for i, name in enumerate("abc", 1)] == [
+        "reading a, 1 of 5",
+        "reading b, 2 of 5, about 16 s left",
+        "reading c, 3 of 5, about 12 s left",
+    ]
+    assert timed("fitting 4 parameters") == "fitting 4 parameters"
+    assert [timed("holding out a, 1 of 2"), timed("holding out b, 2 of 2")] == [
+        "holding out a, 1 of 2",
+        "holding out b, 2 of 2, about 3 s left",
+    ]
 
 
 def test_the_packaged_files_are_those_of_the_foreign_model(tmp_path: Path) -> None:
@@ -302,8 +319,6 @@ class TestFiles:
 def test_progress_in_a_pipe_goes_on_through_a_long_step(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from receptance.cli import running
-
     monkeypatch.setattr(running, "_QUIET", 0.1)
 
     def work(say: Callable[[str], None]) -> int:

@@ -76,6 +76,7 @@ def test_gain_is_named_and_extended_campaign_written(
     assert "Calibration gain: " in output
     assert "calibration_gain" not in output.partition("Campaign file")[0]
     assert "Extended campaign: extended.toml" in output
+    assert "`receptance diagnose rods --extended extended.toml`" in " ".join(output.split())
     found = json.loads(Path("v.json").read_text())
     assert found["verdict"] == "named"
     assert Path("v.html").read_text().startswith("<!DOCTYPE html>")

@@ -259,8 +259,9 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
     reasons: dict[str, str] = {}
+    count = len(held_out) + len(unmeasured)
     for name, measured in held_out.items():
-        campaign.progress(f"predicting {name}")
+        campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
         seen = measured.observation
         site = Site(seen.assembly, seen.configuration, "", seen.conditions)
         try:
@@ -273,7 +274,7 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
         else:
             frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))
     for name in unmeasured:
-        campaign.progress(f"predicting {name}")
+        campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
         try:
             forecast = forecast_of(
                 campaign, identified, campaign.site(name), campaign.effects.get(name, {}), name, notes

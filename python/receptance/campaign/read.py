@@ -88,7 +88,7 @@ def campaign_fields(
     reader = MeasurementReader(table, builder, file.parent, effects)
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
-        say(f"reading {name}")
+        say(f"reading {name}, {len(measurements) + 1} of {len(table.measurements)}")
         measured = reader.measurement(name)
         if measured is not None:
             measurements[name] = measured

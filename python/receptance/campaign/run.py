@@ -433,7 +433,7 @@ class Campaign(Renderable):
         notes: list[str] = []
         provenance = self.provenance()
         for name, (owner, measured) in groups.items():
-            self.progress(f"solving for {name}")
+            self.progress(f"solving for {name}, {len(found) + 1} of {len(groups)}")
             unknown = [t for t in _ORDER if f"{owner}.{t}" in self.table.unknowns]
             terms = unknown[: len(measured)]
             if len(terms) < len(unknown):

@@ -97,7 +97,7 @@ def started_by_level(
         present = [u for u in unknowns if any(covered(u.address, observation.assembly) for observation in group)]
         if not present:
             continue
-        campaign.progress(f"fitting {name}")
+        campaign.progress(f"fitting {name}, {len(found) + 1} of {len(groups)}")
         kind = tuple(unknown.address for unknown in present)
         values, rms = last.get(kind, ({}, np.inf))
         fits = []

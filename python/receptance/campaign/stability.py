@@ -381,8 +381,8 @@ def stability_of_campaign(
         identified = campaign.identify()
     found = {}
     provenance = campaign.provenance(settings=settings.model_dump())
-    for cut in chosen:
-        campaign.progress(f"lobes of {cut.name}")
+    for number, cut in enumerate(chosen, 1):
+        campaign.progress(f"lobes of {cut.name}, {number} of {len(chosen)}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
             tips = Tips(campaign, identified, directions)

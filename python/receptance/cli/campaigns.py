@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
@@ -293,7 +295,8 @@ def diagnose(
     def work(read: Campaign) -> Verdict:
         from receptance.campaign.stability import named_metrics
 
-        return with_lines(read, read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ())))
+        made = read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
+        return replace(with_lines(read, made), campaign_path=shlex.quote(str(campaign)))
 
     read, found = run_on_campaign(campaign, targets, work, seed)
     texts, why_not = _extended(read, found, extended)

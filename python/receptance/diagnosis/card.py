@@ -87,7 +87,7 @@ def _nearest(verdict: Verdict) -> Candidate | None:
 
 def next_step(verdict: Verdict) -> str:
     """Return what to do next."""
-    file = verdict.provenance.file or "CAMPAIGN"
+    file = verdict.campaign_path or verdict.provenance.file or "CAMPAIGN"
     if not verdict.final:
         return "let the diagnosis end: not all causes were tried"
     if verdict.next_measurement is not None:

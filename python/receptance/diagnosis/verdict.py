@@ -173,6 +173,8 @@ class Verdict(Result):
     campaign_lines : tuple of str
         Lines that add the best of the reported explanations to the campaign file; empty without a campaign, or where a
         campaign file cannot describe it.
+    campaign_path : str
+        The campaign as it was named on the command line, for the commands of the next step; empty elsewhere.
     final : bool
         False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
         none is "named".
@@ -209,6 +211,7 @@ class Verdict(Result):
     without_discrepancy: Verdict | None = field(default=None, repr=False)
     held_out: Model | None = field(default=None, repr=False)
     campaign_lines: tuple[str, ...] = field(default=(), repr=False)
+    campaign_path: str = field(default="", repr=False)
 
     heading = "Diagnosis"
 

@@ -417,11 +417,11 @@ def profile_likelihoods(
     start = found.vector
     for _ in range(_RESTARTS):
         profiler = _Profiler(found, level, start)
-        profiles = {}
+        profiles: dict[str, Profile] = {}
         try:
             for name in chosen:
                 if progress is not None:
-                    progress(f"profiling {name}")
+                    progress(f"profiling {name}, {len(profiles) + 1} of {len(chosen)}")
                 profiles[name] = profiler.profile(name)
         except BetterOptimumError as error:
             start = error.better.x

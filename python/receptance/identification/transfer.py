@@ -339,10 +339,11 @@ def transfer(
     # Observations without a name are named by their number, which must be the same in every split.
     observed = tuple(o.configured(o.site(i).configuration, o.conditions) for i, o in enumerate(observed))
     names = tuple(dict.fromkeys(o.configuration for o in observed))
-    found = []
-    for group in groups_of(splits, names):
+    found: list[Split] = []
+    groups = list(groups_of(splits, names))
+    for group in groups:
         if progress is not None:
-            progress(f"holding out {', '.join(group)}")
+            progress(f"holding out {', '.join(group)}, {len(found) + 1} of {len(groups)}")
         sites = [o.site(i) for i, o in enumerate(observed) if o.configuration not in group]
         here = [u for u in given if _in_some((u.address,), u.configurations, None, sites)]
         near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]

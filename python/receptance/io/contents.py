@@ -54,6 +54,8 @@ class FileContents(Result):
     warned: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance)
 
+    heading = "Contents of a file"
+
     @property
     def title(self) -> str:
         """Name of the file, and its only measurement or their number."""
