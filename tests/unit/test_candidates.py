@@ -197,7 +197,7 @@ def test_errors_describe_the_mistake() -> None:
         ((h[1:],), "measured: shape"),
         ((h, np.ones(3)), "weights: shape"),
         ((0.0 * h,), "zero has no logarithm"),
-        ((h, None, "magnitude"), "expected 'logarithm' or 'complex'"),
+        ((h, None, "magnitude"), "expected one of logarithm, complex"),
     ):
         with pytest.raises(ValueError, match=words):
             found.misfit([[1e8, 1e5]], *arguments)

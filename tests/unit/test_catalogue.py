@@ -307,7 +307,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     for folder, words in (("m.csv", "m.csv is a file, expected a folder"), ("none", "there is no folder none")):
         assert call(monkeypatch, "catalogue", ".", "--frfs", folder) == 2
         assert words in capsys.readouterr().err
-    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv") == 2
+    assert call(monkeypatch, "catalogue", ".", "--depths", "e.csv") == 2
     assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(
         '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\n[cuts.a]\nkind = "milling"\nteeth = 2\nk_t = "800 MPa"\n'
@@ -371,7 +371,7 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
         return original(self, tool)
 
     monkeypatch.setattr(prediction._ToolPredictor, "_predict", fails)
-    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv") == 2
+    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--overwrite") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]

@@ -160,7 +160,7 @@ def test_causes_in_the_holder_are_not_tried_where_modes_describe_it() -> None:
     data = MeasuredFRF(
         assembly=machine(0.08, end), frequency_hz=lines, receptance=exact * np.exp(noise), standard_deviation=0.01
     )
-    deviation = 1e-3 * np.array([end.value(address) for address in end.addresses])
+    deviation = 1e-3 * np.array([data.assembly.get(f"holder.{address}") for address in end.addresses])
     verdict = diagnose(data, JOINT, tolerances=mode_tolerances(end, np.diag(deviation**2)))
     assert verdict.verdict == "adequate"
     assert set(verdict.undecidable) > IN_THE_HOLDER

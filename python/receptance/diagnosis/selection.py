@@ -224,7 +224,7 @@ class Search:
         effect is large.
         """
         own, best = self.selection, self.selection.best
-        if best is None or own.share(best) < LEAST_SHARE or own.base.misfit <= MISFIT_LIMIT:
+        if best is None or own.base.misfit <= MISFIT_LIMIT or own.share(best) < LEAST_SHARE:
             return
         if best.passed and best.adequacy.strain.chance >= STRAIN_CHANCE:
             return
