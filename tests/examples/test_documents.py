@@ -89,7 +89,7 @@ def test_the_readme_has_two_set_up_lines() -> None:
     assert len(setup) == 1
     assert [line.split("#")[0].strip() for line in setup[0]] == [
         "pip install . && receptance demo",
-        'pip install ".[test]" && pytest',
+        'pip install ".[test]" && pytest -n auto',
     ]
     everywhere = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert [line for line in everywhere if line.startswith("pip install ")] == setup[0]

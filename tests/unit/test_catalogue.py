@@ -377,7 +377,7 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
     for option in ("--out", "--json"):
         assert call(monkeypatch, "catalogue", ".", option, "tools.csv") == 2
-        assert "which is read" in capsys.readouterr().err
+        assert "which is a data file of the campaign" in capsys.readouterr().err
 
 
 def test_as_many_tools_in_parallel_as_the_campaign_has_threads(

@@ -63,6 +63,8 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     targets.protect(found.file, "the campaign file")
     files = [name for measured in found.measurements.values() for name in measured.files]
     files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
+    if (table := found.table.catalogue) is not None:
+        files += [name for name in (table.tools, table.holders) if name]
     for name in files:
         targets.protect(found.file.parent / name, "a data file of the campaign")
     targets.require_new()

@@ -60,17 +60,15 @@ def catalogue(
         targets.add(option, path, what)
     for folder in (figures, frfs):
         _check_folder(folder)
+    for path in (tools, holders):
+        if path is not None:
+            targets.protect(path, "read")
     begun = time.perf_counter()
 
     def work(read: Campaign) -> CatalogueSummary:
         from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
         from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
 
-        table = read.table.catalogue
-        named = () if table is None else (table.tools, table.holders)
-        for path in (tools, holders, *(read.file.parent / name for name in named if name)):
-            if path is not None:
-                targets.protect(path, "read")
         name = "" if depths is None else _cut(read, cut)
         chosen = Catalogue(read, tools, holders)
         names = file_names(row.name for row in chosen.tools)
