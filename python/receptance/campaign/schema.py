@@ -75,10 +75,10 @@ __all__ = [
     "OneKind",
     "PartTable",
     "PriorTable",
+    "SchemaTable",
     "SeriesTable",
     "SettingsTable",
     "StabilityTable",
-    "Table",
     "TipTable",
     "UnknownTable",
     "table_of",
@@ -86,7 +86,7 @@ __all__ = [
 ]
 
 
-class Table(BaseModel):
+class SchemaTable(BaseModel):
     """A table of the file; unknown keys are mistakes, and text is not converted to numbers."""
 
     # Only the model of the whole file validates: building the others as well takes a tenth of a second.
@@ -103,7 +103,7 @@ class Table(BaseModel):
         return found
 
 
-def _descriptions(model: type[Table]) -> dict[str, str]:
+def _descriptions(model: type[SchemaTable]) -> dict[str, str]:
     """Return the strings below the fields of a model and of its bases by the name of the field.
 
     pydantic would read them when the models are made, which takes half of the time in which this module is loaded.
@@ -131,7 +131,7 @@ def _written() -> dict[str, dict[str, str]]:
     }
 
 
-class ElementTable(Table):
+class ElementTable(SchemaTable):
     """A table whose keys follow from the declarations of an element."""
 
     origin: ClassVar[tuple[Callable[[Any], type[ElementTable]], Any]]
@@ -303,7 +303,7 @@ AttachmentNames = list[Annotated[str, name_of("attachments")]]
 # Parts and joints ----------------------------------------------------------------------------------------------------
 
 
-class PartTable(Table):
+class PartTable(SchemaTable):
     """A tool, a holder, a blank: segments in a row, rigidly connected, from its tip-side end on."""
 
     segments: Annotated[list[Annotated[ElementTable, Of(Segment)]], Field(min_length=1)]
@@ -359,7 +359,7 @@ SensorTable = Annotated[ElementTable, Of(PointMass, without=("part", "position")
 AttachmentTable = Annotated[ElementTable, ATTACHMENTS]
 
 
-class CoordinateTable(Table):
+class CoordinateTable(SchemaTable):
     """A position on a part, a direction and a sign."""
 
     part: Annotated[str, name_of("parts", optional=True)] = ""
@@ -370,7 +370,7 @@ class CoordinateTable(Table):
     """translation y or rotation theta, and the sign in which the channel counts it"""
 
 
-class AssemblyTable(Table):
+class AssemblyTable(SchemaTable):
     """A configuration: parts and joints in a row from the tip, and values of its own."""
 
     chain: Annotated[list[Annotated[str, name_of("parts", "joints", "modal_parts")]], Field(min_length=1)]
@@ -394,7 +394,7 @@ Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
 _Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
 
 
-class EntryTable(Table):
+class EntryTable(SchemaTable):
     """The FRF to read from a file with several FRFs, responses or excitations."""
 
     number: Annotated[int, Field(ge=0)] | None = None
@@ -405,7 +405,7 @@ class EntryTable(Table):
     """number of the excitation, counted from 0, or its name in the file"""
 
 
-class FileFields(Table):
+class FileFields(SchemaTable):
     """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
 
     file: DataFile
@@ -451,7 +451,7 @@ Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in th
 Rate = Annotated[float, Amount(units.DECAY_RATE)]
 
 
-class _Measured(Table):
+class _Measured(SchemaTable):
     assembly: AssemblyName
     """name of the assembly that was measured"""
     role: Literal["identify", "hold out"] = "identify"
@@ -581,7 +581,7 @@ MeasurementTable = Annotated[
 ]
 
 
-class _Possible(Table):
+class _Possible(SchemaTable):
     assembly: AssemblyName
     """name of the assembly to measure; one that was measured before is in the same clamping"""
     sensor: SensorName | None = None
@@ -635,7 +635,7 @@ CandidateTable = Annotated[
 # Unknowns and settings ----------------------------------------------------------------------------------------------
 
 
-class PriorTable(Table):
+class PriorTable(SchemaTable):
     """Prior knowledge of an unknown: a Gaussian on the scale of the fit."""
 
     value: Written
@@ -645,7 +645,7 @@ class PriorTable(Table):
     fitted"""
 
 
-class UnknownTable(Table):
+class UnknownTable(SchemaTable):
     """A parameter to identify; all assemblies that have it share it, unless a law across assemblies is given."""
 
     lower: Value
@@ -691,7 +691,7 @@ class UnknownTable(Table):
     given"""
 
 
-class SettingsTable(Table):
+class SettingsTable(SchemaTable):
     """Settings of the fit."""
 
     objective: Literal["log", "percentage"] = "log"
@@ -710,7 +710,7 @@ class SettingsTable(Table):
     """half width of the bands of the percentage objective, by default `"5 %"`"""
 
 
-class PredictionTable(Table):
+class PredictionTable(SchemaTable):
     """Predictions of assemblies that were not measured, and the level of intervals."""
 
     lower: Frequency | None = None
@@ -729,7 +729,7 @@ class PredictionTable(Table):
     """amplitude of a stepped sine, for FRFs with joints in micro-slip; by default the joints have their own level"""
 
 
-class SeriesTable(Table):
+class SeriesTable(SchemaTable):
     """Levels of repeated measurements; a table with `{level}` in its name is the template of a table for each level."""
 
     over: Name
@@ -790,7 +790,7 @@ CutTable = Annotated[
 ]
 
 
-class StabilityTable(Table):
+class StabilityTable(SchemaTable):
     """Speeds and probability of stable depths."""
 
     speeds: Annotated[list[_Speed], Field(min_length=2, max_length=2)] | None = None
@@ -814,7 +814,7 @@ class StabilityTable(Table):
         return self.draws or (200 if self.method == "mean force" else 40)
 
 
-class CatalogueSpread(Table):
+class CatalogueSpread(SchemaTable):
     """Standard deviations of the dimensions of every tool of a catalogue; the errors of tools are independent."""
 
     overhang: LengthSpread = None
@@ -825,7 +825,7 @@ class CatalogueSpread(Table):
     """standard deviation of the effective diameter of the flutes"""
 
 
-class CatalogueTable(Table):
+class CatalogueTable(SchemaTable):
     """Tools and holders in CSV files, and their machine."""
 
     tools: DataFile | None = None
@@ -847,7 +847,7 @@ class CatalogueTable(Table):
 # The file -----------------------------------------------------------------------------------------------------------
 
 
-class CampaignTable(Table):
+class CampaignTable(SchemaTable):
     """A measuring campaign: structures, measurements and unknowns."""
 
     format: Literal[1] = 1

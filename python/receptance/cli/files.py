@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from receptance.io import Coherence, TimeSeries
     from receptance.io.measurements import Measurement
 
-__all__ = ["NoWindow", "Reading", "convert", "open_figure", "show", "takes_reading"]
+__all__ = ["NoWindow", "ReadingOptions", "convert", "open_figure", "show", "takes_reading"]
 
 READING = "Reading of files that do not state everything"
 """Group of options in the help."""
@@ -48,7 +48,7 @@ MeasurementNumber = Annotated[
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadingOptions:
     """The options of a command that say how to read measurement files; the fields declare them."""
 
     quantity: Annotated[
@@ -124,14 +124,14 @@ class Reading:
 
 
 def takes_reading(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the options of `Reading`, but for some, in place of its parameter `reading`."""
+    """Give a command the options of `ReadingOptions`, but for some, in place of its parameter `reading`."""
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:
-        options = [one for one in fields(Reading) if one.name not in without]
-        hints = get_type_hints(Reading, include_extras=True)
+        options = [one for one in fields(ReadingOptions) if one.name not in without]
+        hints = get_type_hints(ReadingOptions, include_extras=True)
 
         def called(**values: Any) -> None:
-            command(reading=Reading(**{one.name: values.pop(one.name) for one in options}), **values)
+            command(reading=ReadingOptions(**{one.name: values.pop(one.name) for one in options}), **values)
 
         kind = inspect.Parameter.KEYWORD_ONLY
         added = [inspect.Parameter(one.name, kind, default=one.default, annotation=hints[one.name]) for one in options]
@@ -150,7 +150,7 @@ def collected_warnings() -> Iterator[list[str]]:
     notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
 
 
-def read_measurements(source: Path, reading: Reading, number: int | None) -> tuple[list[Measurement], list[str]]:
+def read_measurements(source: Path, reading: ReadingOptions, number: int | None) -> tuple[list[Measurement], list[str]]:
     """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
     from receptance.io import read_all
 
@@ -192,7 +192,7 @@ NoWindow = Annotated[bool, typer.Option("--no-window", help="Do not open the fig
 @takes_targets()
 def show(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="File with FRFs, coherences or time records.")],
-    reading: Reading,
+    reading: ReadingOptions,
     targets: Targets,
     no_window: NoWindow = False,
     number: MeasurementNumber = None,
@@ -240,7 +240,7 @@ def convert(
         Path,
         typer.Argument(metavar="OUT", help="Output file: .uff, .ufb, .csv, .npz, .mat, .h5 or .frf."),
     ],
-    reading: Reading,
+    reading: ReadingOptions,
     form: Annotated[
         str | None, typer.Option("--as", metavar="NAME", help="Write FRFs as receptance, mobility or accelerance.")
     ] = None,

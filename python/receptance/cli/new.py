@@ -17,7 +17,7 @@ import typer
 from receptance import units
 from receptance._files import check_target, created_folder, read_whole, write_whole
 from receptance._text import instead_of, one_of, printable, shown
-from receptance.cli.files import Reading, takes_reading
+from receptance.cli.files import ReadingOptions, takes_reading
 from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors
 from receptance.errors import ReceptanceWarning
 
@@ -60,7 +60,7 @@ def new(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILES", help="Files with FRFs or hammer hits, one for each overhang.")
     ],
-    reading: Reading,
+    reading: ReadingOptions,
     overhang: Annotated[
         list[str] | None,
         typer.Option(
@@ -322,7 +322,7 @@ def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:
 
 def _contents(
     file: Path,
-    reading: Reading,
+    reading: ReadingOptions,
     asked: dict[str, Any],
     answers: _Answers,
     force: str | None,

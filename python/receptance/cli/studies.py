@@ -14,7 +14,7 @@ from receptance.report.terminal import print_sentences, print_table, print_title
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from receptance.studies.report import Section
+    from receptance.studies.report import ReportSection
 
 __all__ = ["studies"]
 
@@ -81,7 +81,9 @@ def bt50(targets: Targets, step: Step = 1, seed: Seed = 0) -> None:
     _report(targets, found, study.sections(found), lambda: study.draw(found))
 
 
-def _report(targets: Targets, found: dict[str, Any], sections: Sequence[Section], draw: Callable[[], Figure]) -> None:
+def _report(
+    targets: Targets, found: dict[str, Any], sections: Sequence[ReportSection], draw: Callable[[], Figure]
+) -> None:
     """Write the files, print the sections of a study and name the files."""
     targets.write(lambda: found, draw, report=lambda: _page(found, sections, draw()))
     console = targets.console()
@@ -99,7 +101,7 @@ def _origin(found: dict[str, Any]) -> str:
     return f"seed {found['settings']['seed']}; {versions}"
 
 
-def _page(found: dict[str, Any], sections: Sequence[Section], figure: Figure) -> str:
+def _page(found: dict[str, Any], sections: Sequence[ReportSection], figure: Figure) -> str:
     """Return the sections of a study as an HTML page."""
     from receptance.report.html import html_page, shown, table_html, wide_figure
 

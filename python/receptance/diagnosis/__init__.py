@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from receptance.diagnosis.engine import diagnose
     from receptance.diagnosis.held_out import Gain, HeldOut, Metric
     from receptance.diagnosis.model import Model
-    from receptance.diagnosis.verdict import Candidate, ProposedMeasurement, Verdict
+    from receptance.diagnosis.verdict import CandidateCause, ProposedMeasurement, Verdict
 
 __all__ = [
     "CATALOGUE",
-    "Candidate",
+    "CandidateCause",
     "Cause",
     "Gain",
     "HeldOut",
@@ -49,7 +49,7 @@ _NAMES = {
     "engine": ["diagnose"],
     "held_out": ["Gain", "HeldOut", "Metric"],
     "model": ["Model"],
-    "verdict": ["Candidate", "ProposedMeasurement", "Verdict"],
+    "verdict": ["CandidateCause", "ProposedMeasurement", "Verdict"],
 }
 
 if not TYPE_CHECKING:  # a type checker is to find misspelt names

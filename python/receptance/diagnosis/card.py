@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from receptance.diagnosis.by_mode import ModeResidual
-    from receptance.diagnosis.verdict import Candidate, Verdict
+    from receptance.diagnosis.verdict import CandidateCause, Verdict
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
@@ -71,7 +71,7 @@ def facts(verdict: Verdict) -> list[Fact]:
     return found
 
 
-def _of_cause(one: Candidate, number: str) -> list[Fact]:
+def _of_cause(one: CandidateCause, number: str) -> list[Fact]:
     where = f" ({wording.place(one)})" if wording.place(one) else ""
     beside = f" It acts together with the {wording.names(one.together_with)}." if one.together_with else ""
     found = [Fact(f"Cause{number}", (f"{wording.capital(one.title)}: {one.meaning}{where}.{beside}",))]
@@ -80,7 +80,7 @@ def _of_cause(one: Candidate, number: str) -> list[Fact]:
     return [*found, Fact("How to fix", (f"{wording.capital(one.remedy)}.",))]
 
 
-def _nearest(verdict: Verdict) -> Candidate | None:
+def _nearest(verdict: Verdict) -> CandidateCause | None:
     """Return the plausible cause with the highest evidence above the detection threshold."""
     return next((one for one in verdict.candidates if one.plausible and one.evidence > verdict.threshold), None)
 
@@ -260,20 +260,20 @@ def alternatives(verdict: Verdict, most: int | None = _ALTERNATIVES) -> Table:
     return Table("Alternatives", columns, rows if likely else [], " ".join(notes)).without_empty()
 
 
-def beyond_chance(verdict: Verdict) -> list[Candidate]:
+def beyond_chance(verdict: Verdict) -> list[CandidateCause]:
     """Return the causes that are reported, or explain more than noise does by chance."""
     reported, least = {one.id for one in verdict.causes}, max(verdict.threshold, 0.0)
     return [one for one in verdict.candidates if one.evidence > least or one.id in reported]
 
 
-def _share(verdict: Verdict, one: Candidate) -> str:
+def _share(verdict: Verdict, one: CandidateCause) -> str:
     """Return the share that a cause explains of the misfit above noise, which an adequate explanation shows."""
     before, found = verdict.selection.base.misfit, verdict.explanation
     noise = 1.0 if found is None or not found.passed else found.fit.misfit
     return wording.share(before, one.misfit, noise)
 
 
-def _why_not(verdict: Verdict, one: Candidate) -> str:
+def _why_not(verdict: Verdict, one: CandidateCause) -> str:
     """Return why a cause is not reported, or that it is."""
     together = {other.id: other.together_with for other in verdict.causes}
     if one.id in together:

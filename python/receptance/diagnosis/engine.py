@@ -35,7 +35,7 @@ from receptance.diagnosis.thresholds import (
     LOOK_ALIKE,
     MARGIN,
 )
-from receptance.diagnosis.verdict import Candidate, Verdict
+from receptance.diagnosis.verdict import CandidateCause, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import UNUSED_COHERENCE
@@ -269,7 +269,7 @@ def _verdict(
             next_measurement = advise(selection, judgement)
         except KeyboardInterrupt:
             interrupted = True
-    reported: dict[str, Candidate] = {}
+    reported: dict[str, CandidateCause] = {}
     for one in judgement.reported:
         for step in one.steps:
             if step.cause.id not in reported:
@@ -312,11 +312,11 @@ def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple
     return list(found.values())[:LISTED]
 
 
-def _candidate(selection: Selection, one: Explanation, step: Step) -> Candidate:
+def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateCause:
     cause, variant = step
     sizes = one.sizes(cause)
     declared = {name: one.parameters[name] for name in sizes}
-    return Candidate(
+    return CandidateCause(
         id=cause.id,
         group=cause.group,
         variant=variant,

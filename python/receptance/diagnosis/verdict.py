@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
-__all__ = ["Answer", "Candidate", "ProposedMeasurement", "Verdict"]
+__all__ = ["Answer", "CandidateCause", "ProposedMeasurement", "Verdict"]
 
 _SHOWN = 6
 """Natural frequencies in the table; `to_dict` has all of them."""
@@ -40,7 +40,7 @@ Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "pa
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
+class CandidateCause:
     """A fitted cause.
 
     Attributes
@@ -132,19 +132,19 @@ class Verdict(Result):
     ----------
     verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"}
         The answer. "partly explained" is a cause that takes at least half of the misfit.
-    causes : tuple of Candidate
+    causes : tuple of CandidateCause
         The reported causes, the highest evidence first; none where the model is adequate or unexplained.
-    candidates : tuple of Candidate
+    candidates : tuple of CandidateCause
         Every cause alone, the highest evidence first.
     ambiguous_between : tuple of str
         Ids of the causes between which the data do not decide.
-    vetoed : tuple of Candidate
+    vetoed : tuple of CandidateCause
         Causes with at least the evidence of all plausible ones that are not reported because their sizes are outside
         the plausible range: another effect may act in their place.
-    alternatives : tuple of Candidate
+    alternatives : tuple of CandidateCause
         Changes that are not causes, fitted where a cause may be reported, the highest evidence first; see
         `receptance.diagnosis.alternatives`.
-    alternative : Candidate or None
+    alternative : CandidateCause or None
         The alternative because of which no cause is reported; it shows where the model is wrong.
     selection : Selection
         All fits. Where the data are partly explained these allow for the discrepancy.
@@ -187,8 +187,8 @@ class Verdict(Result):
     """
 
     verdict: Answer
-    causes: tuple[Candidate, ...]
-    candidates: tuple[Candidate, ...]
+    causes: tuple[CandidateCause, ...]
+    candidates: tuple[CandidateCause, ...]
     ambiguous_between: tuple[str, ...]
     next_measurement: ProposedMeasurement | None
     notes: tuple[str, ...]
@@ -200,9 +200,9 @@ class Verdict(Result):
     discrepancy_after: Discrepancy | None = None
     gains: tuple[Gain, ...] = ()
     final: bool = True
-    vetoed: tuple[Candidate, ...] = ()
-    alternatives: tuple[Candidate, ...] = ()
-    alternative: Candidate | None = None
+    vetoed: tuple[CandidateCause, ...] = ()
+    alternatives: tuple[CandidateCause, ...] = ()
+    alternative: CandidateCause | None = None
     bias: Bias | None = None
     held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
@@ -480,7 +480,7 @@ class Verdict(Result):
         return f"Verdict({self.verdict}{open_}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"
 
 
-def _as_dict(one: Candidate) -> dict[str, Any]:
+def _as_dict(one: CandidateCause) -> dict[str, Any]:
     names = ("value", "lower", "upper")
     found = {name: dict(zip(names, numbers, strict=True)) for name, numbers in one.parameters.items()}
     own = {each.name: getattr(one, each.name) for each in fields(one) if each.name not in ("explanation", "declared")}

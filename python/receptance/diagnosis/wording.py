@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from receptance.diagnosis.causes import Parameter
     from receptance.diagnosis.held_out import Gain
-    from receptance.diagnosis.verdict import Candidate, Verdict
+    from receptance.diagnosis.verdict import CandidateCause, Verdict
 
 __all__ = [
     "capital",
@@ -71,7 +71,7 @@ def names(ids: Sequence[str]) -> str:
     return " and ".join([", ".join(titles[:-1]), titles[-1]] if len(titles) > 1 else titles)
 
 
-def place(one: Candidate) -> str:
+def place(one: CandidateCause) -> str:
     """Return where or how a cause acts; empty if it acts everywhere."""
     return "" if one.variant == "all" else one.variant
 
@@ -84,7 +84,7 @@ def capital(text: str) -> str:
 # Sizes with units.
 
 
-def sizes(one: Candidate) -> str:
+def sizes(one: CandidateCause) -> str:
     """Return the sizes of a candidate, with units and 95 % intervals."""
     texts = []
     for name, (value, *ends) in one.parameters.items():
@@ -216,7 +216,7 @@ def where(verdict: Verdict) -> list[str]:
     return found
 
 
-def veto(verdict: Verdict, one: Candidate) -> str:
+def veto(verdict: Verdict, one: CandidateCause) -> str:
     """Return why a cause that explains the data is not reported."""
     before, after = (amount(math.sqrt(x)) for x in (verdict.adequacy.misfit, one.misfit))
     return (

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 from receptance.report import Column, Table
 
-__all__ = ["Section", "table"]
+__all__ = ["ReportSection", "table"]
 
 
-class Section(NamedTuple):
+class ReportSection(NamedTuple):
     """A heading with its tables, then its sentences."""
 
     title: str

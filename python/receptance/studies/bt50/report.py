@@ -9,7 +9,7 @@ import numpy as np
 
 from receptance.report import Table
 from receptance.report.table import joined
-from receptance.studies.report import Section, table
+from receptance.studies.report import ReportSection, table
 from receptance.taper import ForceSeries
 
 __all__ = ["PROVENANCE", "RESPONSE_HZ", "SOURCE", "findings", "sections", "series_of"]
@@ -45,7 +45,7 @@ def findings(results: dict[str, Any]) -> list[dict[str, str]]:
     return [{"about": about, "text": text} for about, write in subjects.items() for text in write(results)]
 
 
-def sections(results: dict[str, Any]) -> list[Section]:
+def sections(results: dict[str, Any]) -> list[ReportSection]:
     """Return the printed sections."""
     texts: dict[str, list[str]] = {}
     for item in results["findings"]:
@@ -53,17 +53,17 @@ def sections(results: dict[str, Any]) -> list[Section]:
     virtual = results["virtual"]
     title = "BT50 taper over drawbar force: the procedure of the paper on a virtual rig"
     return [
-        Section(title, [], [SOURCE + ".", PROVENANCE]),
-        Section("Axial", [_axial(virtual["axial"])], texts["axial"]),
-        Section("Diagnosis of the rigid holder", [], texts["diagnosis"]),
-        Section("Axial damping, half-power and circle", [_damping(virtual["axial"])], texts["damping"]),
-        Section("Radial", [_radial(virtual["radial"])], texts["radial"]),
-        Section(
+        ReportSection(title, [], [SOURCE + ".", PROVENANCE]),
+        ReportSection("Axial", [_axial(virtual["axial"])], texts["axial"]),
+        ReportSection("Diagnosis of the rigid holder", [], texts["diagnosis"]),
+        ReportSection("Axial damping, half-power and circle", [_damping(virtual["axial"])], texts["damping"]),
+        ReportSection("Radial", [_radial(virtual["radial"])], texts["radial"]),
+        ReportSection(
             "Over drawbar force",
             joined(part for series in series_of(virtual["trends"]).values() for part in series.tables()),
             texts["trends"],
         ),
-        Section("Use of the elastic model", [], texts["use"]),
+        ReportSection("Use of the elastic model", [], texts["use"]),
     ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from receptance.report import Table
 from receptance.studies.er32.tables import SOURCE, Published, load
-from receptance.studies.report import Section, table
+from receptance.studies.report import ReportSection, table
 
 __all__ = ["findings", "sections"]
 
@@ -35,23 +35,23 @@ def findings(results: dict[str, Any]) -> list[dict[str, str]]:
     return [{"about": about, "text": text} for about, write in subjects.items() for text in write(results)]
 
 
-def sections(results: dict[str, Any]) -> list[Section]:
+def sections(results: dict[str, Any]) -> list[ReportSection]:
     """Return the printed sections."""
     texts: dict[str, list[str]] = {}
     for item in results["findings"]:
         texts.setdefault(item["about"], []).append(item["text"])
     return [
-        Section("ER32 collet holder: the joint from printed natural frequencies", [], [SOURCE + "."]),
-        Section("The inferred holder", [_holder(results)], texts["holder"]),
-        Section("The joint of every tool at every torque (table 4)", [_joints(results)], texts["joint"]),
-        Section("Other overhangs (table 2)", [_transfers(results)], texts["transfer"]),
-        Section(
+        ReportSection("ER32 collet holder: the joint from printed natural frequencies", [], [SOURCE + "."]),
+        ReportSection("The inferred holder", [_holder(results)], texts["holder"]),
+        ReportSection("The joint of every tool at every torque (table 4)", [_joints(results)], texts["joint"]),
+        ReportSection("Other overhangs (table 2)", [_transfers(results)], texts["transfer"]),
+        ReportSection(
             "Four joints that match the tip FRF in the machine (table 3)", [_sets(results)], texts["parameter sets"]
         ),
-        Section("Stiffness over torque and diameter", _trends(results), texts["trends"]),
-        Section("The first mode of the long tools", _bias(results), texts["bias"]),
-        Section("Numbers printed in the paper", [], texts["paper"]),
-        Section("Summary", [], _summary(results)),
+        ReportSection("Stiffness over torque and diameter", _trends(results), texts["trends"]),
+        ReportSection("The first mode of the long tools", _bias(results), texts["bias"]),
+        ReportSection("Numbers printed in the paper", [], texts["paper"]),
+        ReportSection("Summary", [], _summary(results)),
     ]
 
 
