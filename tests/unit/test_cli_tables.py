@@ -47,10 +47,14 @@ WITHOUT_FIGURE = {("er32", "sweep"), ("taper", "sweep")}
 """Sweeps of more parameters than a figure shows, which has no report."""
 FEW_LEVELS = {"transfer", "diagnose"}
 """Commands that fit all levels of the taper many times; with a few levels they print the same tables."""
-SLOW = {
-    *((example, command) for example in ("er32", "hammer") for command in ("diagnose", "transfer")),
-    *(("taper", command) for command in COMMANDS),
+FAST = {
+    *(("free-free", command) for command in COMMANDS),
+    *(("machine", command) for command in ("identify", "diagnose", "stability", "catalogue")),
+    *((example, command) for example, commands in NO_ANSWER.items() if example != "taper" for command in commands),
+    ("hammer", "check"),
+    ("er32", "identify"),
 }
+"""Every command on an example that takes little time; the others are slow tests."""
 STUDIES: dict[str, tuple[str, ...]] = {"er32": ("--draws", "3"), "bt50": ()}
 
 
@@ -59,7 +63,7 @@ def _cases() -> list[Any]:
         pytest.param(
             (command, example, *options),
             2 if command in NO_ANSWER[example] else 0,
-            marks=[pytest.mark.slow] if (example, command) in SLOW else [],
+            marks=[] if (example, command) in FAST else [pytest.mark.slow],
             id=f"{command} {example}",
         )
         for example in examples.EXAMPLES
