@@ -332,7 +332,7 @@ def study_machine(machine: Machine, hits: int, seed: int) -> dict[str, Any]:
 def move_mode(spindle: rc.ModalPart, mode: int) -> rc.ModalPart:
     """Return a spindle with one mode moved."""
     name = f"mode[{mode}].frequency_hz"
-    return spindle.with_values({name: spindle.value(name) * (1.0 + 0.01 * MOVED_PERCENT)})
+    return spindle.with_values({name: spindle.modes[mode].frequency_hz * (1.0 + 0.01 * MOVED_PERCENT)})
 
 
 def errors_with_moved_mode(machine: Machine, spindle: rc.ModalPart, mode: int) -> list[dict[str, Any]]:

@@ -138,15 +138,16 @@ def _conclude(selection: Selection) -> Judgement:
 def _judge_base(selection: Selection) -> Judgement:
     """Return the answer where no cause has evidence."""
     adequacy = judge(selection.base)
-    if not selection.base.converged:
-        return Judgement("unexplained", (), (), ("the fit of the base model has not converged",))
+    unfinished = () if selection.base.converged else ("the fit of the base model has not converged",)
     if adequacy.passed and selection.base.degrees_of_freedom < LEAST_FREEDOM:
         note = (
             f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, another overhang, or an FRF"
         )
         return Judgement("undecided", (), (), (note,))
-    if adequacy.passed:
-        return Judgement("adequate", (), (), ())
+    if adequacy.passed:  # a fit that goes on only reduces the misfit
+        return Judgement("adequate", (), (), unfinished)
+    if unfinished:
+        return Judgement("unexplained", (), (), unfinished)
     note = f"the base model {adequacy.shortcoming}, and no cause improves it"
     return Judgement("unexplained", (), (), (note,))
 
