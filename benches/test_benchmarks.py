@@ -32,7 +32,8 @@ def test_pair(benchmark: BenchmarkFixture, index: int, side: str) -> None:
     pair = PAIRS[index]
     assert agreed(index)
     benchmark.group = pair.name
-    benchmark(getattr(pair, side))
+    # Both sides have run already where no time is measured.
+    benchmark(getattr(pair, side) if benchmark.enabled else lambda: None)
 
 
 def _pair(ours: float, reference: float) -> Pair:

@@ -264,7 +264,7 @@ def test_natural_frequencies_of_an_assembly():
     found = natural_frequencies(np.vstack([tool, after]), limit, joints=joint)
     # Poles are sign changes of the reciprocal of the drive-point receptance.
     rigidly = Joint(5e7, 2e5, 0.0, 0.0)
-    f = np.linspace(100.0, limit, 4000)
+    f = np.linspace(100.0, limit, 1500)
     stiffness = np.array([1 / plain_assembly(2 * np.pi * x, tool, holder, rigidly)[0, 0].real for x in f])
     zero = np.flatnonzero((stiffness[:-1] < 0) & (stiffness[1:] > 0) | (stiffness[:-1] > 0) & (stiffness[1:] < 0))
     step = f[1] - f[0]

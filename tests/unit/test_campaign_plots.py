@@ -50,6 +50,7 @@ def test_parameters_with_open_or_zero_crossing_intervals(joint: str, unknown: st
     assert titles(read.predict(found).plot())
 
 
+@pytest.mark.slow
 def test_many_measurements(tmp_path: Path) -> None:
     chain = 'chain = ["tool", "joint", "holder"]'
     more = "".join(

@@ -198,6 +198,7 @@ def test_removed_setting_error_names_the_line_to_delete(tmp_path: Path, mode: st
         load(tmp_path, text)
 
 
+@pytest.mark.slow
 def test_intervals_of_natural_frequencies_cover(campaign: Campaign) -> None:
     """Blanks, holder, overhangs and readings err as stated; the predicted intervals cover the truth in 95 %."""
     rng = np.random.default_rng(SEED)

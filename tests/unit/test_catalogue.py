@@ -158,6 +158,7 @@ def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
             np.testing.assert_allclose(slope * scale, exact.log_slopes[nearest] * scale, rtol=0.05, atol=0.02)
 
 
+@pytest.mark.slow
 def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
@@ -317,6 +318,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
 
 
+@pytest.mark.slow
 def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     """Invalid file names, names that differ only in replaced characters or case, and one that begins a formula."""
     names = [

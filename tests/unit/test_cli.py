@@ -101,16 +101,6 @@ def test_study_er32(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
     assert left() == {"er32.json", "er32.svg"}
 
 
-@pytest.mark.slow
-def test_study_bt50(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(monkeypatch, "study", "bt50", "--step", "2", "--json", "bt50.json", "--plot", "bt50.png") == 0
-    shown = capsys.readouterr().out
-    assert "virtual" in shown
-    assert "Results: bt50.json" in shown
-    assert json.loads(Path("bt50.json").read_text())["study"] == "bt50"
-    assert Path("bt50.png").read_bytes().startswith(PNG)
-
-
 def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(monkeypatch, "--version") == 0
     assert capsys.readouterr().out.startswith("receptance ")

@@ -313,6 +313,7 @@ def test_confirmation_declined(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert call(monkeypatch, "identify", "er32") == 0
 
 
+@pytest.mark.slow
 def test_seed_of_the_command_replaces_that_of_the_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -326,6 +326,7 @@ def test_another_material_is_named(stated: Material, true: Material, name: str) 
     assert {"tool_modulus", "tool_density"} <= set(cause.look_alikes)
 
 
+@pytest.mark.slow
 def test_material_is_reported_with_an_unknown_cause() -> None:
     """A carbide tool modelled as steel, with data that no cause explains: the nearest one is described."""
     rng = np.random.default_rng(6)

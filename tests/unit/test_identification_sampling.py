@@ -36,6 +36,7 @@ def fitted(sd: float = 0.05) -> Identification:
     )
 
 
+@pytest.mark.slow
 def test_draws_agree_with_profile_and_standard_errors():
     found = fitted()
     draws = found.sample(steps=900, seed=2)

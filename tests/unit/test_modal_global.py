@@ -31,7 +31,7 @@ def without_warnings(*arguments, **options):
 
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("separation", [pytest.param(2.0, marks=pytest.mark.slow), 0.5, 0.25])
-@pytest.mark.parametrize("runs", [8, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [8, pytest.param(80, marks=pytest.mark.slow)])
 def test_close_modes_and_their_intervals(runs, separation, stated):
     """Modes as near as a quarter of their half-power band are resolved, and intervals contain the true values."""
     print(f"seed {SEED}")
@@ -159,7 +159,7 @@ def test_a_mode_just_outside_the_band():
     assert fit_modes(frf, 1, background="none").outside_poles.size == 0
 
 
-@pytest.mark.parametrize("runs", [8, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [8, pytest.param(80, marks=pytest.mark.slow)])
 def test_intervals_of_a_broad_mode_near_an_outside_mode(runs):
     """A damping ratio of 7 % and a mode half a half-power band above the last line, as on the virtual BT50 rig."""
     print(f"seed {SEED}")
@@ -196,7 +196,7 @@ def test_intervals_of_a_broad_mode_near_an_outside_mode(runs):
 
 @pytest.mark.parametrize("kind", ["force", "response", "separate"])
 @pytest.mark.parametrize("correlated", [1.0, 6.0])
-@pytest.mark.parametrize("runs", [8, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [8, pytest.param(60, marks=pytest.mark.slow)])
 def test_noise_common_to_several_responses(runs, correlated, kind):
     """Noise of the force is the same in all responses relative to the FRF, also between lines; noise of a response not.
 
@@ -345,7 +345,7 @@ def test_correlated_residuals_enlarge_the_errors():
 
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
-@pytest.mark.parametrize("runs", [6, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [6, pytest.param(50, marks=pytest.mark.slow)])
 def test_noise_under_an_exponential_window(runs, width, stated):
     """Noise exp(-sigma t) correlates lines; intervals cover, be that over less or more than a half-power band.
 

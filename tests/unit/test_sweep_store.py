@@ -433,6 +433,7 @@ def test_changed_user_module_is_another_sweep(tmp_path: Path, monkeypatch: pytes
             sweep(pair(), draw(6), output, store=tmp_path / "s")
 
 
+@pytest.mark.slow
 def test_function_identity_persists_across_processes(tmp_path: Path) -> None:
     script = """
         import sys

@@ -81,6 +81,7 @@ def tips_by_finite_elements(lengths: tuple[float, ...], front: float, lines: NDA
     return tips, finite_elements.receptance(SHAFT, [(1, front, 3e3), (2, 2e8, 4e3)], lines, [0, 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [(0.08, 0.12, 0.17), (0.05, 0.1, 0.2), (0.1, 0.15, 0.25), (0.08, 0.12, 0.17, 0.2)])
 def test_tips_of_several_lengths_cover(
     lengths: tuple[float, ...], summarise: Callable[[str, str, object], None]
