@@ -17,6 +17,7 @@ from validation.accuracy import DRIVE, INNER, TRANSFER, Report
 
 FRESH_CASES = 100
 QUICK_CASES = 200
+SLOW_CASES = 1000
 """Models of the fast part: enough for every kind and every column; all models are part of the slow tests."""
 BOUNDS = {TRANSFER: 1e-6, INNER: 1e-5}
 """The entries that are not drive points at the ends. Of two reciprocal entries one is right; the other's way back
@@ -64,7 +65,7 @@ def assert_rule(report: Report, *, rare: bool = False) -> None:
     assert len(slope.models_over) <= 1 + int(0.002 * slope.lines), where + "\n".join(slope.offenders)
 
 
-@pytest.fixture(scope="module", params=[QUICK_CASES, pytest.param(accuracy.DEFAULT_CASES, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[QUICK_CASES, pytest.param(SLOW_CASES, marks=pytest.mark.slow)])
 def report(request: pytest.FixtureRequest, summarise: Summarise) -> Report:
     found = accuracy.run(accuracy.base_seed(), request.param)
     summarise("accuracy", found.text(), found.as_json())
