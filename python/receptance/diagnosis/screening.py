@@ -276,17 +276,14 @@ def look_alike(first: Direction, second: Direction) -> float:
     return float(np.linalg.svd(both, compute_uv=False)[0].clip(0.0, 1.0))
 
 
-def rank(found: Sequence[Direction], penalty: float, most: int = VARIANTS_FITTED) -> list[Direction]:
-    """Return the directions of the variants that are fitted, at most so many of each cause.
-
-    The highest predicted evidence comes first.
-    """
+def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
+    """Return the directions of the variants that are fitted, the highest predicted evidence first."""
     ranked = sorted(found, key=lambda one: -one.predicted_evidence(penalty))
     counts = dict.fromkeys((one.cause.id for one in found), 0)
     chosen = []
     for one in ranked:
         # A variant without parameters has no linear prediction and is fitted in any case.
         counts[one.cause.id] += bool(one.parameters)
-        if not one.parameters or counts[one.cause.id] <= most:
+        if not one.parameters or counts[one.cause.id] <= VARIANTS_FITTED:
             chosen.append(one)
     return chosen

@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import TypeVar
 
 from receptance import _checks
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
 from receptance.diagnosis.discrepancy import Discrepancy
@@ -53,8 +52,6 @@ from receptance.diagnosis.thresholds import (
     SCREENING_LIMIT,
     STRAIN_CHANCE,
     VARIANTS_AGAIN,
-    VARIANTS_FITTED,
-    VARIANTS_OF_ADEQUATE,
 )
 from receptance.errors import ReceptanceError
 
@@ -182,10 +179,7 @@ class Search:
             seed=base.model.seed,
         )
         own.evaluations = base.evaluations + len(own.directions)
-        # The effects on an adequate base are small, so that the linear order of the variants of a cause holds.
-        is_linear = beside is None and judge(base).passed
-        most = VARIANTS_OF_ADEQUATE if is_linear else VARIANTS_FITTED
-        for one in self._fit((), base, rank(own.directions, own.penalty, most)):
+        for one in self._fit((), base, rank(own.directions, own.penalty)):
             own.add(one)
 
     def refit_base(self) -> None:

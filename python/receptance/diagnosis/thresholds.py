@@ -82,8 +82,6 @@ OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
-VARIANTS_OF_ADEQUATE = 1
-"""The same where the base is adequate."""
 VARIANTS_AGAIN = 12
 """Other variants of the best cause that are fitted from its values where it is not adequate: all those of a joint along
 the insertion."""
