@@ -133,6 +133,17 @@ def test_cause_with_strained_tolerances_is_a_suspicion() -> None:
     assert any("carbide at +3.5" in note for note in judgement.notes)
 
 
+def test_an_adequate_base_is_adequate_before_its_fit_has_converged() -> None:
+    data = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+    selection = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["calibration_gain"], most=1).selection
+    for factor, answer in ((1.0, "adequate"), (3.0, "unexplained")):
+        base = selection.base
+        unfinished = replace(base, converged=False, chi_square=factor * base.chi_square)
+        judgement = conclude(replace(selection, base=unfinished))
+        assert judgement.answer == answer
+        assert judgement.notes == ("the fit of the base model has not converged",)
+
+
 def test_mode_outside_the_lines_is_rejected() -> None:
     data = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     cause = CATALOGUE["missing_mode"]

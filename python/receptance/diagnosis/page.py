@@ -43,7 +43,7 @@ def diagnosis_page(verdict: Verdict, title: str = "", measured: Sequence[Table] 
 
 def _header(verdict: Verdict, heading: str) -> Iterable[str]:
     tiles = [
-        f'<div class="tile"><b>{shown(value)}</b><span>{shown(name)}</span></div>'
+        f'<div class="tile"><b>{_unbroken(value)}</b><span>{shown(name)}</span></div>'
         for name, value in card.key_figures(verdict)
     ]
     yield f"<header><h1>{shown(heading)}</h1>"
@@ -54,6 +54,11 @@ def _header(verdict: Verdict, heading: str) -> Iterable[str]:
     if verdict.description:
         yield f'<p class="meta">{shown(verdict.description)}</p>'
     yield f'<div class="tiles">{"".join(tiles)}</div></header>'
+
+
+def _unbroken(value: str) -> str:
+    """Return a value, or values before and after, with line breaks only beside the arrow: 2.3e-4 has a hyphen."""
+    return " → ".join(f"<span>{shown(part)}</span>" for part in value.split(" → "))
 
 
 def _data(verdict: Verdict) -> str:
