@@ -138,7 +138,7 @@ class Problem:
         """Return all residuals, errors last."""
         try:
             parts = [self.part(x, one) for one in self.data]
-        except (np.linalg.LinAlgError, ValueError):
+        except (np.linalg.LinAlgError, OverflowError, ValueError):
             return np.full(1, np.inf)
         first = len(self.joint)
         return np.concatenate([*parts, x[first : first + len(self.errors)]])

@@ -18,6 +18,7 @@ from blind.generator import draw_case, every, measured_again, rig, shown_by
 from blind.generator.case import at_place, numbers_of, where_of, with_layer
 from blind.oracle import consult, same_answer
 from blind.outcome import Outcome, run_case
+from blind.problem import Problem, data_of
 from blind.score import report, table
 from blind.seeds import fresh_seed
 
@@ -77,6 +78,17 @@ def test_oracle_separates_large_effects_from_none():
     result = consult(case, truth)
     assert not result.large
     assert result.misfit < 1.2
+
+
+def test_oracle_takes_back_steps_that_overflow():
+    case, truth = draw_case(SEED, 4, "single", ("joint_overhang_law",), u=0.9, quick=True)
+    problem = Problem(case, truth, data_of(case, truth), truth.effects)
+    far = problem.start()
+    assert np.isfinite(problem.residual(far)).all()
+    for exponent in (1e5, -1e5):
+        far[-1] = exponent / problem.scales[-1]
+        assert not np.isfinite(problem.residual(far)).all()
+    assert problem.fit(far).chi_square == np.inf
 
 
 @pytest.mark.slow
