@@ -84,7 +84,7 @@ class CampaignCheck(Result):
                 fit = "no measurement depends on an unknown"
         weights = [name for name, measured in one.to_identify.items() if not measured.observation.weighted]
         lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
-        tolerances = any(measured.effects for measured in one.to_identify.values())
+        tolerances = any(measured.tolerances for measured in one.to_identify.values())
         measured = {measurement.assembly for measurement in one.measurements.values()}
         frfs = [m for m in one.to_identify.values() if isinstance(m.observation, MeasuredFRF)]
         points = [m for m in frfs if any(isinstance(e, PointJoint) for e in m.observation.assembly.elements.values())]
@@ -134,7 +134,7 @@ class CampaignCheck(Result):
     def sentences(self) -> list[str]:
         """Return the number of everything, and the number of errors with tolerances."""
         one = self.campaign
-        errors = {error for effects in one.effects.values() for error in effects}
+        errors = {error.name for tolerances in one.tolerances.values() for error in tolerances}
         counts = (
             (len(one.assemblies), "assembly", "assemblies"),
             (len(one.measurements), "measurement", "measurements"),
@@ -154,7 +154,7 @@ class CampaignCheck(Result):
                 f"no sensor is stated for {_listed(bare)}: right for a laser; the mass of an accelerometer belongs to "
                 'the model, `sensor = "accelerometer"` and [sensors.accelerometer] with `mass = "0.6 g"`'
             )
-        if one.unknowns and not any(one.effects.values()):
+        if one.unknowns and not any(one.tolerances.values()):
             found.append(
                 "dimensions and materials are taken as exact, because none has a tolerance; small errors are then "
                 'taken for other causes. Write `tolerance = { outer_diameter = "0.1 %" }` in their tables'

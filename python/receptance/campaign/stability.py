@@ -272,8 +272,8 @@ def _forecast_of_tip(
 ) -> Forecast | None:
     if not tip.assembly:
         return None
-    effects = campaign.effects.get(tip.assembly, {})
-    return forecast_of(campaign, identified, campaign.site(tip.assembly), effects, tip.assembly, notes)
+    tolerances = campaign.tolerances.get(tip.assembly, ())
+    return forecast_of(campaign, identified, campaign.site(tip.assembly), tolerances, tip.assembly, notes)
 
 
 class _PredictedTip:
