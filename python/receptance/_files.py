@@ -10,8 +10,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-__all__ = ["LARGEST", "check_target", "created_folder", "inert", "open_file", "read_whole", "streamed", "write_whole"]
-
 LARGEST = 1 << 30
 """Most bytes read of one file, compressed or expanded: 1 GiB."""
 

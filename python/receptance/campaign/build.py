@@ -37,17 +37,6 @@ if TYPE_CHECKING:
         UnknownTable,
     )
 
-__all__ = [
-    "AnyJoint",
-    "Builder",
-    "Built",
-    "addresses_of",
-    "modal_unknowns",
-    "unknown_address",
-    "with_attached",
-    "with_sensor",
-]
-
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),

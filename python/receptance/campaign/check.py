@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.model.assembly import Assembly
 
-__all__ = ["CampaignCheck"]
-
 _MOST_DRAWN = 8
 """Most assemblies in the figure; those of the same shape are drawn once."""
 _MOST_NAMED = 3

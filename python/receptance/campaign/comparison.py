@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
 
-__all__ = ["Comparison", "compare_candidates", "expected_misfit"]
-
 _BEST = 10
 """Largest number of candidates in tables and `to_dict`."""
 

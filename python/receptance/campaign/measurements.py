@@ -42,23 +42,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = [
-    "Frequencies",
-    "Measurement",
-    "MeasurementReader",
-    "damping_of",
-    "deviations_of",
-    "estimate_hammer_frf",
-    "integrate_motion",
-    "observed_frf",
-    "read_entry",
-    "read_frequencies",
-    "read_records",
-    "restrict_to_bands",
-    "with_coordinates",
-    "with_stated_variance",
-]
-
 Observation = MeasuredFRF | MeasuredFrequencies
 
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
 
-__all__ = ["Prediction", "forecast_of", "predict_campaign", "prediction_lines"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction(Result):

@@ -27,8 +27,6 @@ from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any
 
-__all__ = ["LEVEL", "campaign_fields", "expand_series", "measured_structures", "read_campaign", "silent"]
-
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
 _SECTIONS = (

@@ -62,8 +62,6 @@ if TYPE_CHECKING:
     from receptance.stability import Stability
     from receptance.sweep import Candidates
 
-__all__ = ["Campaign", "fit_options", "load", "observed_unknowns", "weighted_tolerances"]
-
 _MOST_DRAWN = 3
 """Most assemblies that a notebook shows."""
 _NO_CANDIDATES = """no candidates to rank; write a table for each measurement that you could take, such as

@@ -60,32 +60,6 @@ from receptance.stability import Milling, Turning
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
-__all__ = [
-    "AssemblyTable",
-    "CampaignTable",
-    "CandidateFRFTable",
-    "CandidateFrequenciesTable",
-    "CatalogueTable",
-    "CutTable",
-    "ElementTable",
-    "FRFTable",
-    "FileFields",
-    "FrequenciesTable",
-    "HammerTable",
-    "Of",
-    "OneKind",
-    "PartTable",
-    "PriorTable",
-    "SchemaTable",
-    "SeriesTable",
-    "SettingsTable",
-    "StabilityTable",
-    "TipTable",
-    "UnknownTable",
-    "table_of",
-    "tolerance_of",
-]
-
 
 class SchemaTable(BaseModel):
     """A table of the file; unknown keys are mistakes, and text is not converted to numbers."""

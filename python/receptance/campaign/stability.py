@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
 
-__all__ = ["CampaignCut", "Tip", "Tips", "build_cut", "named_metrics", "stability_of_campaign"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Tip:

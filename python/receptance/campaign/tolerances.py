@@ -26,13 +26,6 @@ if TYPE_CHECKING:
     from receptance.campaign.schema import CampaignTable, ElementTable
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "inherited_tolerances",
-    "tolerances_of_assembly",
-    "tolerances_of_measurements",
-    "with_attachments",
-]
-
 Errors = dict[str, dict[str, float]]
 """Standard deviations in SI units, by name of the error and by address of the parameter, while they are collected."""
 Deviations = dict[str, Deviation]

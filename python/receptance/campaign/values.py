@@ -34,39 +34,6 @@ from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 if TYPE_CHECKING:
     from receptance.campaign.schema import PriorTable
 
-__all__ = [
-    "FIELDS",
-    "OWNERS",
-    "PLAIN_NUMBER",
-    "Address",
-    "AddressError",
-    "BrokenReferenceError",
-    "DataFile",
-    "Deviation",
-    "DeviationAtAddress",
-    "DeviationShare",
-    "ForceWindow",
-    "NameInMachine",
-    "Position",
-    "References",
-    "Share",
-    "Value",
-    "amount",
-    "by_address",
-    "json_schema",
-    "kind_of",
-    "name_of",
-    "of_types",
-    "parse_condition",
-    "parse_deviation",
-    "parse_level",
-    "parse_position",
-    "parse_share",
-    "prior_of",
-    "spread",
-    "value_at",
-]
-
 
 def _read_by(reading: Callable[..., Any], schema: dict[str, Any]) -> GetPydanticSchema:
     """Return the marker of a field that a function reads, whatever the type of the value that it returns."""

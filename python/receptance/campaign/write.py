@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
-__all__ = ["attachment_table", "changed_lines", "extended_text", "with_campaign_lines", "write_extended"]
-
 
 def _quantity(value: float, kind: Quantity) -> str | float:
     """Return the text of a quantity in SI units, with all digits."""

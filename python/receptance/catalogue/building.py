@@ -24,8 +24,6 @@ from receptance.model.terminals import MeasuredPart, ModalPart
 if TYPE_CHECKING:
     from receptance.campaign import Campaign, Deviation
 
-__all__ = ["Catalogue", "ToolAssembly", "errors_of"]
-
 _NO_CATALOGUE = """there is no [catalogue]; write one, such as
   [catalogue]
   machine = ["taper", "spindle"]

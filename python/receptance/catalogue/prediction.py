@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from receptance.identification.prediction import Forecast
     from receptance.model.assembly import Assembly
 
-__all__ = ["ToolPrediction", "predict_catalogue"]
-
 _LINES = 2000
 """Number of lines if neither a step nor a measured spindle gives them."""
 _SUBMITTED = 4

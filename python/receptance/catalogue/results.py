@@ -27,16 +27,6 @@ if TYPE_CHECKING:
     from receptance.catalogue.prediction import ToolPrediction
     from receptance.report.table import Cell
 
-__all__ = [
-    "CatalogueSummary",
-    "ToolSummary",
-    "file_names",
-    "summaries",
-    "tool_lobes",
-    "write_depths",
-    "write_modes",
-]
-
 _MODE_QUANTITIES = {"frequency": "Hz", "damping": "%", "dynamic stiffness": "N/um"}
 _ENDS = ("", " lower", " upper")
 _MODE_UNITS = np.array([1.0, 1e2, 1e-6])

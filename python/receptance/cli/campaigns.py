@@ -30,23 +30,6 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign, Prediction
     from receptance.diagnosis import Verdict
 
-__all__ = [
-    "CampaignFile",
-    "check",
-    "diagnose",
-    "example",
-    "identify",
-    "invert",
-    "load_campaign",
-    "next_measurement",
-    "predict",
-    "run_on_campaign",
-    "schema",
-    "stability",
-    "transfer",
-    "with_lines",
-]
-
 _MOST_FILES = 6
 _Found = TypeVar("_Found")
 

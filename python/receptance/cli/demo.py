@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from receptance.diagnosis import Verdict
     from receptance.identification import Identification
 
-__all__ = ["demo"]
-
 EXAMPLE = "forgotten-sensor"
 FIGURE = Path("receptance-demo.png")
 REPORT = Path("receptance-demo.html")

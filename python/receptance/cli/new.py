@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from receptance.report import Table
     from receptance.report.table import Cell
 
-__all__ = ["new"]
-
 _FILE = "campaign.toml"
 _LEAST_COHERENCE = 0.9
 """Median coherence of neighbouring lines below which the ends of the band are left out."""

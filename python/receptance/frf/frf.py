@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FRF", "form_factor"]
-
 Selection: TypeAlias = Coordinate | str | int | Sequence[Coordinate | str | int] | None
 """Responses or excitations to select: by number, coordinate or label; all by default."""
 

@@ -28,16 +28,6 @@ from receptance.units import FORMS, Form
 if TYPE_CHECKING:
     from receptance.frf.frf import FRF
 
-__all__ = [
-    "DRIVE_POINT_NOTE",
-    "Convention",
-    "DrivePointVerdict",
-    "LowFrequencyRise",
-    "check_drive_point",
-    "drive_point_notes",
-    "low_frequency_rise",
-]
-
 DRIVE_POINT_NOTE = "drive point "
 """Prefix of the notes of `drive_point_notes`, which are replaced when the data change."""
 _PROMINENCE = float(np.log(3.0))

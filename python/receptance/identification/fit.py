@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import Unit
 
-__all__ = ["FitKeywords", "conclude", "identify"]
-
 Objective = Literal["log", "percentage"]
 Noise = Literal["scaled", "stated"]
 Strategy = Literal["direct", "staged"]

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["InverseCoupling", "InverseCouplings", "invert_coupling"]
-
 _RIGID = PointJoint(k_y=1e15, k_theta=1e11)
 """Stiff joint at which an assembly is evaluated; its remaining compliance is subtracted exactly."""
 _MISFIT_RMS = 3.0

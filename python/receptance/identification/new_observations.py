@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.mapping import ParameterMap, Parameters
 
-__all__ = ["Candidate", "NewObservations", "calculated", "information_root"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:

@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from receptance.identification.from_frf import Floor
     from receptance.units import Form
 
-__all__ = [
-    "MeasuredFRF",
-    "MeasuredFrequencies",
-    "Observation",
-    "Unit",
-    "altered",
-    "as_observations",
-    "check_observations",
-    "common_lines",
-]
-
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 

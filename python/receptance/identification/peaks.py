@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import MeasuredFRF
 
-__all__ = ["PredictedMode", "check_bands", "find_bands", "match_peaks", "peak_indices", "within"]
-
 _PROMINENCE = 1.0
 """Least prominence of a peak, as natural logarithm of the magnitude."""
 _MATCH_DISTANCE = 0.1

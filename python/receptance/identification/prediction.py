@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
-__all__ = ["DECIBEL", "Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]
-
 DECIBEL = 20.0 / math.log(10.0)
 """Decibels of a factor of e."""
 _FACTOR = 10.0

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["Identification", "Start"]
-
 _CORRELATED = 0.9
 """Least magnitude of a correlation that is listed in the summary."""
 _MOST_CORRELATIONS = 6

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import Observation
     from receptance.identification.problem import Problem, Task
 
-__all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
-
 _DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
 _DIRECT_COST = 2.0

@@ -20,22 +20,6 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "CHAIN_QUANTITIES",
-    "Bounds",
-    "Law",
-    "Move",
-    "Power",
-    "Prior",
-    "Tolerance",
-    "Unknown",
-    "Unknowns",
-    "Variables",
-    "as_unknowns",
-    "covered",
-    "error_of",
-]
-
 _LARGEST_SHARE = 1.0 - 2.0**-53
 """Largest share whose normal quantile is finite."""
 _ERROR_BOUND = 8.0

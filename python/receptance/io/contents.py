@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FileContents"]
-
 _MOST_DRAWN = 4
 """Most measurements of one file in a figure."""
 

@@ -22,29 +22,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = [
-    "MOTIONS",
-    "QUANTITIES",
-    "Attachment",
-    "ChainElement",
-    "Flat",
-    "Motion",
-    "MovingCoordinate",
-    "Tables",
-    "Tied",
-    "check_chain",
-    "distinct",
-    "edges_of",
-    "flatten",
-    "force_amplitudes",
-    "listed",
-    "names_of",
-    "place_on",
-    "points_of",
-    "rows_of",
-    "segment_fields",
-]
-
 ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
 Attachment = PointMass | GroundSpring | Resonator
 QUANTITIES = {

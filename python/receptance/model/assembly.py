@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
     from receptance.model.modes import ModeShapes
 
-__all__ = ["Assembly"]
-
 
 @lru_cache(maxsize=256)
 def _matches(parameters: tuple[str, ...]) -> dict[str, frozenset[str]]:

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from receptance.model.beams import Material, Section, Segment
     from receptance.model.modes import ModeShapes
 
-__all__ = ["Drawing", "Mark", "draw_assemblies", "draw_mode_shapes"]
-
 _WIDTH = 9.0
 """Width of a figure in inches."""
 _MARGIN = 0.45

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["DampedModes", "ModeShapes", "damped_modes", "mode_shapes"]
-
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""
 _CIRCLE = 8

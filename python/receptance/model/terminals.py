@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.model.addresses import Flat
 
-__all__ = ["ModalPart", "Mode"]
-
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 """Parameters that every terminal has, in the order of the entries of its receptance."""

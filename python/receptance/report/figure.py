@@ -17,30 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-__all__ = [
-    "BAD",
-    "BAND",
-    "COLOURS",
-    "INK",
-    "NORMAL_95",
-    "PALE",
-    "add_heading",
-    "add_legend",
-    "add_room",
-    "as_image",
-    "as_svg",
-    "draw_condition",
-    "finished",
-    "image_formats",
-    "label_point",
-    "new_figure",
-    "panels",
-    "phase_line",
-    "set_up",
-    "surface",
-    "title_left",
-]
-
 # Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 INK = "#222222"

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Provenance", "versions"]
-
 
 def versions() -> dict[str, str]:
     """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core.

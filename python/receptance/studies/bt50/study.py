@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
     from receptance.taper import AxialSolution, TaperFit
 
-__all__ = ["response_without_damping", "rigid_campaign", "run"]
-
 _PUBLISHED: dict[str, Any] = {
     "forces_kn": [0.0, 25.0],
     "sample_rate_hz": 20480.0,
