@@ -79,6 +79,11 @@ class Measurement:
     notes: tuple[str, ...] = ()
 
     @property
+    def frf(self) -> MeasuredFRF | None:
+        """The data if they are a receptance, None if they are natural frequencies."""
+        return self.observation if isinstance(self.observation, MeasuredFRF) else None
+
+    @property
     def held_out(self) -> bool:
         """Whether it is not used in the fit."""
         return self.role == "hold out"

@@ -24,7 +24,6 @@ from receptance.identification import (
     Identification,
     InverseCoupling,
     InverseCouplings,
-    MeasuredFRF,
     NextMeasurement,
     Transfer,
     Unknown,
@@ -441,11 +440,7 @@ class Campaign(Renderable):
                 notes.append(
                     f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
                 )
-            seen = [
-                measurement.observation
-                for measurement in measured.values()
-                if isinstance(measurement.observation, MeasuredFRF)
-            ]
+            seen = [measurement.frf for measurement in measured.values() if measurement.frf is not None]
             with errors_about(self.file, f"{name}: "):
                 one = invert_coupling(
                     seen,
@@ -826,11 +821,9 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
         own = [unknown[a] for a in unknown if a.startswith(f"{owner}.")]
         changing = any(one.free or one.power_of or one.individual for one in own)
         for name, one in campaign.to_identify.items():
-            if not isinstance(one.observation, MeasuredFRF):
+            if one.frf is None or not isinstance(one.frf.assembly.elements.get(owner), PointJoint):
                 continue
-            if not isinstance(one.observation.assembly.elements.get(owner), PointJoint):
-                continue
-            ends = [name for name, end in one.observation.assembly.elements.items() if isinstance(end, ModalPart)]
+            ends = [name for name, end in one.frf.assembly.elements.items() if isinstance(end, ModalPart)]
             if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
                 raise CampaignError.about(
                     campaign.file,

@@ -157,8 +157,8 @@ def _tip(
 
 def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
     """Return the FRF of a measurement."""
-    seen = measured.observation
-    if not isinstance(seen, MeasuredFRF):
+    seen = measured.frf
+    if seen is None:
         raise ValueError(f'is "{measured.name}", natural frequencies; expected a measured FRF')
     if seen.frequency_hz.dtype.kind == "c":
         raise ValueError(f'is "{measured.name}", with an exponential window; expected an FRF without one')

@@ -121,14 +121,9 @@ class Candidate:
             kind = "MeasuredFRF" if self.modes is None else "MeasuredFrequencies"
             text = str(error).removeprefix(f"{kind} {self.label!r}: ")
             raise type(error)(f"{owner}: {text}") from None
-        fields = {"conditions": blank.conditions}
-        if isinstance(blank, MeasuredFRF):
-            fields |= {"frequency_hz": blank.frequency_hz, "standard_deviation": blank.standard_deviation}
-        elif isinstance(blank, MeasuredFrequencies):
-            fields["modes"] = blank.modes
-            if self.standard_deviation_hz is not None:
-                fields["standard_deviation_hz"] = blank.standard_deviation_hz
-        _checks.set_fields(self, fields)
+        checked = ("conditions", "frequency_hz", "standard_deviation", "modes", "standard_deviation_hz")
+        given = [name for name in checked if getattr(self, name) is not None and hasattr(blank, name)]
+        _checks.set_fields(self, {name: getattr(blank, name) for name in given})
 
     def observation(self, data: ArrayLike | None = None) -> MeasuredFRF | MeasuredFrequencies:
         """Return the measurement as an observation.

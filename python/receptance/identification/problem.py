@@ -443,7 +443,7 @@ class _CoreObservations:
         for index, item in enumerate(observed):
             if isinstance(item.observation, MeasuredFRF):
                 found.append(self._add_receptance(index, item, item.observation))
-            elif isinstance(item.observation, MeasuredFrequencies):
+            else:
                 found.append(self._add_frequencies(index, item, item.observation))
         self.sizes = tuple(found)
         for each in self._receptances.values():

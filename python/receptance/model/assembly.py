@@ -113,6 +113,21 @@ class Assembly(Renderable):
         return dict(self._elements)
 
     @property
+    def parts(self) -> dict[str, Part]:
+        """Parts by name, from the tip on."""
+        return {name: element for name, element in self._elements.items() if isinstance(element, Part)}
+
+    @property
+    def length(self) -> float:
+        """Length in m of all parts, and of joints along an insertion."""
+        return float(sum(getattr(element, "length", 0.0) for element in self._elements.values()))
+
+    @property
+    def mass(self) -> float:
+        """Mass in kg of all parts."""
+        return sum(part.mass for part in self.parts.values())
+
+    @property
     def attachments(self) -> dict[str, Attachment]:
         """Point elements by name."""
         return dict(self._attachments)

@@ -29,7 +29,6 @@ from receptance.identification.problem import Task
 from receptance.identification.search import fit_staged
 from receptance.identification.unknowns import Unknown
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
 from receptance.model.terminals import RESIDUALS
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def _around(address: str, start: float, lower: float, upper: float) -> Unknown:
 
 def _length(assembly: Assembly) -> float:
     """Return the length in m of the last part before the modal part."""
-    return float([element for element in assembly.elements.values() if isinstance(element, Part)][-1].length)
+    return float([*assembly.parts.values()][-1].length)
 
 
 def _mean(observations: Sequence[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
