@@ -266,14 +266,9 @@ class MeasuredFRF(_Observation):
         return self.receptance
 
     @property
-    def independent_lines(self) -> float:
-        """Effective number of independent lines: each one counts as 1 / correlated_lines."""
-        return float(np.sum(1.0 / self.correlated_lines))
-
-    @property
     def independent_values(self) -> float:
-        """Effective number of independent real numbers, two for each independent line."""
-        return 2.0 * self.independent_lines
+        """Effective number of independent real numbers, two for each line, which counts as 1 / correlated_lines."""
+        return 2.0 * float(np.sum(1.0 / self.correlated_lines))
 
     def noisier(self, factor: float) -> Self:
         """Return the measurement with standard deviations multiplied by a factor."""
@@ -470,11 +465,6 @@ class MeasuredFrequencies(_Observation):
     def data(self) -> NDArray[np.float64]:
         """The measured natural frequencies in Hz."""
         return self.frequency_hz
-
-    @property
-    def independent_lines(self) -> float:
-        """Number of modes."""
-        return float(len(self.modes))
 
     @property
     def independent_values(self) -> float:

@@ -219,11 +219,6 @@ class Identification(Result):
         return self.task.parameters.errors
 
     @property
-    def independent_lines(self) -> float:
-        """Effective number of independent lines and natural frequencies that were fitted."""
-        return sum(one.independent_lines for one in self.task.selected)
-
-    @property
     def data_errors(self) -> dict[str, float]:
         """Standard error of each value from the noise of the data alone, with exact dimensions and materials."""
         variables = self.task.variables
