@@ -27,8 +27,7 @@ from pydantic import (
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
 from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import CHAIN_QUANTITIES, Prior
-from receptance.model.addresses import QUANTITIES
+from receptance.identification.unknowns import PARAMETERS, Prior
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
 if TYPE_CHECKING:
@@ -266,8 +265,6 @@ def _prior_deviation(kind: Quantity, written: str | float, mean: float, logarith
     return parse(written, kind) / (abs(mean) if logarithmic else 1.0)
 
 
-FIELDS = QUANTITIES | CHAIN_QUANTITIES
-"""Quantities of all parameters by the last word of their addresses."""
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
@@ -299,10 +296,10 @@ def kind_of(address: str) -> Quantity:
         text = 'is not an address, expected one such as "joint.k_theta" or "tool.segment[0].length"'
         raise AddressError(address, text)
     field = match["field"]
-    if field not in FIELDS:
-        near = did_you_mean(field, FIELDS)
-        raise AddressError(address, f'names an unknown quantity "{field}"{near}; expected {one_of(FIELDS)}')
-    return FIELDS[field]
+    if field not in PARAMETERS:
+        near = did_you_mean(field, PARAMETERS)
+        raise AddressError(address, f'names an unknown quantity "{field}"{near}; expected {one_of(PARAMETERS)}')
+    return PARAMETERS[field]
 
 
 def value_at(address: str, value: Any) -> float:

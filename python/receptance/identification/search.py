@@ -177,7 +177,7 @@ class Continuation:
         self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
         self._angular = 2.0 * np.pi * float(np.median([np.median(o.frequency_hz.real) for o in task.observed]))
         self.peaks = _peak_problem(exact)
-        steps = [[one for o in task.observed if (one := smeared(o, width, _STAGE_LINES))] for width in _WIDTHS]
+        steps = [[one for o in task.observed if (one := smeared(o, width))] for width in _WIDTHS]
         usable = [len(step) == len(task.observed) for step in steps]
         problems = [exact.on(step).problem() if use else None for step, use in zip(steps, usable, strict=True)]
         self.broad = [problem for problem in problems[:_BROAD] if problem is not None]
@@ -336,7 +336,7 @@ def different_ends(
     return kept
 
 
-def smeared(observation: Observation, width: float, lines: int) -> Observation | None:
+def smeared(observation: Observation, width: float) -> Observation | None:
     """Return an observation with added damping: resonances have the relative width `width`.
 
     A causal response is analytic below the real axis, so its value at the complex line f (1 - i b) is the mean of its
@@ -359,7 +359,7 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     top = float(f[-1]) / (1.0 + _MARGIN * width)
     if top <= f[0]:
         return None
-    centres = np.geomspace(float(f[0]), top, lines)
+    centres = np.geomspace(float(f[0]), top, _STAGE_LINES)
     centres = centres[width * centres >= np.interp(centres, f, steps)]
     if centres.size < _MIN_LINES:
         return None
