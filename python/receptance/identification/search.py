@@ -138,27 +138,26 @@ def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
     return owners
 
 
-def fit_staged(
-    task: Task, problem: Problem, starts: NDArray[np.float64], seed: int, most: int, tolerance: float
-) -> list[Start]:
-    """Return the best end of the continuation from every start; arguments as of `fit_direct`."""
+def fit_staged(task: Task, problem: Problem, starts: int, seed: int, most: int, tolerance: float) -> list[Start]:
+    """Return the best end of the continuation from each of a number of starts; see `fit_direct`."""
     continuation = Continuation(task)
+    begun = task.variables.draw(starts, seed)
     drawn = task.variables.draw(1 + _DRAWN, seed)[1:]
     count = continuation.count
     # All starts form one batch. Each road through the broad stages gives one end per start.
-    roads = continuation.fit_stiffness(np.vstack([starts, drawn])[:, :count])
+    roads = continuation.fit_stiffness(np.vstack([begun, drawn])[:, :count])
     costs = [continuation.costs(road) for road in roads]
-    shared = range(len(starts), len(starts) + len(drawn))
+    shared = range(starts, starts + len(drawn))
     runs = []
-    for own, x in enumerate(starts):
+    for own, x in enumerate(begun):
         ends = [(cost[i], road[i]) for road, cost in zip(roads, costs, strict=True) for i in (own, *shared)]
         before = problem.evaluations
         chosen = np.array([end for _, end in different_ends(ends, task, 2 * _KEPT)]).reshape(-1, count)
         errors = task.variables.start[count:]
         refined = different_ends(continuation.fit_all(chosen), task, _KEPT)
         with_errors = different_ends(continuation.fit_all_with_errors(chosen, errors), task, _KEPT)
-        begun = [*(np.append(end, errors) for _, end in refined), *(end for _, end in with_errors)]
-        runs.append(_best_run(problem, x, begun, before, most, tolerance))
+        better = [*(np.append(end, errors) for _, end in refined), *(end for _, end in with_errors)]
+        runs.append(_best_run(problem, x, better, before, most, tolerance))
     return runs
 
 

@@ -285,7 +285,7 @@ def _begun(
     kept = [narrow.get(unknown.name, unknown) for unknown in unknowns if unknown.name not in absent]
     task = _task(without, kept, tolerances, threads)
     problem = task.problem()
-    runs = fit_staged(task, problem, task.variables.draw(starts, seed), seed, 200, 1e-6)
+    runs = fit_staged(task, problem, starts, seed, 200, 1e-6)
     return min(runs, key=lambda run: run.cost).values
 
 
