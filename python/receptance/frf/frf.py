@@ -176,7 +176,7 @@ class FRF(Renderable):
         return n, n_out, n_in
 
     @property
-    def complex_frequency_hz(self) -> NDArray[Any]:
+    def complex_frequency_hz(self) -> NDArray[np.inexact]:
         """`(n,)` frequencies of the values, f - i sigma / (2 pi) in Hz; real without an exponential window."""
         if self.decay_rate == 0.0:
             return self.frequency_hz
@@ -608,7 +608,7 @@ class FRF(Renderable):
         return self._copy(responses=tuple(responses), excitations=tuple(excitations), **changes)
 
 
-def form_factor(frequency_hz: NDArray[Any], old: Form, new: Form) -> NDArray[np.complex128]:
+def form_factor(frequency_hz: NDArray[np.inexact], old: Form, new: Form) -> NDArray[np.complex128]:
     """Return the factors `(n,)` from one form to another on real or complex lines, a power of i w.
 
     The power is computed by multiplication, so that converting there and back changes at most the last digit.

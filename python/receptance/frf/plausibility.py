@@ -15,7 +15,7 @@ as well, but H is real there, negative at a drive point, and does not scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -257,7 +257,7 @@ class LowFrequencyRise:
 
 
 def low_frequency_rise(
-    frequency_hz: NDArray[Any], receptance: NDArray[np.complex128], *, drive_point: bool
+    frequency_hz: NDArray[np.inexact], receptance: NDArray[np.complex128], *, drive_point: bool
 ) -> LowFrequencyRise | None:
     """Return the lowest lines on which a receptance falls approximately as 1/f^2, unlike that of a mass.
 

@@ -85,7 +85,7 @@ class Candidate:
 
     label: str
     assembly: Assembly
-    frequency_hz: NDArray[Any] | None = None
+    frequency_hz: NDArray[np.inexact] | None = None
     response: Coordinate = field(default_factory=Coordinate)
     excitation: Coordinate = field(default_factory=Coordinate)
     standard_deviation: ArrayLike = 0.01
@@ -222,7 +222,7 @@ class NewObservations:
         """Return fitted variables `(p,)`, followed by the new errors at zero, `(p + q,)`."""
         return np.append(x, np.zeros(len(self.errors)))
 
-    def calculated(self, x: NDArray[np.float64]) -> list[NDArray[Any]]:
+    def calculated(self, x: NDArray[np.float64]) -> list[NDArray[np.inexact]]:
         """Return the noise-free data of each observation at fitted variables `(p,)`; see `calculated`."""
         start = self.start(x)
         return [

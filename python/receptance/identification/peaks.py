@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -190,7 +190,7 @@ class PredictedMode:
 
 
 def match_peaks(
-    frequency_hz: NDArray[Any],
+    frequency_hz: NDArray[np.inexact],
     measured: NDArray[np.complex128],
     predicted: NDArray[np.complex128],
     noise: NDArray[np.float64] | None = None,

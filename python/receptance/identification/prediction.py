@@ -199,7 +199,7 @@ class PredictedFRF:
     assembly: str = ""
     response: Coordinate
     excitation: Coordinate
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128] = field(repr=False)
     scatter: Scatter = field(repr=False)
     phase_scatter: Scatter = field(repr=False)

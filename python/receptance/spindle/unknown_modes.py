@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -134,7 +134,7 @@ def _mean(observations: Sequence[MeasuredFRF]) -> tuple[NDArray[np.float64], NDA
     lines: NDArray[np.float64] = np.unique(np.concatenate(own))
     rows = []
     for at, one in zip(own, observations, strict=True):
-        magnitude: NDArray[Any] = np.abs(one.receptance)
+        magnitude: NDArray[np.inexact] = np.abs(one.receptance)
         rows.append(np.interp(lines, at, np.log(np.maximum(magnitude, 1e-300)), left=np.nan, right=np.nan))
     mean: NDArray[np.float64] = np.nanmean(rows, axis=0)
     return lines, mean
