@@ -280,10 +280,6 @@ def _length(text: str) -> float:
     return units.parse(text, units.LENGTH)
 
 
-def _length_or_none(text: str) -> float:
-    return 0.0 if text.lower() == "none" else _length(text)
-
-
 def _share(text: str) -> str:
     from receptance.campaign.values import parse_deviation_share
 
@@ -645,7 +641,7 @@ def _with_shank(
         return body
 
     def parse(text: str) -> list[HolderRow]:
-        length = _length_or_none(text)
+        length = 0.0 if text.lower() == "none" else _length(text)
         return [] if body is None or tool is None else inserted(body, length, tool[-1])
 
     found = answers.get("--insertion", insertion, "Length of the shank in the holder, or none", parse, "48 mm")
