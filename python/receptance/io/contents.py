@@ -9,8 +9,7 @@ import numpy as np
 
 from receptance.frf import FRF
 from receptance.io.measurements import Coherence, Measurement
-from receptance.report import Result, Table
-from receptance.report.provenance import Provenance
+from receptance.report import Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
