@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from receptance import _checks
 from receptance._text import instead_of
 from receptance.campaign import CampaignError, Issue
-from receptance.campaign.tolerances import inherited_tolerances
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.identification.covariance import square_root
 from receptance.identification.mapping import Site
@@ -118,7 +117,7 @@ class Catalogue:
             links.append(self.spindle)
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
-        inherited = inherited_tolerances(assembly, self.campaign.table, built, parts)
+        inherited = self.campaign.inherited_tolerances(assembly, parts)
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), (*inherited, *self.errors))
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
