@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from receptance import campaign
+from receptance.identification import Tolerance
 
 TEXT = """\
 title = "A blank in a holder"
@@ -96,3 +98,8 @@ def write(folder: Path, text: str = TEXT) -> Path:
 def load(folder: Path, text: str = TEXT) -> campaign.Campaign:
     """Return the campaign of a text."""
     return campaign.load(write(folder, text))
+
+
+def by_name(tolerances: Iterable[Tolerance]) -> dict[str, Mapping[str, float]]:
+    """Return the standard deviations of errors by name and address."""
+    return {one.name: one.moves for one in tolerances}

@@ -11,7 +11,7 @@ from typing import Any
 from rich.console import Console
 
 from receptance.report import terminal, versions
-from receptance.report.plain import plain
+from receptance.report.result import plain
 from receptance.studies.report import table
 
 WIDTH = 150

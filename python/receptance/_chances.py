@@ -16,8 +16,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["chi_square_chance", "chi_square_quantile", "f_chance_4", "normal_chance", "normal_quantile"]
-
 _MOST_TERMS = 1_000_000
 """Largest number of terms of sums, beyond which scipy.special is faster."""
 _LEAST_FREEDOM = 0.5

@@ -6,8 +6,6 @@ import importlib.util
 
 from receptance.errors import MissingExtraError
 
-__all__ = ["EXTRAS", "require"]
-
 EXTRAS = {
     "sweep": ("xarray", "zarr", "google_crc32c", "pandas"),
     "hdf5": ("h5py",),

@@ -8,9 +8,7 @@ import secrets
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import BinaryIO, TextIO
-
-__all__ = ["LARGEST", "check_target", "created_folder", "inert", "open_file", "read_whole", "streamed", "write_whole"]
+from typing import BinaryIO
 
 LARGEST = 1 << 30
 """Most bytes read of one file, compressed or expanded: 1 GiB."""
@@ -150,42 +148,3 @@ def _stage(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
         os.fsync(file.fileno())
     if target.exists():
         temporary.chmod(target.stat().st_mode & 0o7777)
-
-
-@contextlib.contextmanager
-def streamed(path: Path) -> Iterator[TextIO]:
-    """Open a text file that replaces its target after it is completely written.
-
-    An error or an interruption leaves the target as it was and no temporary file behind.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from receptance._files import streamed
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     target = Path(folder) / "a.txt"
-    ...     with streamed(target) as file:
-    ...         _ = file.write("line after line")
-    ...     target.read_text()
-    'line after line'
-    """
-    check_target(path)
-    if path.exists() and not path.is_file():
-        with path.open("w", encoding="utf-8", newline="") as file:
-            yield file
-        return
-    target = path.resolve()
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-    try:
-        with temporary.open("x", encoding="utf-8", newline="") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            temporary.chmod(target.stat().st_mode & 0o7777)
-        os.replace(temporary, target)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise

@@ -13,8 +13,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["local_maxima", "nearest_peak"]
-
 
 def local_maxima(values: NDArray[np.float64], prominence: float = 0.0) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the indices of the local maxima with at least a prominence, and their prominences.

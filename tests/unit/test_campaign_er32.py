@@ -69,7 +69,7 @@ def test_the_tolerances_are_those_of_the_study(read: campaign.Campaign) -> None:
         assert segment.tolerance.outer_diameter.amount == pytest.approx(chance.deviation("body diameter"))
     for name, assembly in read.assemblies.items():
         blank = next(iter(assembly.elements))
-        own = [moved for moved in read.effects[name].values() if f"{blank}.segment[0].length" in moved]
+        own = [one.moves for one in read.tolerances[name] if f"{blank}.segment[0].length" in one.moves]
         assert [list(moved.values()) for moved in own] == [[pytest.approx(1e-3 * chance.overhang_mm)]]
 
 

@@ -211,10 +211,8 @@ def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
     assert set(observed.attachments) == {"accelerometer", "cause_sensor"}
     assert len(again.assemblies["other"].elements["tool"].segments) == 2
     # The error of the diameter is one error for all segments of the blank.
-    (moved,) = [
-        own for name, own in again.effects["other"].items() if name.endswith("outer_diameter") and "tool" in name
-    ]
-    assert set(moved) == {"tool.segment[0].outer_diameter", "tool.segment[1].outer_diameter"}
+    (error,) = [one for one in again.tolerances["other"] if one.name.endswith("outer_diameter") and "tool" in one.name]
+    assert set(error.moves) == {"tool.segment[0].outer_diameter", "tool.segment[1].outer_diameter"}
 
 
 def test_causes_without_campaign_syntax_are_refused(tmp_path: Path) -> None:

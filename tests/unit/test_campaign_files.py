@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaign_text import TEXT
+from campaign_text import TEXT, by_name
 from receptance import FRF, MeasuredFRF, PointMass, ReceptanceWarning, campaign, examples
 from receptance.campaign import Campaign, CampaignError
 from receptance.examples.simulated import FREE_FREE_JOINT, HAMMER_JOINT
@@ -92,7 +92,7 @@ class TestFRF:
         assert isinstance(mass, PointMass)
         assert (mass.mass, mass.part, mass.position) == (0.6e-3, "holder", "end")
         assert "accelerometer" not in read.assemblies["short"].attachments
-        assert read.measurements["m"].effects["sensors.accelerometer.mass"] == {
+        assert by_name(read.measurements["m"].tolerances)["sensors.accelerometer.mass"] == {
             "accelerometer.mass": pytest.approx(0.02e-3)
         }
         both = 'response = { direction = "-y" }\nexcitation = { direction = "-y" }'

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from campaign_text import TEXT, changed, load
+from campaign_text import TEXT, by_name, changed, load
 from receptance import FRF, ColletJoint, MicroslipJoint, PointJoint, SpreadJoint, campaign, io
-from receptance.campaign.tolerances import tolerances_of
 
 SPREAD = """[joints.joint]
 kind = "spread"
@@ -77,12 +76,12 @@ def test_a_spread_joint(tmp_path: Path) -> None:
     assert isinstance(joint, SpreadJoint)
     assert (joint.length, joint.shank.outer_diameter, joint.sleeve.material.name) == (0.03, 0.012, "steel")
     assert values == pytest.approx(true, rel=1e-4)
-    effects = read.effects["short"]
-    assert effects["joints.joint.length"] == {"joint.length": pytest.approx(1e-4)}
-    assert effects["joints.joint.sleeve.outer_diameter"] == {"joint.sleeve.outer_diameter": pytest.approx(1e-4)}
+    errors = by_name(read.tolerances["short"])
+    assert errors["joints.joint.length"] == {"joint.length": pytest.approx(1e-4)}
+    assert errors["joints.joint.sleeve.outer_diameter"] == {"joint.sleeve.outer_diameter": pytest.approx(1e-4)}
     # The shank is of the same carbide as the tool: one error.
-    assert "joint.shank.density" in effects["materials.carbide.density"]
-    assert "tool.segment[0].density" in effects["materials.carbide.density"]
+    assert "joint.shank.density" in errors["materials.carbide.density"]
+    assert "tool.segment[0].density" in errors["materials.carbide.density"]
     assert read.predict().rms_percent == pytest.approx(0.0, abs=1e-3)
 
 
@@ -111,8 +110,9 @@ def test_a_collet(tmp_path: Path) -> None:
     # The value in the file is the start of the fit.
     starts = {unknown.address: unknown.start for unknown in read.unknowns}
     assert starts["joint.outer.k_theta"] == pytest.approx(3e5)
-    assert read.effects["short"]["joints.joint.mass"] == {"joint.mass": pytest.approx(2e-3)}
-    assert read.effects["short"]["joints.joint.outer.k_y"] == {"joint.outer.k_y": pytest.approx(1e8)}
+    errors = by_name(read.tolerances["short"])
+    assert errors["joints.joint.mass"] == {"joint.mass": pytest.approx(2e-3)}
+    assert errors["joints.joint.outer.k_y"] == {"joint.outer.k_y": pytest.approx(1e8)}
 
 
 def test_unknown_applies_to_held_out_assembly(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_unknown_applies_to_held_out_assembly(tmp_path: Path) -> None:
     assert any("no observation's assembly has second.k_theta; it affects predictions" in n for n in found.notes)
     predicted = read.predict(found)
     held_out = next(one for one in predicted.frequencies if one.name == "long")
-    applied = found.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
+    applied = found.apply(read.assemblies["long"], tolerances=read.tolerances["long"])
     assert applied.get("second.k_theta") == pytest.approx(2.0 * found.values["joint.k_theta"])
     expected = applied.natural_frequencies(2e4)[:2]
     np.testing.assert_allclose(held_out.predicted_hz, expected, rtol=1e-6)
@@ -182,7 +182,7 @@ def test_a_stepped_sine(tmp_path: Path) -> None:
     difference = np.log(held_out.receptance / held_out.measured)
     assert np.sqrt(np.mean(np.abs(difference) ** 2) / 2.0) < 0.015
     other = next(frf for frf in predicted.frfs if frf.name == "long")
-    again = found.apply(read.assemblies["long"], tolerances=tolerances_of(read.effects["long"]))
+    again = found.apply(read.assemblies["long"], tolerances=read.tolerances["long"])
     np.testing.assert_allclose(other.receptance, again.receptance(other.frequency_hz, force=0.5), rtol=1e-9)
     found.plot(), predicted.plot()
 

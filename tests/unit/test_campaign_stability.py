@@ -220,7 +220,7 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     identified = read.identify()
     drawn, forecasts = {}, {}
     for name in ("long", "longest"):
-        forecast = forecast_of(read, identified, read.site(name), read.effects[name], name, [])
+        forecast = forecast_of(read, identified, read.site(name), read.tolerances[name], name, [])
         linear = forecast.modes((1,)).scatter.total
         forecasts[name] = forecast
         drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])

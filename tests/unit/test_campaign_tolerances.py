@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from campaign_text import TEXT, changed, load
+from campaign_text import TEXT, by_name, changed, load
 from receptance import Assembly, MeasuredFrequencies, MeasuredFRF, identify
 from receptance.campaign import Campaign, CampaignError
 from receptance.campaign.prediction import forecast_of
@@ -24,9 +24,9 @@ def shifted(campaign: Campaign, assembly: str, draws: dict[str, float], sensor: 
     """Return an assembly with the true joint whose errors are `draws` standard deviations."""
     found = campaign.assemblies[assembly].replace(JOINT)
     moves: dict[str, float] = {}
-    for error, effects in campaign.effects[assembly].items():
-        for address, size in effects.items():
-            moves[address] = moves.get(address, found.get(address)) + draws.get(error, 0.0) * size
+    for error in campaign.tolerances[assembly]:
+        for address, size in error.moves.items():
+            moves[address] = moves.get(address, found.get(address)) + draws.get(error.name, 0.0) * size
     return found.replace(moves)
 
 
@@ -49,7 +49,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 
 def errors_of(campaign: Campaign) -> list[str]:
-    return sorted({name for effects in campaign.effects.values() for name in effects})
+    return sorted({error.name for tolerances in campaign.tolerances.values() for error in tolerances})
 
 
 def test_list_of_tolerance_errors(campaign: Campaign) -> None:
@@ -63,13 +63,13 @@ def test_list_of_tolerance_errors(campaign: Campaign) -> None:
         "parts.tool.segments[0].length",
         "parts.tool.segments[0].outer_diameter",
     ]
-    short = campaign.effects["short"]
+    short = by_name(campaign.tolerances["short"])
     assert short["materials.carbide.youngs_modulus"] == {
         "tool.segment[0].youngs_modulus": pytest.approx(0.005 * 580e9),
         "holder.segment[0].core.youngs_modulus": pytest.approx(0.005 * 580e9),
     }
     assert short["parts.tool.segments[0].outer_diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(6e-6)}
-    assert campaign.effects["long"]['assemblies.long.set."tool.segment[0].length"'] == {
+    assert by_name(campaign.tolerances["long"])['assemblies.long.set."tool.segment[0].length"'] == {
         "tool.segment[0].length": pytest.approx(5e-5)
     }
 
@@ -83,11 +83,11 @@ def test_tolerances_of_one_name_are_one_error(tmp_path: Path) -> None:
     )
     found = load(tmp_path, text)
     gauge = {"tool.segment[0].length": pytest.approx(5e-5), "holder.segment[1].outer_diameter": pytest.approx(1e-4)}
-    assert all(found.effects[name]["gauge"] == gauge for name in found.assemblies)
-    own = found.effects["short"]['assemblies.short.tolerance."tool.segment[*].density"']
+    assert all(by_name(found.tolerances[name])["gauge"] == gauge for name in found.assemblies)
+    own = by_name(found.tolerances["short"])['assemblies.short.tolerance."tool.segment[*].density"']
     assert own == {"tool.segment[0].density": pytest.approx(145.0)}
-    assert "tool.segment[0].density" not in found.effects["short"]["materials.carbide.density"]
-    assert "tool.segment[0].density" in found.effects["long"]["materials.carbide.density"]
+    assert "tool.segment[0].density" not in by_name(found.tolerances["short"])["materials.carbide.density"]
+    assert "tool.segment[0].density" in by_name(found.tolerances["long"])["materials.carbide.density"]
 
 
 def test_the_reaction_of_the_fit_is_that_of_refits(campaign: Campaign) -> None:
@@ -179,7 +179,9 @@ def test_inconsistent_data_do_not_override_tolerances(campaign: Campaign) -> Non
             assembly=campaign.assemblies[name], frequency_hz=true * (1.0 + 0.01 * rng.standard_normal(4)),
             standard_deviation_hz=2e-4 * true, label=name,
         )  # fmt: skip
-        measured[name] = replace(one, name=name, assembly=name, observation=record, effects=campaign.effects[name])
+        measured[name] = replace(
+            one, name=name, assembly=name, observation=record, tolerances=campaign.tolerances[name]
+        )
     found = replace(campaign, measurements=measured).identify()
     assert 15.0 < found.noise_factor < 90.0
     assert found.rms == pytest.approx(found.noise_factor, rel=0.5)
@@ -250,7 +252,7 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     identified = measured.identify()
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
     place = replace(campaign.site("long"), assembly=found["long"].observation.assembly)
-    forecast = forecast_of(campaign, identified, place, campaign.effects["long"], "long", [])
+    forecast = forecast_of(campaign, identified, place, campaign.tolerances["long"], "long", [])
     drawn = [one for one in forecast.drawn(1500, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])
     away = logs.real.std(axis=0) < 0.03  # in the linear range

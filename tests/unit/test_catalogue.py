@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from campaign_text import by_name
 from command_line import call
 from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
@@ -132,10 +133,11 @@ def test_assemblies_follow_the_rows(machine: Any) -> None:
     assert list(two.site.assembly.elements)[2] == "shrink"
     assert len(three.site.assembly.elements["tool"].segments) == 1  # type: ignore[union-attr]
     # Errors of its dimensions, and of the material, which has the same name in the fit.
-    assert one.effects["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
-    assert one.effects["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
-    assert "materials.carbide.youngs_modulus" in set(one.effects) & set(machine.effects["short"])
-    assert one.effects["attachments.front.k_y"] == {"front.k_y": pytest.approx(1.25e7)}
+    errors = by_name(one.tolerances)
+    assert errors["T1: overhang"] == {"tool.segment[1].length": pytest.approx(1e-4)}
+    assert errors["T1: effective diameter"] == {"tool.segment[0].outer_diameter": pytest.approx(9.6e-5)}
+    assert "materials.carbide.youngs_modulus" in set(errors) & set(by_name(machine.tolerances["short"]))
+    assert errors["attachments.front.k_y"] == {"front.k_y": pytest.approx(1.25e7)}
 
 
 def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
@@ -165,7 +167,9 @@ def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     catalogue = Catalogue(machine)
     for one, tool in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
-        for assembly in forecast_of(machine, identified, tool.site, tool.effects, tool.row.name, []).drawn(150, SEED):
+        for assembly in forecast_of(machine, identified, tool.site, tool.tolerances, tool.row.name, []).drawn(
+            150, SEED
+        ):
             assert assembly is not None
             modes = damped_modes(assembly, 5200.0, threads=1)
             values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)
@@ -269,7 +273,7 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
 def test_correlated_errors() -> None:
     covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
     errors = errors_of("spindle", ["a.b", "a.c"], covariance)
-    rows = np.array([[moved.get("a.b", 0.0), moved.get("a.c", 0.0)] for moved in errors.values()])
+    rows = np.array([[moved.get("a.b", 0.0), moved.get("a.c", 0.0)] for moved in by_name(errors).values()])
     np.testing.assert_allclose(rows.T @ rows, covariance, rtol=1e-12)
     with pytest.raises(ValueError, match="covariance has shape"):
         errors_of("spindle", ["a.b"], covariance)

@@ -96,12 +96,12 @@ def test_unequally_correlated_lines_are_adequate() -> None:
         values = make_assembly(x).receptance(LINES) * np.exp(noise)
         frf = FRF(frequency_hz=LINES, values=values, log_variance=1e-4, correlated_lines=correlated)
         data.append(MeasuredFRF.from_frf(make_assembly(x), frf, label=f"{x}"))
-    assert [one.independent_lines for one in data] == pytest.approx([200.0 + 100.0 / 24.0] * 3)
+    assert [one.independent_values for one in data] == pytest.approx([2.0 * (200.0 + 100.0 / 24.0)] * 3)
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=FEW, most=1)
     assert verdict.verdict == "adequate"
     assert verdict.adequacy.misfit == pytest.approx(1.0, abs=0.15)
     assert verdict.adequacy.smooth < 1.25
-    assert verdict.base.independent_lines == pytest.approx(612.5)
+    assert verdict.base.task.independent_values == pytest.approx(1225.0)
     worst = verdict.adequacy.worst[0]
     assert worst.misfit < 6.0, worst
 

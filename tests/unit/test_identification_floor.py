@@ -46,7 +46,7 @@ def test_observation_has_and_reports_the_floor():
     plain = MeasuredFRF.from_frf(bar, frf, floor=0.003)
     assert plain.standard_deviation == pytest.approx(np.sqrt(2e-4 + 9e-6))
     assert np.all(data.standard_deviation >= plain.standard_deviation)
-    assert data.independent_lines == pytest.approx(200.0)
+    assert data.independent_values == pytest.approx(400.0)
     assert data.configuration == "blank"
     assert any("0.3 % of the receptance and 0.01 % of frequency" in note for note in data.notes)
 

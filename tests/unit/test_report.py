@@ -20,7 +20,7 @@ from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, S
 from receptance.identification import Identification
 from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
 from receptance.report.figure import finished, surface
-from receptance.report.plain import plain
+from receptance.report.result import plain
 from receptance.report.table import amount, amount_interval, interval, joined, number
 
 

@@ -21,7 +21,6 @@ from scipy.stats import binomtest
 
 from receptance import Assembly, MeasuredFRF, campaign, examples
 from receptance.campaign import Campaign
-from receptance.campaign.tolerances import tolerances_of
 from receptance.examples.simulated import FREE_FREE_JOINT
 
 NOISE = 0.01
@@ -81,7 +80,7 @@ def read_campaign() -> Campaign:
 
 def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str, Assembly]]:
     """Return the campaign measured on structures that err, and these structures by measurement."""
-    names = sorted({name for measured in read.measurements.values() for name in measured.effects})
+    names = sorted({error.name for measured in read.measurements.values() for error in measured.tolerances})
     errs = {name: float(rng.standard_normal()) for name in names}
     measurements, structures = {}, {}
     for name, measured in read.measurements.items():
@@ -89,9 +88,9 @@ def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str
         assert isinstance(data, MeasuredFRF)
         true = data.assembly.replace(FREE_FREE_JOINT)
         values: dict[str, float] = {}
-        for error, moved in measured.effects.items():
-            for address, size in moved.items():
-                values[address] = values.get(address, true.get(address)) + errs[error] * size
+        for error in measured.tolerances:
+            for address, size in error.moves.items():
+                values[address] = values.get(address, true.get(address)) + errs[error.name] * size
         structures[name] = true = true.replace(values)
         h = true.receptance(data.frequency_hz, response=data.response, excitation=data.excitation)
         noise = NOISE * (rng.standard_normal(h.size) + 1j * rng.standard_normal(h.size))
@@ -124,7 +123,7 @@ def measure(seed: int, draws: int) -> Coverage:
         held_out = drawn.measurements["long"]
         true = structures["long"].natural_frequencies(7e3)[: len(MODES)]
         predicted, deviation = identified.predict_natural_frequencies(
-            held_out.observation.assembly, 7e3, configuration="long", tolerances=tolerances_of(held_out.effects)
+            held_out.observation.assembly, 7e3, configuration="long", tolerances=held_out.tolerances
         )
         inside = np.abs(predicted[: len(MODES)] - true) <= 1.96 * deviation[: len(MODES)]
         for name, yes in zip(MODES, inside, strict=True):

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,9 +29,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from machine_with_catalogue import HOLDERS, TEXT, TRUE_K_THETA
 from receptance import Assembly, Coordinate, DampedModes, MeasuredPart, campaign, damped_modes
-from receptance.campaign.tolerances import Effects
 from receptance.catalogue import Catalogue, ToolPrediction, predict_catalogue, read_holders, read_tools
 from receptance.errors import ReceptanceWarning
+from receptance.identification import Tolerance
 
 LEVEL = 0.95
 REJECTED_AT = 0.01
@@ -76,12 +77,14 @@ def tool(rng: np.random.Generator) -> str:
     return f"{head}\nT,{holder},carbide,{overhang:.2f},{diameter:g},{flutes:.2f},80\n"
 
 
-def erring(assembly: Assembly, effects: Effects, errors: dict[str, float], rng: np.random.Generator) -> Assembly:
+def erring(
+    assembly: Assembly, tolerances: Iterable[Tolerance], errors: dict[str, float], rng: np.random.Generator
+) -> Assembly:
     """The assembly with drawn errors; what has the same name in several assemblies is one error."""
     moved: dict[str, float] = {}
-    for name, own in effects.items():
-        error = errors.setdefault(name, float(rng.standard_normal()))
-        for address, deviation in own.items():
+    for one in tolerances:
+        error = errors.setdefault(one.name, float(rng.standard_normal()))
+        for address, deviation in one.moves.items():
             moved[address] = moved.get(address, 0.0) + deviation * error
     return assembly.replace({address: assembly.get(address) + change for address, change in moved.items()})
 
@@ -104,14 +107,14 @@ def measure(seed: int, case: int) -> Outcome:
             write(folder / f"{blank}.csv", np.ones(LINES.size, np.complex128))
         described = campaign.load(folder)
         for blank in ("short", "long"):
-            true = erring(described.assemblies[blank].replace(truth), described.effects[blank], errors, rng)
+            true = erring(described.assemblies[blank].replace(truth), described.tolerances[blank], errors, rng)
             noise = NOISE * rng.standard_normal((2, LINES.size))
             write(folder / f"{blank}.csv", true.receptance(LINES, threads=1) * np.exp(noise[0] + 1j * noise[1]))
         read = campaign.load(folder, threads=1)
         catalogue = Catalogue(read)
         predicted = next(predict_catalogue(catalogue, read.identify()))
         own = next(iter(catalogue))
-        true = damped_modes(erring(own.site.assembly.replace(truth), own.effects, errors, rng), 5300.0, threads=1)
+        true = damped_modes(erring(own.site.assembly.replace(truth), own.tolerances, errors, rng), 5300.0, threads=1)
     return compared(case, predicted, true)
 
 
@@ -130,7 +133,7 @@ def measure_with_table(seed: int, case: int, share: float) -> Outcome:
         (folder / "holders.csv").write_text(HOLDERS)
         read = campaign.load(folder, threads=1)
         rows, holders = read_tools(folder / "tools.csv"), read_holders(folder / "holders.csv")
-    beams = erring(read.assemblies["short"], {"front": {"front.k_y": 1.25e7}}, {}, rng)
+    beams = erring(read.assemblies["short"], [Tolerance(name="front", moves={"front.k_y": 1.25e7})], {}, rng)
     lines = np.arange(50.0, 5000.0, 2.5)
     places = [Coordinate("spindle", 0.0, "y"), Coordinate("spindle", 0.0, "theta")]
     shaft = beams.elements["spindle"]
@@ -148,7 +151,7 @@ def measure_with_table(seed: int, case: int, share: float) -> Outcome:
     catalogue = Catalogue(read, rows, holders, spindle=nose)
     predicted = next(predict_catalogue(catalogue))
     own = next(iter(catalogue))
-    front = erring(own.site.assembly, own.effects, {}, rng)
+    front = erring(own.site.assembly, own.tolerances, {}, rng)
     elements = [element for name, element in front.elements.items() if name != "nose"]
     true = damped_modes(Assembly([*elements, shaft], beams.attachments.values()), 5300.0, threads=1)
     return compared(case, predicted, true)

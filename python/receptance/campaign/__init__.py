@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign, load
     from receptance.campaign.schema_document import field_tables, json_schema
     from receptance.campaign.stability import CampaignCut, Tip
-    from receptance.campaign.tolerances import Effects
     from receptance.campaign.values import Deviation
     from receptance.campaign.write import extended_text, write_extended
 
@@ -24,7 +23,6 @@ __all__ = [
     "CampaignError",
     "Comparison",
     "Deviation",
-    "Effects",
     "Issue",
     "Measurement",
     "Prediction",
@@ -46,7 +44,6 @@ _NAMES = {
     "problems": ["CampaignError", "Issue"],
     "run": ["Campaign", "load"],
     "stability": ["CampaignCut", "Tip"],
-    "tolerances": ["Effects"],
     "values": ["Deviation"],
     "write": ["extended_text", "write_extended"],
 }

@@ -12,7 +12,6 @@ from receptance.campaign.problems import CampaignError, path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
-from receptance.identification import MeasuredFRF
 from receptance.identification.mapping import FACTORS
 from receptance.identification.unknowns import Law, Move, Power, Unknown, covered
 from receptance.model.assembly import Assembly
@@ -36,17 +35,6 @@ if TYPE_CHECKING:
         MeasurementTable,
         UnknownTable,
     )
-
-__all__ = [
-    "AnyJoint",
-    "Builder",
-    "Built",
-    "addresses_of",
-    "modal_unknowns",
-    "unknown_address",
-    "with_attached",
-    "with_sensor",
-]
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
@@ -323,7 +311,7 @@ class Builder:
             text = f'is "{table.direction}", but axial motion has no rotation; expected "+y"'
             self.problems.add((*path, "direction"), text)
             return None
-        parts = {name: element for name, element in assembly.elements.items() if isinstance(element, Part)}
+        parts = assembly.parts
         name = table.part or next(iter(parts))
         if name not in parts:
             text = f'is "{name}", which is not a part of the assembly{instead_of(name, parts)}'
@@ -469,11 +457,9 @@ def modal_unknowns(
             continue
         path: KeyPath = ("modal_parts", name)
         seen = [
-            measurement.observation
+            measurement.frf
             for measurement in measurements.values()
-            if not measurement.held_out
-            and isinstance(measurement.observation, MeasuredFRF)
-            and name in measurement.observation.assembly.elements
+            if not measurement.held_out and measurement.frf is not None and name in measurement.frf.assembly.elements
         ]
         if not seen:
             builder.problems.add(

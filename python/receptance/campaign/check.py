@@ -7,10 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from receptance.campaign.values import kind_of
-from receptance.identification import MeasuredFRF
-from receptance.identification.unknowns import Move
-from receptance.model.beams import Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies
 from receptance.model.joints import PointJoint
@@ -22,15 +18,11 @@ if TYPE_CHECKING:
 
     from receptance.campaign.measurements import Measurement
     from receptance.campaign.run import Campaign
-    from receptance.model.assembly import Assembly
-
-__all__ = ["CampaignCheck"]
 
 _MOST_DRAWN = 8
 """Most assemblies in the figure; those of the same shape are drawn once."""
 _MOST_NAMED = 3
 """Most names of assemblies of one shape in a title."""
-_MM = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +76,10 @@ class CampaignCheck(Result):
                 fit = "no measurement depends on an unknown"
         weights = [name for name, measured in one.to_identify.items() if not measured.observation.weighted]
         lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
-        tolerances = any(measured.effects for measured in one.to_identify.values())
+        tolerances = any(measured.tolerances for measured in one.to_identify.values())
         measured = {measurement.assembly for measurement in one.measurements.values()}
-        frfs = [m for m in one.to_identify.values() if isinstance(m.observation, MeasuredFRF)]
-        points = [m for m in frfs if any(isinstance(e, PointJoint) for e in m.observation.assembly.elements.values())]
+        seen = [measured.frf.assembly for measured in one.to_identify.values() if measured.frf is not None]
+        points = any(isinstance(element, PointJoint) for assembly in seen for element in assembly.elements.values())
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
         return {
             "identify": fit or (lacks if tolerances else ""),
@@ -105,14 +97,13 @@ class CampaignCheck(Result):
         """Return the assemblies, the measurements, the unknowns, and the commands with what they lack."""
         one = self.campaign
         rows = [
-            (name, " - ".join(assembly.elements), _length(assembly), _mass(assembly), self._measured(name))
+            (name, " - ".join(assembly.elements), 1e3 * assembly.length, assembly.mass, self._measured(name))
             for name, assembly in one.assemblies.items()
         ]
         columns = ("name", "chain", Column("length", "mm", ".5g"), Column("mass", "kg", ".3g"), "role")
         unknowns = []
         for unknown in one.unknowns:
-            unit = "" if isinstance(unknown, Move) or unknown.multiple != 1.0 else kind_of(unknown.address).unit
-            unknowns.append((unknown.name, unknown.lower, unknown.upper, unit))
+            unknowns.append((unknown.name, unknown.lower, unknown.upper, unknown.unit))
         commands = [(f"receptance {name}", text or "ready") for name, text in self.missing.items()]
         tables = [
             Table("Assemblies", columns, rows),
@@ -134,7 +125,7 @@ class CampaignCheck(Result):
     def sentences(self) -> list[str]:
         """Return the number of everything, and the number of errors with tolerances."""
         one = self.campaign
-        errors = {error for effects in one.effects.values() for error in effects}
+        errors = {error.name for tolerances in one.tolerances.values() for error in tolerances}
         counts = (
             (len(one.assemblies), "assembly", "assemblies"),
             (len(one.measurements), "measurement", "measurements"),
@@ -147,14 +138,14 @@ class CampaignCheck(Result):
         """Return what the description lacks, with the keys to write."""
         one = self.campaign
         found = []
-        frfs = {n: m for n, m in one.measurements.items() if isinstance(m.observation, MeasuredFRF)}
+        frfs = {name: measured for name, measured in one.measurements.items() if measured.frf is not None}
         bare = [name for name, measured in frfs.items() if measured.sensor is None]
         if bare:
             found.append(
                 f"no sensor is stated for {_listed(bare)}: right for a laser; the mass of an accelerometer belongs to "
                 'the model, `sensor = "accelerometer"` and [sensors.accelerometer] with `mass = "0.6 g"`'
             )
-        if one.unknowns and not any(one.effects.values()):
+        if one.unknowns and not any(one.tolerances.values()):
             found.append(
                 "dimensions and materials are taken as exact, because none has a tolerance; small errors are then "
                 'taken for other causes. Write `tolerance = { outer_diameter = "0.1 %" }` in their tables'
@@ -184,8 +175,8 @@ class CampaignCheck(Result):
             "assemblies": {
                 name: {
                     "chain": list(assembly.elements),
-                    "length_m": _length(assembly) / _MM,
-                    "mass_kg": _mass(assembly),
+                    "length_m": assembly.length,
+                    "mass_kg": assembly.mass,
                 }
                 for name, assembly in one.assemblies.items()
             },
@@ -225,16 +216,15 @@ class CampaignCheck(Result):
 
 def _shape(item: tuple[str, Any]) -> Any:
     name, element = item
-    if isinstance(element, Part):
-        return name, tuple((s.length, s.outer_diameter, s.inner_diameter, s.material.name) for s in element.segments)
-    return name, element.length if isinstance(element, SpreadJoint) else 0.0
+    segments = getattr(element, "segments", ())
+    sizes = tuple((s.length, s.outer_diameter, s.inner_diameter, s.material.name) for s in segments)
+    return name, sizes, getattr(element, "length", 0.0)
 
 
 def _marks(measured: Measurement) -> list[Mark]:
-    observation = measured.observation
-    if not isinstance(observation, MeasuredFRF):
+    if measured.frf is None:
         return []
-    response, excitation = observation.response, observation.excitation
+    response, excitation = measured.frf.response, measured.frf.excitation
     return [
         Mark(_mark("response", response), response, "response"),
         Mark(_mark("hit", excitation), excitation, "excitation"),
@@ -243,22 +233,6 @@ def _marks(measured: Measurement) -> list[Mark]:
 
 def _mark(text: str, at: Coordinate) -> str:
     return f"{text} (rotation)" if at.direction == "theta" else text
-
-
-def _length(assembly: Assembly) -> float:
-    """Return the length of all parts in mm."""
-    lengths = [segment.length for segment in _segments(assembly)]
-    lengths += [element.length for element in assembly.elements.values() if isinstance(element, SpreadJoint)]
-    return _MM * sum(lengths)
-
-
-def _mass(assembly: Assembly) -> float:
-    """Return the mass of all parts in kg."""
-    return sum(segment.mass for segment in _segments(assembly))
-
-
-def _segments(assembly: Assembly) -> list[Segment]:
-    return [s for element in assembly.elements.values() if isinstance(element, Part) for s in element.segments]
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 
 from receptance._text import instead_of
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.tolerances import tolerances_of
 from receptance.campaign.values import kind_of
 from receptance.identification import Identification, MeasuredFrequencies, MeasuredFRF
 from receptance.identification.mapping import FACTORS
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
 
     from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
-
-__all__ = ["Comparison", "compare_candidates", "expected_misfit"]
 
 _BEST = 10
 """Largest number of candidates in tables and `to_dict`."""
@@ -254,7 +251,7 @@ def _observations(
         observation = altered(measured, assembly=assembly)
         if isinstance(measured, MeasuredFRF) and any(unknown.address in FACTORS for unknown in fit.unknowns):
             # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(fit, measured.site(0), tolerances_of(measurements[name].effects))
+            forecast = Forecast(fit, measured.site(0), measurements[name].tolerances)
             chain = forecast.recorded(measured) / assembly.receptance(
                 measured.frequency_hz, response=measured.response, excitation=measured.excitation
             )

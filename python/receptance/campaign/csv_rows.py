@@ -21,8 +21,6 @@ from receptance.campaign.problems import CampaignError, Issue
 from receptance.io.text import truncation_notes
 from receptance.units import Quantity, parse, parse_any
 
-__all__ = ["ShareOf", "read_rows"]
-
 _HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
 _MOST_OF_A_COUNT = 1000
 _Row = TypeVar("_Row")

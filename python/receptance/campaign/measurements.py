@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +14,7 @@ from receptance import units
 from receptance._text import shown
 from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue
-from receptance.campaign.tolerances import attachment_effects, tolerances_of
+from receptance.campaign.tolerances import with_attachments
 from receptance.campaign.values import Deviation, parse_deviation, parse_share
 from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
 from receptance.identification.observations import altered
@@ -36,28 +36,11 @@ if TYPE_CHECKING:
         HammerTable,
         MeasurementTable,
     )
-    from receptance.campaign.tolerances import Effects
     from receptance.frf import FRF
+    from receptance.identification import Tolerance
     from receptance.measurement import HammerRecords
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
-
-__all__ = [
-    "Frequencies",
-    "Measurement",
-    "MeasurementReader",
-    "damping_of",
-    "deviations_of",
-    "estimate_hammer_frf",
-    "integrate_motion",
-    "observed_frf",
-    "read_entry",
-    "read_frequencies",
-    "read_records",
-    "restrict_to_bands",
-    "with_coordinates",
-    "with_stated_variance",
-]
 
 Observation = MeasuredFRF | MeasuredFrequencies
 
@@ -80,8 +63,8 @@ class Measurement:
         Name of the sensor at the response coordinate.
     files : tuple of str
         Names of the data files.
-    effects : dict
-        Errors: by error and address the standard deviation in SI units.
+    tolerances : tuple of Tolerance
+        Errors of the assembly and of what is attached to it.
     notes : tuple of str
         Notes on the data.
     """
@@ -92,8 +75,13 @@ class Measurement:
     observation: Observation
     sensor: str | None
     files: tuple[str, ...]
-    effects: Effects = field(default_factory=dict)
+    tolerances: tuple[Tolerance, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def frf(self) -> MeasuredFRF | None:
+        """The data if they are a receptance, None if they are natural frequencies."""
+        return self.observation if isinstance(self.observation, MeasuredFRF) else None
 
     @property
     def held_out(self) -> bool:
@@ -108,9 +96,15 @@ _MOST_LINES = 100_000
 class MeasurementReader:
     """Makes measurements, with their data, and candidates from their tables; mistakes are added to the builder."""
 
-    def __init__(self, campaign: CampaignTable, builder: Builder, folder: Path, effects: Mapping[str, Effects]) -> None:
+    def __init__(
+        self,
+        campaign: CampaignTable,
+        builder: Builder,
+        folder: Path,
+        tolerances: Mapping[str, tuple[Tolerance, ...]],
+    ) -> None:
         self.campaign, self.builder, self.folder = campaign, builder, folder
-        self._effects = effects
+        self._tolerances = tolerances
 
     def measurement(self, name: str) -> Measurement | None:
         """Return a measurement, or None after its mistakes are added."""
@@ -138,7 +132,7 @@ class MeasurementReader:
             observation=observation.configured(table.assembly, self._conditions(table)),
             sensor=table.sensor,
             files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-            effects=self._errors(table.assembly, table.sensor, *table.attachments),
+            tolerances=self._errors(table.assembly, table.sensor, *table.attachments),
             notes=tuple(self.builder.notes[before:]),
         )
 
@@ -153,7 +147,7 @@ class MeasurementReader:
         common = {
             "label": name,
             "assembly": assembly,
-            "tolerances": tuple(tolerances_of(self._errors(table.assembly, table.sensor))),
+            "tolerances": self._errors(table.assembly, table.sensor),
             "configuration": table.assembly,
             "conditions": self._conditions(table),
             "cost": table.cost,
@@ -182,13 +176,10 @@ class MeasurementReader:
         """Return the conditions of an assembly with those of a measurement."""
         return {**self.campaign.assemblies[table.assembly].conditions, **table.conditions}
 
-    def _errors(self, assembly: str, *points: str | None) -> Effects:
+    def _errors(self, assembly: str, *points: str | None) -> tuple[Tolerance, ...]:
         """Return the errors of an assembly with those of sensors and attachments."""
-        found = dict(self._effects.get(assembly, {}))
-        for name in filter(None, points):
-            for error, moved in attachment_effects(name, self.campaign, self.builder.built).items():
-                found[error] = {**found.get(error, {}), **moved}
-        return found
+        known = self._tolerances.get(assembly, ())
+        return with_attachments(known, filter(None, points), self.campaign, self.builder.built)
 
     def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> MeasuredFrequencies | None:
         make = self.builder.make

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.tolerances import tolerances_of
 from receptance.identification import MeasuredFRF
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.mapping import Site
@@ -23,12 +23,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.run import Campaign
-    from receptance.campaign.tolerances import Effects
-    from receptance.identification import Identification, PredictedMode, Scatter
+    from receptance.identification import Identification, PredictedMode, Scatter, Tolerance
     from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
-
-__all__ = ["Prediction", "forecast_of", "predict_campaign", "prediction_lines"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +262,7 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
         seen = measured.observation
         site = Site(seen.assembly, seen.configuration, "", seen.conditions)
         try:
-            forecast = forecast_of(campaign, identified, site, measured.effects, name, notes)
+            forecast = forecast_of(campaign, identified, site, measured.tolerances, name, notes)
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
@@ -277,7 +274,7 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
         campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
         try:
             forecast = forecast_of(
-                campaign, identified, campaign.site(name), campaign.effects.get(name, {}), name, notes
+                campaign, identified, campaign.site(name), campaign.tolerances.get(name, ()), name, notes
             )
         except CampaignError as error:
             reasons[name] = error.problems[0].text
@@ -306,7 +303,12 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
 
 
 def forecast_of(
-    campaign: Campaign, identified: Identification | None, site: Site, effects: Effects, name: str, notes: list[str]
+    campaign: Campaign,
+    identified: Identification | None,
+    site: Site,
+    tolerances: Sequence[Tolerance],
+    name: str,
+    notes: list[str],
 ) -> Forecast:
     """Return the forecast of an assembly, and add notes on parameters that are not identified or not in it.
 
@@ -318,8 +320,8 @@ def forecast_of(
         The fit; None without unknowns.
     site : Site
         The assembly with its configuration and conditions.
-    effects : dict
-        Errors: by name and address the standard deviation in SI units.
+    tolerances : sequence of Tolerance
+        Its errors.
     name : str
         Name of the prediction in notes and messages.
     notes : list of str
@@ -331,7 +333,7 @@ def forecast_of(
         The prediction is not possible, for example without the condition of a law.
     """
     try:
-        found = Forecast(identified, site, tolerances_of(effects))
+        found = Forecast(identified, site, tolerances)
     except ValueError as error:
         if identified is None:
             raise

@@ -18,18 +18,6 @@ from receptance.campaign.values import AddressError, BrokenReferenceError
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = [
-    "CampaignError",
-    "Issue",
-    "KeyPath",
-    "Problems",
-    "errors_about",
-    "line_of",
-    "lines_of",
-    "path_text",
-    "translate",
-]
-
 KeyPath = tuple[str | int, ...]
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")

@@ -20,14 +20,12 @@ from receptance.campaign.measurements import Measurement, MeasurementReader
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, lines_of, translate
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.stability import build_cut
-from receptance.campaign.tolerances import Effects, assembly_effects
+from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.campaign.values import OWNERS, References
 from receptance.errors import warn_user
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any
-
-__all__ = ["LEVEL", "campaign_fields", "expand_series", "measured_structures", "read_campaign", "silent"]
 
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
@@ -84,8 +82,8 @@ def campaign_fields(
     problems = Problems(lines or {})
     data = expand_series(data, problems)
     table, builder, built = _build(data, problems, file.parent)
-    effects: dict[str, Effects] = {name: assembly_effects(name, table, built, builder) for name in built.assemblies}
-    reader = MeasurementReader(table, builder, file.parent, effects)
+    tolerances = {name: tolerances_of_assembly(name, table, built, builder) for name in built.assemblies}
+    reader = MeasurementReader(table, builder, file.parent, tolerances)
     measurements: dict[str, Measurement] = {}
     for name in table.measurements:
         say(f"reading {name}, {len(measurements) + 1} of {len(table.measurements)}")
@@ -109,7 +107,7 @@ def campaign_fields(
         "assemblies": built.assemblies,
         "measurements": measurements,
         "unknowns": tuple(built.unknowns.values()),
-        "effects": effects,
+        "tolerances": tolerances,
         "places": places,
         "candidates": {name: one for name, one in possible.items() if one is not None},
         "cuts": {name: cut for name, cut in cuts.items() if cut is not None},

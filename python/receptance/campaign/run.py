@@ -16,7 +16,7 @@ from receptance.campaign.measurements import Measurement
 from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
-from receptance.campaign.tolerances import Effects, inherited_effects, tolerances_of, tolerances_of_measurements
+from receptance.campaign.tolerances import inherited_tolerances, tolerances_of_measurements
 from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
 from receptance.identification import (
@@ -24,7 +24,6 @@ from receptance.identification import (
     Identification,
     InverseCoupling,
     InverseCouplings,
-    MeasuredFRF,
     NextMeasurement,
     Transfer,
     Unknown,
@@ -61,8 +60,6 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.stability import Stability
     from receptance.sweep import Candidates
-
-__all__ = ["Campaign", "fit_options", "load", "observed_unknowns", "weighted_tolerances"]
 
 _MOST_DRAWN = 3
 """Most assemblies that a notebook shows."""
@@ -105,9 +102,8 @@ class Campaign(Renderable):
         Measurements by name.
     unknowns : tuple of Unknown
         Parameters to identify.
-    effects : dict
-        Errors of each assembly: by assembly, error and address the standard deviation in SI units. Errors with the same
-        name are one error.
+    tolerances : dict of str to tuple of Tolerance
+        Errors of each assembly. Errors with the same name are one error.
     places : dict of str to tuple of Coordinate
         Response and excitation at which assemblies without measurements are predicted.
     candidates : dict of str to Candidate
@@ -144,7 +140,7 @@ class Campaign(Renderable):
     assemblies: dict[str, Assembly]
     measurements: dict[str, Measurement]
     unknowns: tuple[Unknown, ...]
-    effects: dict[str, Effects] = field(default_factory=dict)
+    tolerances: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
     cuts: dict[str, CampaignCut] = field(default_factory=dict)
@@ -278,7 +274,9 @@ class Campaign(Renderable):
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
         return Site(self.assemblies[name], name, "", self.table.assemblies[name].conditions)
 
-    def inherited_effects(self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]) -> Effects:
+    def inherited_tolerances(
+        self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]
+    ) -> tuple[Tolerance, ...]:
         """Return the errors of an assembly of elements of this campaign that is not in the file.
 
         Parameters
@@ -288,7 +286,7 @@ class Campaign(Renderable):
         parts : mapping of str to dict
             Names of the other parts, and the standard deviations of their dimensions by address.
         """
-        return inherited_effects(assembly, self.table, self.built, parts)
+        return inherited_tolerances(assembly, self.table, self.built, parts)
 
     def select_cuts(self, names: Sequence[str] = ()) -> list[CampaignCut]:
         """Return cuts by name; by default all.
@@ -442,11 +440,7 @@ class Campaign(Renderable):
                 notes.append(
                     f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
                 )
-            seen = [
-                measurement.observation
-                for measurement in measured.values()
-                if isinstance(measurement.observation, MeasuredFRF)
-            ]
+            seen = [measurement.frf for measurement in measured.values() if measurement.frf is not None]
             with errors_about(self.file, f"{name}: "):
                 one = invert_coupling(
                     seen,
@@ -827,11 +821,9 @@ def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[
         own = [unknown[a] for a in unknown if a.startswith(f"{owner}.")]
         changing = any(one.free or one.power_of or one.individual for one in own)
         for name, one in campaign.to_identify.items():
-            if not isinstance(one.observation, MeasuredFRF):
+            if one.frf is None or not isinstance(one.frf.assembly.elements.get(owner), PointJoint):
                 continue
-            if not isinstance(one.observation.assembly.elements.get(owner), PointJoint):
-                continue
-            ends = [name for name, end in one.observation.assembly.elements.items() if isinstance(end, ModalPart)]
+            ends = [name for name, end in one.frf.assembly.elements.items() if isinstance(end, ModalPart)]
             if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
                 raise CampaignError.about(
                     campaign.file,
@@ -880,7 +872,7 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
         choices = [*(n for n in fit.addresses if n not in fit.errors), *campaign.assemblies]
         text = f'the target "{name}" is neither an identified parameter nor an assembly, expected {one_of(choices)}'
         raise CampaignError.about(campaign.file, text + did_you_mean(name, choices))
-    errors = tuple(tolerances_of(campaign.effects.get(name, {})))
+    errors = campaign.tolerances.get(name, ())
     conditions = campaign.site(name).conditions
     assembly = fit.apply(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
     upper = campaign.highest_frequency

@@ -33,21 +33,22 @@ from receptance import units
 from receptance._text import shown
 from receptance.campaign.values import (
     Address,
-    Amount,
-    AtAddress,
-    ByAddress,
     DataFile,
     Deviation,
+    DeviationAtAddress,
     DeviationShare,
     ForceWindow,
     NameInMachine,
-    OneOf,
     Position,
     Share,
-    Spread,
+    Value,
+    amount,
+    by_address,
     name_of,
+    of_types,
     parse_condition,
     parse_level,
+    spread,
 )
 from receptance.model.beams import Material, Segment, SpreadJoint
 from receptance.model.fields import Choice, Count, Element, Member, Number
@@ -58,32 +59,6 @@ from receptance.stability import Milling, Turning
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-
-__all__ = [
-    "AssemblyTable",
-    "CampaignTable",
-    "CandidateFRFTable",
-    "CandidateFrequenciesTable",
-    "CatalogueTable",
-    "CutTable",
-    "ElementTable",
-    "FRFTable",
-    "FileFields",
-    "FrequenciesTable",
-    "HammerTable",
-    "Of",
-    "OneKind",
-    "PartTable",
-    "PriorTable",
-    "SchemaTable",
-    "SeriesTable",
-    "SettingsTable",
-    "StabilityTable",
-    "TipTable",
-    "UnknownTable",
-    "table_of",
-    "tolerance_of",
-]
 
 
 class SchemaTable(BaseModel):
@@ -243,7 +218,7 @@ def _key(element: type[Element], name: str, field: Declaration, defaults: Mappin
     default: Any = defaults.get(name, ... if own.default is MISSING else own.default)
     kind: Any
     if isinstance(field, Number):
-        kind = Annotated[float, Amount(field.quantity)]
+        kind = Annotated[float, amount(field.quantity)]
         return (kind | None if default is None else kind), default
     if isinstance(field, Member) and field.kind is Material:
         kind = Annotated[str, name_of("materials")]
@@ -274,7 +249,7 @@ def tolerance_of(of: Of) -> type[ElementTable]:
     entries: dict[str, Any] = {}
     for name, field in element.declared.items():
         if isinstance(field, Number) and field.parameter:
-            kind = Annotated[Deviation | None, Spread(field.quantity)]
+            kind = Annotated[Deviation | None, spread(field.quantity)]
             entries[name] = (kind, Field(None, description=f"of the {field.doc.partition(';')[0]}"))
     doc = f"Standard deviations of the numbers of a table of {element.__name__}."
     model = create_model(f"{element.__name__}Tolerance", __base__=ElementTable, __doc__=doc, **entries)
@@ -285,10 +260,8 @@ def tolerance_of(of: Of) -> type[ElementTable]:
 Word = Annotated[str, StringConstraints(pattern=r"^[^\W\d]\w*$")]
 """A name that begins addresses."""
 Name = Annotated[str, StringConstraints(min_length=1)]
-Written = Annotated[str | float, OneOf(str, int, float, what="text with a number and a unit, or a plain number")]
+Written = Annotated[str | float, of_types(str, int, float, what="text with a number and a unit, or a plain number")]
 """A quantity as text or number of the file."""
-Value = Annotated[float, AtAddress()]
-"""Value of the parameter at an address."""
 ConditionValue = Annotated[
     float,
     PlainValidator(parse_condition),
@@ -342,7 +315,7 @@ class _ModalPartKeys(ElementTable):
 
 
 class _MicroslipKeys(ElementTable):
-    reference_force: Annotated[float, Amount(units.FORCE)] | None = None
+    reference_force: Annotated[float, amount(units.FORCE)] | None = None
     """force that is the level 1, where measurements give their `level` as a force"""
 
 
@@ -377,9 +350,9 @@ class AssemblyTable(SchemaTable):
     """names of parts and joints from the tip on; begins with a part and ends with a part or a modal part"""
     attachments: AttachmentNames = Field(default=[])
     """names of the masses and ground springs on it"""
-    set: Annotated[dict[str, Value], ByAddress()] = Field(default={})
+    set: Annotated[dict[str, Value], by_address()] = Field(default={})
     """values of this configuration by address, `{ "tool.segment[0].length" = "60 mm" }`"""
-    tolerance: Annotated[dict[str, Annotated[Deviation, AtAddress(deviation=True)]], ByAddress()] = Field(default={})
+    tolerance: Annotated[dict[str, DeviationAtAddress], by_address()] = Field(default={})
     """standard deviations of this configuration by address; one error for this configuration alone"""
     conditions: Conditions = Field(default={})
     """numbers with units that describe the configuration: torque, insertion, drawbar force"""
@@ -389,9 +362,9 @@ class AssemblyTable(SchemaTable):
 
 # Measurements -------------------------------------------------------------------------------------------------------
 
-FrequencyOrZero = Annotated[float, Amount(units.FREQUENCY_OR_ZERO)]
+FrequencyOrZero = Annotated[float, amount(units.FREQUENCY_OR_ZERO)]
 Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
-_Which = Annotated[str | int | None, OneOf(str, int, what="a number from 0 or a name in the file")]
+_Which = Annotated[str | int | None, of_types(str, int, what="a number from 0 or a name in the file")]
 
 
 class EntryTable(SchemaTable):
@@ -432,23 +405,23 @@ class FileFields(SchemaTable):
     standard_deviation: DeviationShare | None = None
     """standard deviation of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from
     coherence and averages"""
-    decay_rate: Annotated[float, Amount(units.DECAY_RATE)] | None = None
+    decay_rate: Annotated[float, amount(units.DECAY_RATE)] | None = None
     """decay rate of an exponential window on both channels, if the file does not state it"""
 
 
-Frequency = Annotated[float, Amount(units.FREQUENCY)]
-Force = Annotated[float, Amount(units.FORCE)]
+Frequency = Annotated[float, amount(units.FREQUENCY)]
+Force = Annotated[float, amount(units.FORCE)]
 Level = Annotated[
     tuple[float, bool],
     PlainValidator(parse_level),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
 ]
 """A level of joints in micro-slip, and whether it is a force in N."""
-Time = Annotated[float, Amount(units.TIME)]
-TimeOrZero = Annotated[float, Amount(units.TIME_OR_ZERO)]
-ShareAboveZero = Annotated[float, Amount(units.SHARE_ABOVE_ZERO)]
-Channel = Annotated[str | int, OneOf(str, int, what="the name of a channel in the file, or its number from 0")]
-Rate = Annotated[float, Amount(units.DECAY_RATE)]
+Time = Annotated[float, amount(units.TIME)]
+TimeOrZero = Annotated[float, amount(units.TIME_OR_ZERO)]
+ShareAboveZero = Annotated[float, amount(units.SHARE_ABOVE_ZERO)]
+Channel = Annotated[str | int, of_types(str, int, what="the name of a channel in the file, or its number from 0")]
+Rate = Annotated[float, amount(units.DECAY_RATE)]
 
 
 class _Measured(SchemaTable):
@@ -498,7 +471,7 @@ class HammerTable(_Response):
 
     kind: Literal["hammer records"]
     """`"hammer records"`"""
-    file: Annotated[DataFile | list[DataFile], OneOf(str, list, what="the name of a file, or a list of them")]
+    file: Annotated[DataFile | list[DataFile], of_types(str, list, what="the name of a file, or a list of them")]
     """path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"""
     format: str | None = None
     """format of the files, if their ending does not determine it"""
@@ -554,7 +527,7 @@ class FrequenciesTable(_Measured):
     modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
     """numbers of the elastic modes, the lowest is 1; by default 1, 2, and so on"""
     standard_deviation: Annotated[
-        str | list[str] | None, OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
+        str | list[str] | None, of_types(str, list, what='a standard deviation such as "5 Hz", or a list of them')
     ] = None
     """standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
     damping_ratios: Annotated[list[str], Field(min_length=1)] | None = None
@@ -562,7 +535,7 @@ class FrequenciesTable(_Measured):
     modes (their magnitudes), else of undamped ones"""
     damping_deviation: Annotated[
         str | float | list[str | float] | None,
-        OneOf(str, float, list, what='a standard deviation such as "5 %" of the ratio, a number, or a list of them'),
+        of_types(str, float, list, what='a standard deviation such as "5 %" of the ratio, a number, or a list of them'),
     ] = None
     """standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one for
     each"""
@@ -621,7 +594,7 @@ class CandidateFrequenciesTable(_Possible):
     modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)]
     """numbers of the elastic modes, the lowest is 1"""
     standard_deviation: Annotated[
-        str | list[str], OneOf(str, list, what='a standard deviation such as "5 Hz", or a list of them')
+        str | list[str], of_types(str, list, what='a standard deviation such as "5 Hz", or a list of them')
     ]
     """expected standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
 
@@ -743,8 +716,8 @@ class SeriesTable(SchemaTable):
 
 # Cuts and catalogues ------------------------------------------------------------------------------------------------
 
-LengthSpread = Annotated[Deviation | None, Spread(units.LENGTH)]
-_Speed = Annotated[float, Amount(units.SPINDLE_SPEED)]
+LengthSpread = Annotated[Deviation | None, spread(units.LENGTH)]
+_Speed = Annotated[float, amount(units.SPINDLE_SPEED)]
 
 
 class TipTable(FileFields):
@@ -769,7 +742,7 @@ def _across(value: Any) -> Any:
 
 
 class _TurningKeys(ElementTable):
-    angle: Annotated[float, Amount(units.DIRECTION)] = 0.0
+    angle: Annotated[float, amount(units.DIRECTION)] = 0.0
     """angle between the force and the direction of the chip thickness"""
     x: TipTable
     """receptance of the tip in the direction of the chip thickness"""
@@ -805,7 +778,7 @@ class StabilityTable(SchemaTable):
     """seed of the draws"""
     method: Literal["mean force", "semi-discretisation"] = "mean force"
     """mean force over a tooth pitch (zeroth order), or the periodic force, for interrupted cuts"""
-    largest_depth: Annotated[float, Amount(units.LENGTH)] | None = None
+    largest_depth: Annotated[float, amount(units.LENGTH)] | None = None
     """largest depth of semi-discretisation; by default ten times the smallest limit by the mean force"""
 
     @property
@@ -876,7 +849,7 @@ class CampaignTable(SchemaTable):
     """candidates for the next measurement, by name"""
     cuts: dict[Name, CutTable] = Field(default={})
     """cuts whose stable depth is computed, by name"""
-    unknowns: Annotated[dict[str, UnknownTable], ByAddress("lower", "upper", "start")] = Field(default={})
+    unknowns: Annotated[dict[str, UnknownTable], by_address("lower", "upper", "start")] = Field(default={})
     """parameters to identify, by address: `"joint.k_theta"`"""
     series: SeriesTable | None = None
     """levels of a condition at which the same measurements were repeated"""

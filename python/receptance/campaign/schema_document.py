@@ -7,8 +7,6 @@ from typing import Any
 
 from receptance.campaign.schema import CampaignTable
 
-__all__ = ["field_tables", "json_schema"]
-
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _SECTIONS = (
     ("CampaignTable", "The file"),

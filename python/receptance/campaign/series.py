@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import Observation
     from receptance.report.table import Cell
 
-__all__ = ["LEAST_LEVELS", "LevelSeries", "level_unit", "over_levels", "started_by_level"]
-
 LEAST_LEVELS = 6
 """Smallest number of levels to which laws are fitted."""
 _WORSE = 1.5

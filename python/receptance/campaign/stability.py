@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
 
-__all__ = ["CampaignCut", "Tip", "Tips", "build_cut", "named_metrics", "stability_of_campaign"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Tip:
@@ -159,8 +157,8 @@ def _tip(
 
 def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
     """Return the FRF of a measurement."""
-    seen = measured.observation
-    if not isinstance(seen, MeasuredFRF):
+    seen = measured.frf
+    if seen is None:
         raise ValueError(f'is "{measured.name}", natural frequencies; expected a measured FRF')
     if seen.frequency_hz.dtype.kind == "c":
         raise ValueError(f'is "{measured.name}", with an exponential window; expected an FRF without one')
@@ -272,8 +270,8 @@ def _forecast_of_tip(
 ) -> Forecast | None:
     if not tip.assembly:
         return None
-    effects = campaign.effects.get(tip.assembly, {})
-    return forecast_of(campaign, identified, campaign.site(tip.assembly), effects, tip.assembly, notes)
+    tolerances = campaign.tolerances.get(tip.assembly, ())
+    return forecast_of(campaign, identified, campaign.site(tip.assembly), tolerances, tip.assembly, notes)
 
 
 class _PredictedTip:

@@ -1,4 +1,4 @@
-"""Errors of dimensions, materials and positions, from the tolerances of a campaign.
+"""Errors of dimensions, materials and positions, from the standard deviations in a campaign.
 
 An error belongs to one object, such as the diameter of one blank, the density of one material or the overhang of one
 clamping. It is a standard normal variable; each parameter that depends on it changes by its standard deviation times
@@ -7,6 +7,7 @@ that variable. Tolerances with the same name are one error.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.build import addresses_of, unknown_address
@@ -25,38 +26,26 @@ if TYPE_CHECKING:
     from receptance.campaign.schema import CampaignTable, ElementTable
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "Effects",
-    "assembly_effects",
-    "attachment_effects",
-    "inherited_effects",
-    "tolerances_of",
-    "tolerances_of_measurements",
-]
-
-Effects = dict[str, dict[str, float]]
-"""Standard deviations in SI units, by name of the error and by address of the parameter."""
+Errors = dict[str, dict[str, float]]
+"""Standard deviations in SI units, by name of the error and by address of the parameter, while they are collected."""
 Deviations = dict[str, Deviation]
 """Standard deviations by address."""
 _Inherited = tuple[str, "KeyPath", Deviation]
 """Address, place in the file and standard deviation."""
 
 
-def tolerances_of(effects: Effects, labels: str | None = None) -> list[Tolerance]:
-    """Return errors as tolerances of a fit or a prediction, of the observation with a label alone if one is given.
-
-    Standard deviations of zero are left out.
-    """
-    some = {name: {a: d for a, d in moves.items() if d} for name, moves in effects.items()}
-    return [Tolerance(name=name, moves=moves, labels=labels) for name, moves in some.items() if moves]
+def _tolerances(errors: Errors) -> tuple[Tolerance, ...]:
+    """Return errors as tolerances of a fit or a prediction; standard deviations of zero are left out."""
+    some = {name: {a: d for a, d in moves.items() if d} for name, moves in errors.items()}
+    return tuple(Tolerance(name=name, moves=moves) for name, moves in some.items() if moves)
 
 
 def tolerances_of_measurements(measurements: Mapping[str, Measurement]) -> list[Tolerance]:
-    """Return the errors of measurements; errors of the same name are one error."""
-    return [one for name, measured in measurements.items() for one in tolerances_of(measured.effects, name)]
+    """Return the errors of measurements, each of its measurement alone; errors of the same name are one error."""
+    return [replace(one, labels=name) for name, measured in measurements.items() for one in measured.tolerances]
 
 
-def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: Builder) -> Effects:
+def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, builder: Builder) -> tuple[Tolerance, ...]:
     """Return the errors of an assembly of the file.
 
     A tolerance of the assembly itself takes precedence over those of its parts. A value that the assembly sets has an
@@ -66,7 +55,7 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: 
     table = campaign.assemblies[name]
     here: KeyPath = ("assemblies", name)
     taken = _identified(assembly, built)
-    effects: Effects = {}
+    errors: Errors = {}
 
     for address, deviation in table.tolerance.items():
         path = (*here, "tolerance", address)
@@ -76,47 +65,50 @@ def assembly_effects(name: str, campaign: CampaignTable, built: Built, builder: 
         elif taken & set(addresses):
             builder.problems.add(path, "has a tolerance and is among the unknowns, expected one of the two")
         else:
-            _add_effects(effects, assembly, ((a, path, deviation) for a in addresses), set())
+            _add(errors, assembly, ((a, path, deviation) for a in addresses), set())
             taken |= set(addresses)
 
     own = {own: (*here, "set", own) for address in table.set for own in covered(address, assembly)}
     inherited = ((a, own.get(a, path), deviation) for a, path, deviation in _inherited(assembly, campaign, {}))
-    _add_effects(effects, assembly, inherited, taken)
-    return effects
+    _add(errors, assembly, inherited, taken)
+    return _tolerances(errors)
 
 
-def inherited_effects(
+def inherited_tolerances(
     assembly: Assembly, campaign: CampaignTable, built: Built, parts: Mapping[str, Deviations]
-) -> Effects:
+) -> tuple[Tolerance, ...]:
     """Return the errors of an assembly that is not in the file.
 
     `parts` are those of its parts that are not in the file either, with the standard deviations of their dimensions by
     address.
     """
-    effects: Effects = {}
-    _add_effects(effects, assembly, _inherited(assembly, campaign, parts), _identified(assembly, built))
-    return effects
+    errors: Errors = {}
+    _add(errors, assembly, _inherited(assembly, campaign, parts), _identified(assembly, built))
+    return _tolerances(errors)
 
 
-def attachment_effects(name: str, campaign: CampaignTable, built: Built) -> Effects:
-    """Return the errors of a sensor or an attachment."""
-    effects: Effects = {}
-    section = "sensors" if name in built.sensors else "attachments"
-    tolerance = getattr(campaign, section)[name].tolerance
-    point = (built.sensors if name in built.sensors else built.attachments)[name]
-    for address, path, deviation in _own((section, name), name, tolerance):
-        if address not in built.unknowns:
-            value = float(getattr(point, address.split(".", 1)[1]))
-            effects.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
-    return effects
+def with_attachments(
+    known: Iterable[Tolerance], names: Iterable[str], campaign: CampaignTable, built: Built
+) -> tuple[Tolerance, ...]:
+    """Return the errors of an assembly with those of sensors and attachments on it."""
+    errors = {one.name: dict(one.moves) for one in known}
+    for name in names:
+        section = "sensors" if name in built.sensors else "attachments"
+        tolerance = getattr(campaign, section)[name].tolerance
+        point = (built.sensors if name in built.sensors else built.attachments)[name]
+        for address, path, deviation in _own((section, name), name, tolerance):
+            if address not in built.unknowns:
+                value = float(getattr(point, address.split(".", 1)[1]))
+                errors.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
+    return _tolerances(errors)
 
 
-def _add_effects(effects: Effects, assembly: Assembly, inherited: Iterable[_Inherited], taken: Collection[str]) -> None:
+def _add(errors: Errors, assembly: Assembly, inherited: Iterable[_Inherited], taken: Collection[str]) -> None:
     """Add the standard deviations of parameters of an assembly, except for those that are taken."""
     for address, path, deviation in inherited:
         if address not in taken and address in assembly.parameters:
             title = deviation.name or path_text(path)
-            effects.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+            errors.setdefault(title, {})[address] = deviation.of(assembly.get(address))
 
 
 def _identified(assembly: Assembly, built: Built) -> set[str]:

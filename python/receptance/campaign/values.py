@@ -6,6 +6,7 @@ together.
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -13,64 +14,35 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainValidator, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    GetPydanticSchema,
+    PlainSerializer,
+    PlainValidator,
+    ValidationInfo,
+    WithJsonSchema,
+)
 
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
 from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import CHAIN_QUANTITIES, Prior
-from receptance.model.addresses import QUANTITIES
+from receptance.identification.unknowns import PARAMETERS, Prior
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, ValidationInfo
-
     from receptance.campaign.schema import PriorTable
 
-__all__ = [
-    "FIELDS",
-    "OWNERS",
-    "PLAIN_NUMBER",
-    "Address",
-    "AddressError",
-    "Amount",
-    "AtAddress",
-    "BrokenReferenceError",
-    "ByAddress",
-    "DataFile",
-    "Deviation",
-    "DeviationShare",
-    "ForceWindow",
-    "NameInMachine",
-    "OneOf",
-    "Position",
-    "References",
-    "Share",
-    "Spread",
-    "json_schema",
-    "kind_of",
-    "name_of",
-    "parse_condition",
-    "parse_deviation",
-    "parse_level",
-    "parse_position",
-    "parse_share",
-    "prior_of",
-    "value_at",
-]
+
+def _read_by(reading: Callable[..., Any], schema: dict[str, Any]) -> GetPydanticSchema:
+    """Return the marker of a field that a function reads, whatever the type of the value that it returns."""
+    marked = Annotated[Any, PlainValidator(reading), WithJsonSchema(schema)]
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(marked))
 
 
-@dataclass(frozen=True)
-class Amount:
-    """Marks a field of a pydantic model as a quantity; its value is a float in SI units."""
-
-    quantity: Quantity
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Read the field with `parse`; the JSON schema does not check the unit."""
-        del source
-        reading = PlainValidator(lambda value: parse(value, self.quantity))
-        return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(json_schema(self.quantity))])
+def amount(quantity: Quantity) -> GetPydanticSchema:
+    """Return the marker of a quantity, a float in SI units; the JSON schema does not check the unit."""
+    return _read_by(lambda value: parse(value, quantity), json_schema(quantity))
 
 
 def json_schema(quantity: Quantity) -> dict[str, Any]:
@@ -82,25 +54,15 @@ def json_schema(quantity: Quantity) -> dict[str, Any]:
     return {"type": "number", "examples": [float(quantity.example)], **finite}
 
 
-@dataclass(frozen=True)
-class OneOf:
-    """Marks a field with values of several types, for one message instead of one of pydantic for each type."""
+def of_types(*types: type, what: str) -> BeforeValidator:
+    """Return the marker of a value of several types, for one message instead of one of pydantic for each type."""
 
-    types: tuple[type, ...]
-    what: str
-
-    def __init__(self, *types: type, what: str) -> None:
-        object.__setattr__(self, "types", types)
-        object.__setattr__(self, "what", what)
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Check the type before pydantic."""
-        return handler.generate_schema(Annotated[source, BeforeValidator(self._check)])
-
-    def _check(self, value: Any) -> Any:
-        if isinstance(value, bool) or not isinstance(value, self.types):
-            raise ValueError(f"is {shown(value)}, expected {self.what}")
+    def check(value: Any) -> Any:
+        if isinstance(value, bool) or not isinstance(value, types):
+            raise ValueError(f"is {shown(value)}, expected {what}")
         return value
+
+    return BeforeValidator(check)
 
 
 # Standard deviations -------------------------------------------------------------------------------------------------
@@ -199,17 +161,9 @@ def _small(quantity: Quantity) -> str:
     return f"0.1 {unit}" if unit else "0.01"
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Marks a field of a pydantic model as a standard deviation; its value is a `Deviation`."""
-
-    quantity: Quantity
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Read the field with `parse_deviation`."""
-        del source
-        reading = PlainValidator(lambda value: parse_deviation(value, self.quantity))
-        return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(_deviation_schema(self.quantity))])
+def spread(quantity: Quantity) -> GetPydanticSchema:
+    """Return the marker of a standard deviation, a `Deviation`."""
+    return _read_by(lambda value: parse_deviation(value, quantity), _deviation_schema(quantity))
 
 
 def _deviation_schema(quantity: Quantity) -> dict[str, Any]:
@@ -311,8 +265,6 @@ def _prior_deviation(kind: Quantity, written: str | float, mean: float, logarith
     return parse(written, kind) / (abs(mean) if logarithmic else 1.0)
 
 
-FIELDS = QUANTITIES | CHAIN_QUANTITIES
-"""Quantities of all parameters by the last word of their addresses."""
 _INSIDE = r"(?:mode\[\d+\]|segment\[(?:\d+|\*)\]|shank|sleeve)\.(?:core\.)?|(?:inner|outer)\."
 _ADDRESS = re.compile(rf"(?P<owner>[^\W\d]\w*)\.(?:{_INSIDE})?(?P<field>\w+)")
 
@@ -344,10 +296,10 @@ def kind_of(address: str) -> Quantity:
         text = 'is not an address, expected one such as "joint.k_theta" or "tool.segment[0].length"'
         raise AddressError(address, text)
     field = match["field"]
-    if field not in FIELDS:
-        near = did_you_mean(field, FIELDS)
-        raise AddressError(address, f'names an unknown quantity "{field}"{near}; expected {one_of(FIELDS)}')
-    return FIELDS[field]
+    if field not in PARAMETERS:
+        near = did_you_mean(field, PARAMETERS)
+        raise AddressError(address, f'names an unknown quantity "{field}"{near}; expected {one_of(PARAMETERS)}')
+    return PARAMETERS[field]
 
 
 def value_at(address: str, value: Any) -> float:
@@ -485,63 +437,51 @@ class _Unread:
         return PLAIN_NUMBER if self.plain else kind_of(self.address)
 
 
-@dataclass(frozen=True)
-class ByAddress:
-    """Marks a dictionary by address: its values have the quantity of the address.
+def by_address(*keys: str) -> BeforeValidator:
+    """Return the marker of a dictionary by address, whose values have the quantity of the address.
 
     With keys, these keys of its tables have it.
     """
 
-    keys: tuple[str, ...] = ()
-
-    def __init__(self, *keys: str) -> None:
-        object.__setattr__(self, "keys", keys)
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Attach the address to every value before validation."""
-        return handler.generate_schema(Annotated[source, BeforeValidator(self._marked)])
-
-    def _marked(self, given: Any) -> Any:
-        if not isinstance(given, Mapping):
-            return given
-        return {address: self._at(address, value) for address, value in given.items()}
-
-    def _at(self, address: Any, value: Any) -> Any:
-        if not self.keys:
+    def at(address: Any, value: Any) -> Any:
+        if not keys:
             return _Unread(value, str(address))
         if not isinstance(value, Mapping):
             return value
         plain = bool(value.get("moves")) or value.get("multiple") is not None
         owned = not value.get("moves")
-        marked = {key: _Unread(value[key], str(address), plain, owned) for key in self.keys if key in value}
+        marked = {key: _Unread(value[key], str(address), plain, owned) for key in keys if key in value}
         return {**value, **marked}
 
+    def mark(given: Any) -> Any:
+        return (
+            {address: at(address, value) for address, value in given.items()} if isinstance(given, Mapping) else given
+        )
 
-@dataclass(frozen=True)
-class AtAddress:
-    """Marks a value in a dictionary of `ByAddress` as a quantity in SI units, or as a standard deviation."""
+    return BeforeValidator(mark)
 
-    deviation: bool = False
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Read the value with the quantity of its address."""
-        del source
-        plain: list[dict[str, Any]] = [{"type": "string"}, {"type": "number"}]
-        schema = [*plain, {"type": "object", "additionalProperties": {"anyOf": plain}}] if self.deviation else plain
-        return handler.generate_schema(Annotated[Any, PlainValidator(self._read), WithJsonSchema({"anyOf": schema})])
+def _read_at_address(given: Any, info: ValidationInfo, *, deviation: bool = False) -> Any:
+    """Return a value of `by_address` in SI units, or a standard deviation, with the quantity of its address."""
+    if not isinstance(given, _Unread):  # read before, in a table that is validated again
+        return given
+    quantity = given.quantity(info.context)
+    types = (str, int, float, dict) if deviation else (str, int, float)
+    if isinstance(given.value, bool) or not isinstance(given.value, types):
+        also = 'a standard deviation such as "0.1 mm" or "2 %"'
+        what = also if deviation else "text with a number and a unit, or a plain number"
+        raise ValueError(f"is {shown(given.value)}, expected {what}")
+    return parse_deviation(given.value, quantity) if deviation else parse(given.value, quantity)
 
-    def _read(self, given: Any, info: ValidationInfo) -> Any:
-        if not isinstance(given, _Unread):  # read before, in a table that is validated again
-            return given
-        quantity = given.quantity(info.context)
-        types = (str, int, float, dict) if self.deviation else (str, int, float)
-        if isinstance(given.value, bool) or not isinstance(given.value, types):
-            also = 'a standard deviation such as "0.1 mm" or "2 %"'
-            what = also if self.deviation else "text with a number and a unit, or a plain number"
-            raise ValueError(f"is {shown(given.value)}, expected {what}")
-        if self.deviation:
-            return parse_deviation(given.value, quantity)
-        return parse(given.value, quantity)
+
+_PLAIN: list[dict[str, Any]] = [{"type": "string"}, {"type": "number"}]
+_NAMED = {"type": "object", "additionalProperties": {"anyOf": _PLAIN}}
+Value = Annotated[float, _read_by(_read_at_address, {"anyOf": _PLAIN})]
+"""Value of the parameter at the address that `by_address` attaches."""
+DeviationAtAddress = Annotated[
+    Deviation, _read_by(functools.partial(_read_at_address, deviation=True), {"anyOf": [*_PLAIN, _NAMED]})
+]
+"""Standard deviation of the parameter at the address that `by_address` attaches."""
 
 
 Position = Annotated[

@@ -18,7 +18,7 @@ from receptance import units
 from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
-from receptance.campaign.tolerances import tolerances_of
+from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
@@ -34,12 +34,9 @@ from receptance.units import Quantity
 
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
-    from receptance.campaign.tolerances import Effects
     from receptance.diagnosis import Verdict
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
-
-__all__ = ["attachment_table", "changed_lines", "extended_text", "with_campaign_lines", "write_extended"]
 
 
 def _quantity(value: float, kind: Quantity) -> str | float:
@@ -221,7 +218,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     # A cause may act at one level only, so that each level has its own tables.
     data = copy.deepcopy(campaign.contents)
     measured = {
-        name: _applied(verdict, name, measurement.observation, measurement.effects)
+        name: _applied(verdict, measurement.observation, tolerances_of_measurements({name: measurement}))
         for name, measurement in campaign.measurements.items()
     }
     assemblies = {name: _of_assembly(campaign, verdict, name) for name in campaign.assemblies}
@@ -268,13 +265,13 @@ def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
 
 
 def _applied(
-    verdict: Verdict, name: str, observation: MeasuredFRF | MeasuredFrequencies, effects: Effects
+    verdict: Verdict, observation: MeasuredFRF | MeasuredFrequencies, tolerances: Iterable[Tolerance]
 ) -> _Extended:
     """Apply the causes of the best explanation to an observation, one after the other."""
     explanation = verdict.explanation
     assert explanation is not None
     base = verdict.selection.base.model
-    model = replace(base, observations=(observation,), tolerances=tuple(tolerances_of(effects, name or None)))
+    model = replace(base, observations=(observation,), tolerances=tuple(tolerances))
     temporary: list[str] = []
     for step in explanation.steps:
         before = set(model.observations[0].assembly.attachments)
@@ -298,7 +295,7 @@ def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
             like = altered(like, response=response, excitation=excitation)
     site = campaign.site(name)
     bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=site.conditions)
-    return _applied(verdict, "", bare, campaign.effects.get(name, {}))
+    return _applied(verdict, bare, campaign.tolerances.get(name, ()))
 
 
 def _write_structure(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +16,13 @@ from receptance.campaign import CampaignError, Issue
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.identification.covariance import square_root
 from receptance.identification.mapping import Site
+from receptance.identification.unknowns import Tolerance
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
-    from receptance.campaign import Campaign, Deviation, Effects
-
-__all__ = ["Catalogue", "ToolAssembly", "errors_of"]
+    from receptance.campaign import Campaign, Deviation
 
 _NO_CATALOGUE = """there is no [catalogue]; write one, such as
   [catalogue]
@@ -40,12 +39,12 @@ _SHORTEST = 1e-9
 class ToolAssembly:
     """A tool in the machine, with unknowns at their start values.
 
-    `effects` are its errors: by name and address the standard deviation in SI units.
+    `tolerances` are its errors.
     """
 
     row: ToolRow
     site: Site
-    effects: Effects
+    tolerances: tuple[Tolerance, ...]
 
 
 class Catalogue:
@@ -62,8 +61,8 @@ class Catalogue:
     spindle : MeasuredPart or ModalPart, optional
         Last element of the chain, behind the machine of the campaign; by default the file that the campaign names, if
         it names one.
-    errors : dict, optional
-        Further errors: by name and address the standard deviation in SI units, see `errors_of`.
+    errors : iterable of Tolerance, optional
+        Further errors, see `errors_of`.
 
     Raises
     ------
@@ -79,14 +78,14 @@ class Catalogue:
         holders: str | Path | Mapping[str, list[HolderRow]] | None = None,
         *,
         spindle: MeasuredPart | ModalPart | None = None,
-        errors: Effects | None = None,
+        errors: Iterable[Tolerance] = (),
     ) -> None:
         table = campaign.table.catalogue
         if table is None:
             raise CampaignError.about(campaign.file, _NO_CATALOGUE)
         self.campaign, self.table = campaign, table
         self.spindle = spindle if spindle is not None or table.spindle is None else _spindle(table.spindle, campaign)
-        self.errors = errors or {}
+        self.errors = tuple(errors)
         self.file = _source(tools, table.tools, campaign, "tools")
         given = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
         self.tools: tuple[ToolRow, ...] = tuple(given)
@@ -118,8 +117,8 @@ class Catalogue:
             links.append(self.spindle)
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
-        effects = self.campaign.inherited_effects(assembly, parts)
-        return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), {**effects, **self.errors})
+        inherited = self.campaign.inherited_tolerances(assembly, parts)
+        return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), (*inherited, *self.errors))
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
         """Return the fluted part and the shank of a tool, and the standard deviations of their dimensions."""
@@ -208,7 +207,7 @@ class Catalogue:
             raise CampaignError.about(self.campaign.file, f"catalogue: {error}") from error
 
 
-def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Effects:
+def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> tuple[Tolerance, ...]:
     """Return correlated errors of parameters as independent errors, from their covariance.
 
     Parameters
@@ -222,8 +221,8 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Eff
 
     Returns
     -------
-    dict
-        By name and address the standard deviation in SI units, with a sign: columns of a square root of the covariance.
+    tuple of Tolerance
+        The columns of a square root of the covariance.
 
     Raises
     ------
@@ -232,19 +231,22 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> Eff
 
     Examples
     --------
-    >>> errors_of("spindle", ["spindle.a", "spindle.b"], [[4.0, 0.0], [0.0, 1.0]])
-    {'spindle, error 1': {'spindle.a': 2.0}, 'spindle, error 2': {'spindle.b': 1.0}}
+    >>> [one.moves for one in errors_of("spindle", ["spindle.a", "spindle.b"], [[4.0, 0.0], [0.0, 1.0]])]
+    [{'spindle.a': 2.0}, {'spindle.b': 1.0}]
     """
     matrix = _checks.unmasked(f"errors of {name}", "covariance", covariance, np.float64)
     if matrix.shape != (len(addresses), len(addresses)) or not np.isfinite(matrix).all():
         raise ValueError(
             f"errors of {name}: covariance has shape {matrix.shape}, expected finite {(len(addresses),) * 2}"
         )
-    return {
-        f"{name}, error {i + 1}": {a: float(v) for a, v in zip(addresses, column, strict=True) if v}
+    return tuple(
+        Tolerance(
+            name=f"{name}, error {i + 1}",
+            moves={a: float(v) for a, v in zip(addresses, column, strict=True) if v},
+        )
         for i, column in enumerate(square_root(matrix).T)
         if column.any()
-    }
+    )
 
 
 def _spindle(name: str, campaign: Campaign) -> MeasuredPart:

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from receptance.catalogue import ToolPrediction, ToolSummary
 
-__all__ = ["draw_catalogue", "draw_tool"]
-
 _LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""
 _LARGEST_LEGEND = 25

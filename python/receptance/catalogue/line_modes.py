@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from receptance._peaks import local_maxima
 
-__all__ = ["LineModes", "line_modes"]
-
 _PROMINENCE = 1.05
 """Smallest ratio of a peak to its prominence base."""
 _NOISE_PROMINENCE = 3.0

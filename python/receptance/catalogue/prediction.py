@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from receptance.identification.prediction import Forecast
     from receptance.model.assembly import Assembly
 
-__all__ = ["ToolPrediction", "predict_catalogue"]
-
 _LINES = 2000
 """Number of lines if neither a step nor a measured spindle gives them."""
 _SUBMITTED = 4
@@ -199,7 +197,9 @@ class _ToolPredictor:
 
     def _predict(self, tool: ToolAssembly) -> ToolPrediction:
         notes = list(self.notes)
-        forecast = forecast_of(self.catalogue.campaign, self.identified, tool.site, tool.effects, tool.row.name, notes)
+        forecast = forecast_of(
+            self.catalogue.campaign, self.identified, tool.site, tool.tolerances, tool.row.name, notes
+        )
         addresses = [*forecast.addresses, *self.residuals]
         receptance, slopes = forecast.assembly.derivatives(self.lines, addresses, threads=1)
         slope, spindle_slope = np.split(slopes, [len(forecast.addresses)], axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 import unicodedata
 from collections import Counter
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance._files import inert, streamed
+from receptance._files import check_target, inert, write_whole
 from receptance.identification.covariance import UNINFORMATIVE
 from receptance.report import Column, Provenance, Result, Table
 from receptance.stability import Lobes, Milling, stability_lobes
@@ -27,18 +28,7 @@ if TYPE_CHECKING:
     from receptance.catalogue.prediction import ToolPrediction
     from receptance.report.table import Cell
 
-__all__ = [
-    "CatalogueSummary",
-    "ToolSummary",
-    "file_names",
-    "summaries",
-    "tool_lobes",
-    "write_depths",
-    "write_modes",
-]
-
 _MODE_QUANTITIES = {"frequency": "Hz", "damping": "%", "dynamic stiffness": "N/um"}
-_ENDS = ("", " lower", " upper")
 _MODE_UNITS = np.array([1.0, 1e2, 1e-6])
 """Units of the columns: natural frequency in Hz, damping ratio in percent, dynamic stiffness in N/um."""
 _DEPTH_COLUMNS = (
@@ -176,27 +166,27 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
     The file appears when the last prediction was yielded. Frequencies are in Hz, damping ratios in percent, dynamic
     stiffnesses in N/um, each with its interval.
     """
-    with streamed(path) as file:
-        rows = csv.writer(file)
-        columns = [
-            f"{name}{end} [{unit}]" for name, unit in _MODE_QUANTITIES.items() for end in ("", " lower", " upper")
-        ]
-        rows.writerow(["name", "holder", "teeth", "mode", *columns, "most flexible"])
-        for prediction in predictions:
-            row = prediction.row
-            for number, (values, interval) in enumerate(zip(prediction.modes, prediction.modes_interval, strict=True)):
-                cells = np.column_stack([values, interval]) * _MODE_UNITS[:, None]
-                rows.writerow(
-                    [
-                        inert(row.name),
-                        inert(row.holder),
-                        "" if row.teeth is None else row.teeth,
-                        number + 1,
-                        *(f"{cell:.6g}" for cell in cells.ravel()),
-                        "yes" if number == prediction.most_flexible else "",
-                    ]
-                )
-            yield prediction
+    check_target(path)
+    text = io.StringIO(newline="")
+    rows = csv.writer(text)
+    columns = [f"{name}{end} [{unit}]" for name, unit in _MODE_QUANTITIES.items() for end in ("", " lower", " upper")]
+    rows.writerow(["name", "holder", "teeth", "mode", *columns, "most flexible"])
+    for prediction in predictions:
+        row = prediction.row
+        for number, (values, interval) in enumerate(zip(prediction.modes, prediction.modes_interval, strict=True)):
+            cells = np.column_stack([values, interval]) * _MODE_UNITS[:, None]
+            rows.writerow(
+                [
+                    inert(row.name),
+                    inert(row.holder),
+                    "" if row.teeth is None else row.teeth,
+                    number + 1,
+                    *(f"{cell:.6g}" for cell in cells.ravel()),
+                    "yes" if number == prediction.most_flexible else "",
+                ]
+            )
+        yield prediction
+    write_whole({path: text.getvalue().encode()})
 
 
 def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobes:
@@ -241,20 +231,22 @@ def write_depths(
 
     The file appears when the last prediction was yielded.
     """
-    with streamed(path) as file:
-        rows = csv.writer(file)
-        rows.writerow(_DEPTH_COLUMNS)
-        for prediction in predictions:
-            lobes = tool_lobes(prediction, campaign, cut)
-            limits = dict(zip(lobes.speeds_rpm.tolist(), lobes.depth.tolist(), strict=True))
-            teeth = getattr(lobes.cut, "teeth", "")
-            for rank, best in enumerate(lobes.best_cuts):
-                values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
-                ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(lobes.certain_depth)))
-                cells = [f"{value:.6g}" for value in (*values, *ends)]
-                name, holder, cut_name = map(inert, (prediction.row.name, prediction.row.holder, lobes.name))
-                rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
-            yield prediction
+    check_target(path)
+    text = io.StringIO(newline="")
+    rows = csv.writer(text)
+    rows.writerow(_DEPTH_COLUMNS)
+    for prediction in predictions:
+        lobes = tool_lobes(prediction, campaign, cut)
+        limits = dict(zip(lobes.speeds_rpm.tolist(), lobes.depth.tolist(), strict=True))
+        teeth = getattr(lobes.cut, "teeth", "")
+        for rank, best in enumerate(lobes.best_cuts):
+            values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
+            ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(lobes.certain_depth)))
+            cells = [f"{value:.6g}" for value in (*values, *ends)]
+            name, holder, cut_name = map(inert, (prediction.row.name, prediction.row.holder, lobes.name))
+            rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
+        yield prediction
+    write_whole({path: text.getvalue().encode()})
 
 
 def file_names(names: Iterable[str]) -> dict[str, str]:

@@ -10,8 +10,6 @@ from typing import Annotated
 from receptance import units
 from receptance.campaign.csv_rows import ShareOf, read_rows
 
-__all__ = ["HolderRow", "ToolRow", "read_holders", "read_tools"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ToolRow:

@@ -35,8 +35,6 @@ from receptance.cli.studies import studies
 from receptance.cli.sweep import sweep
 from receptance.errors import MissingExtraError
 
-__all__ = ["app", "main"]
-
 _INTERRUPTED = 130
 
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {

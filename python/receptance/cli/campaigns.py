@@ -30,23 +30,6 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign, Prediction
     from receptance.diagnosis import Verdict
 
-__all__ = [
-    "CampaignFile",
-    "check",
-    "diagnose",
-    "example",
-    "identify",
-    "invert",
-    "load_campaign",
-    "next_measurement",
-    "predict",
-    "run_on_campaign",
-    "schema",
-    "stability",
-    "transfer",
-    "with_lines",
-]
-
 _MOST_FILES = 6
 _Found = TypeVar("_Found")
 
@@ -296,9 +279,10 @@ def diagnose(
 
     def work(read: Campaign) -> Verdict:
         from receptance.campaign.stability import named_metrics
+        from receptance.campaign.write import with_campaign_lines
 
         made = read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
-        return replace(with_lines(read, made), campaign_path=shlex.quote(str(campaign)))
+        return replace(with_campaign_lines(read, made), campaign_path=shlex.quote(str(campaign)))
 
     read, found = run_on_campaign(campaign, targets, work, seed)
     texts, why_not = _extended(read, found, extended)
@@ -310,13 +294,6 @@ def diagnose(
     if not found.final:
         raise InterruptedAnswer("interrupted, the result is preliminary")
     targets.require(found.verdict == "adequate")
-
-
-def with_lines(read: Campaign, found: Verdict) -> Verdict:
-    """Return a verdict with the lines to copy into the campaign file."""
-    from receptance.campaign.write import with_campaign_lines
-
-    return with_campaign_lines(read, found)
 
 
 def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[dict[Path, str], str]:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign
     from receptance.catalogue import CatalogueSummary, ToolPrediction
 
-__all__ = ["catalogue"]
-
 _LISTED = 20
 """Largest number of tools whose file names are listed."""
 _DRAWS = 60

@@ -7,7 +7,6 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receptance.cli.campaigns import with_lines
 from receptance.cli.running import Targets, input_errors, takes_targets, with_progress
 from receptance.report.terminal import print_sentences, print_title
 
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
 
     from receptance.diagnosis import Verdict
     from receptance.identification import Identification
-
-__all__ = ["demo"]
 
 EXAMPLE = "forgotten-sensor"
 FIGURE = Path("receptance-demo.png")
@@ -51,12 +48,13 @@ def demo(targets: Targets) -> None:
 def _diagnose(say: Callable[[str], None]) -> Verdict:
     """Return the verdict on the packaged campaign, which is read where it is installed."""
     from receptance import campaign
+    from receptance.campaign.write import with_campaign_lines
     from receptance.examples import EXAMPLES
 
     folder = resources.files("receptance.examples") / EXAMPLES[EXAMPLE].folder
     with resources.as_file(folder) as files, input_errors():
         read = campaign.load(files, progress=say)
-        return with_lines(read, read.diagnose())
+        return with_campaign_lines(read, read.diagnose())
 
 
 def _story(found: Verdict) -> Iterator[tuple[str, ...]]:

@@ -22,17 +22,6 @@ from receptance.model.beams import CARBIDE, STEEL, Material
 from receptance.model.fields import Number
 from receptance.units import Quantity, parse
 
-__all__ = [
-    "MATERIALS",
-    "Draft",
-    "MeasuredFile",
-    "inserted",
-    "lines_of",
-    "parse_material",
-    "parse_pieces",
-    "pieces_of",
-]
-
 MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in (STEEL, CARBIDE)}
 """Materials by name, with a small loss factor."""
 _TOLERANCES = {

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from receptance.io import Coherence, TimeSeries
     from receptance.io.measurements import Measurement
 
-__all__ = ["NoWindow", "ReadingOptions", "convert", "open_figure", "show", "takes_reading"]
-
 READING = "Reading of files that do not state everything"
 """Group of options in the help."""
 FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"

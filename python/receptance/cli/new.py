@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from receptance.report import Table
     from receptance.report.table import Cell
 
-__all__ = ["new"]
-
 _FILE = "campaign.toml"
 _LEAST_COHERENCE = 0.9
 """Median coherence of neighbouring lines below which the ends of the band are left out."""
@@ -280,10 +278,6 @@ def _sensor(text: str) -> float:
 
 def _length(text: str) -> float:
     return units.parse(text, units.LENGTH)
-
-
-def _length_or_none(text: str) -> float:
-    return 0.0 if text.lower() == "none" else _length(text)
 
 
 def _share(text: str) -> str:
@@ -647,7 +641,7 @@ def _with_shank(
         return body
 
     def parse(text: str) -> list[HolderRow]:
-        length = _length_or_none(text)
+        length = 0.0 if text.lower() == "none" else _length(text)
         return [] if body is None or tool is None else inserted(body, length, tool[-1])
 
     found = answers.get("--insertion", insertion, "Length of the shank in the holder, or none", parse, "48 mm")

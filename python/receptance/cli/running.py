@@ -30,23 +30,6 @@ if TYPE_CHECKING:
 
     from receptance.report import Result, Table
 
-__all__ = [
-    "InputError",
-    "InterruptedAnswer",
-    "Json",
-    "NewSeed",
-    "Overwrite",
-    "Seed",
-    "Targets",
-    "input_errors",
-    "output",
-    "refuse_existing",
-    "takes_quiet",
-    "takes_targets",
-    "with_parameters",
-    "with_progress",
-]
-
 _PIPE_WIDTH = 132
 _QUIET = 10.0
 """Seconds without output after which progress is printed to a pipe."""

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from receptance.studies.report import ReportSection
 
-__all__ = ["studies"]
-
 
 class _Studies(TyperGroup):
     """Group of commands that lists the studies if one does not exist."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from receptance.campaign import Campaign
     from receptance.sweep import Candidates
 
-__all__ = ["sweep"]
-
 _EXAMPLE = "joint.k_y = 1e7 N/m to 1e9 N/m"
 _POINTS = 20
 """Number of values of each parameter by default."""

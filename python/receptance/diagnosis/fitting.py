@@ -191,8 +191,7 @@ def fit_base(model: Model) -> Fit:
         # once ends in a local optimum.
         runs = fit_direct(problem, task.variables.draw(1, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     elif len(model.receptances) == len(model.observations):
-        starts = task.variables.draw(1, model.seed)
-        runs = fit_staged(task, problem, starts, model.seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
+        runs = fit_staged(task, problem, 1, model.seed, EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     else:
         runs = fit_direct(problem, task.variables.draw(8, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
     best = min(runs, key=lambda run: run.cost)

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any
 
 from receptance.identification.mapping import Parameters, Site
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
-from receptance.identification.problem import Problem, Task, Unit
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit, altered
+from receptance.identification.problem import Problem, Task
 from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly

@@ -14,8 +14,6 @@ from pathlib import Path
 from receptance._files import created_folder, write_whole
 from receptance.examples.simulated import free_free, hammer, taper
 
-__all__ = ["EXAMPLES", "Example", "write"]
-
 Say = Callable[[str], None]
 
 

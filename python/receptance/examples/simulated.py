@@ -21,18 +21,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = [
-    "FREE_FREE_JOINT",
-    "FREE_FREE_SEED",
-    "HAMMER_JOINT",
-    "HAMMER_SEED",
-    "TAPER_SEED",
-    "free_free",
-    "hammer",
-    "taper",
-    "taper_files",
-]
-
 Say = Callable[[str], None]
 
 FREE_FREE_SEED = 20240229

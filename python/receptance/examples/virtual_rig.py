@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.measurement import HammerRecords
 
-__all__ = ["ESTIMATE", "HITS", "SAMPLE_RATE_HZ", "SPACING_HZ", "VirtualRig", "holder", "load_rig"]
-
 Motion = Literal["axial", "radial"]
 
 SAMPLE_RATE_HZ = 20480.0

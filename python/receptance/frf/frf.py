@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FRF", "form_factor"]
-
 Selection: TypeAlias = Coordinate | str | int | Sequence[Coordinate | str | int] | None
 """Responses or excitations to select: by number, coordinate or label; all by default."""
 
@@ -178,7 +176,7 @@ class FRF(Renderable):
         return n, n_out, n_in
 
     @property
-    def complex_frequency_hz(self) -> NDArray[Any]:
+    def complex_frequency_hz(self) -> NDArray[np.inexact]:
         """`(n,)` frequencies of the values, f - i sigma / (2 pi) in Hz; real without an exponential window."""
         if self.decay_rate == 0.0:
             return self.frequency_hz
@@ -610,7 +608,7 @@ class FRF(Renderable):
         return self._copy(responses=tuple(responses), excitations=tuple(excitations), **changes)
 
 
-def form_factor(frequency_hz: NDArray[Any], old: Form, new: Form) -> NDArray[np.complex128]:
+def form_factor(frequency_hz: NDArray[np.inexact], old: Form, new: Form) -> NDArray[np.complex128]:
     """Return the factors `(n,)` from one form to another on real or complex lines, a power of i w.
 
     The power is computed by multiplication, so that converting there and back changes at most the last digit.

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from receptance.frf.frf import FRF
 
-__all__ = ["Order", "dataset", "fields_from_pandas", "fields_from_xarray", "frame", "ordered", "reordered"]
-
 Order: TypeAlias = Literal["lines first", "lines last"]
 """Lines, responses, excitations (here and in pyFBS), or responses, excitations, lines (pyFRF, sdypy)."""
 FREQUENCY, RESPONSE, EXCITATION = _DIMENSIONS = ("frequency_hz", "response", "excitation")

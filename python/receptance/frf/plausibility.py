@@ -15,7 +15,7 @@ as well, but H is real there, negative at a drive point, and does not scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,6 @@ from receptance.units import FORMS, Form
 
 if TYPE_CHECKING:
     from receptance.frf.frf import FRF
-
-__all__ = [
-    "DRIVE_POINT_NOTE",
-    "Convention",
-    "DrivePointVerdict",
-    "LowFrequencyRise",
-    "check_drive_point",
-    "drive_point_notes",
-    "low_frequency_rise",
-]
 
 DRIVE_POINT_NOTE = "drive point "
 """Prefix of the notes of `drive_point_notes`, which are replaced when the data change."""
@@ -267,7 +257,7 @@ class LowFrequencyRise:
 
 
 def low_frequency_rise(
-    frequency_hz: NDArray[Any], receptance: NDArray[np.complex128], *, drive_point: bool
+    frequency_hz: NDArray[np.inexact], receptance: NDArray[np.complex128], *, drive_point: bool
 ) -> LowFrequencyRise | None:
     """Return the lowest lines on which a receptance falls approximately as 1/f^2, unlike that of a mass.
 

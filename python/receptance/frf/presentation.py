@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from receptance.frf import FRF
 
-__all__ = ["PHASE_FROM", "draw_frf", "summary_table"]
-
 _MAX_NAMED = 8
 """Most entries named in the legend; of more entries only the number is given."""
 _OPACITY = 0.24

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from receptance.frf.frf import FRF
 
-__all__ = ["Interpolation", "curvature_warning", "interpolate", "resample"]
-
 _SAME_LINE = 1e-9
 """Distance, relative to the spacing, within which a line equals a measured one."""
 _MAX_CURVATURE = 0.05

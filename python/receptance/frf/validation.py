@@ -12,16 +12,6 @@ from receptance import _checks
 from receptance.model.coordinates import measured_coordinates
 from receptance.units import FORMS, Form
 
-__all__ = [
-    "average_count",
-    "check_coherence",
-    "check_form",
-    "check_labels",
-    "check_lines",
-    "check_texts",
-    "checked_fields",
-]
-
 _MAX_AVERAGES = 10**9
 _MAX_MAGNITUDE = 1e50
 """Largest magnitude of a value in SI units: beyond any structure, and its fourth power is still finite."""

@@ -21,16 +21,6 @@ from receptance.frf.validation import average_count
 if TYPE_CHECKING:
     from receptance.frf.frf import FRF
 
-__all__ = [
-    "additive_share",
-    "interval_factor",
-    "lines_around",
-    "pool_entries",
-    "pool_variance",
-    "variance_from_coherence",
-    "with_variance",
-]
-
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _TARGET_FREEDOM = 60.0
 """Degrees of freedom of the median line at which the window stops growing; t is then within 2 % of the normal."""

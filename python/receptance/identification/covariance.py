@@ -11,15 +11,6 @@ from receptance.frf.variance import interval_factor
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "UNINFORMATIVE",
-    "confidence_multiplier",
-    "covariance_of",
-    "is_uninformative",
-    "square_root",
-    "variance_factor",
-]
-
 NORMAL_QUARTILE = 0.6745
 """Median of the absolute value of a standard normal variable."""
 UNINFORMATIVE = "uninformative"

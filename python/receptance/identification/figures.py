@@ -47,16 +47,6 @@ if TYPE_CHECKING:
     from receptance.identification.transfer import Transfer
     from receptance.model.coordinates import Coordinate
 
-__all__ = [
-    "draw_identification",
-    "draw_inverse_coupling",
-    "draw_next_measurement",
-    "draw_prediction",
-    "draw_profiles",
-    "draw_samples",
-    "draw_transfer",
-]
-
 _MOST_FRFS = 12
 """Most receptances of a fit or a prediction that are drawn."""
 _STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import Unit
 
-__all__ = ["FitKeywords", "conclude", "identify"]
-
 Objective = Literal["log", "percentage"]
 Noise = Literal["scaled", "stated"]
 Strategy = Literal["direct", "staged"]
@@ -211,12 +209,11 @@ def identify(
     notes += [*parameters.notes, *_weight_notes(observed, units, objective)]
 
     def fit(task: Task, problem: Problem) -> Identification:
-        begun = task.variables.draw(starts, seed)
         if strategy == "staged":
-            runs = fit_staged(task, problem, begun, seed, max_evaluations, tolerance)
+            runs = fit_staged(task, problem, starts, seed, max_evaluations, tolerance)
         else:
             easier = None if smoothing is None else task.approach()
-            runs = fit_direct(problem, begun, max_evaluations, tolerance, easier)
+            runs = fit_direct(problem, task.variables.draw(starts, seed), max_evaluations, tolerance, easier)
         if not np.isfinite(min(run.cost for run in runs)):
             raise ReceptanceError(
                 f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}"

@@ -30,8 +30,6 @@ from receptance.model.coordinates import Coordinate, UnknownPosition
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["UNUSED_COHERENCE", "Floor", "few_degrees_factor", "observe", "smoothed_variance", "unused_coherence"]
-
 UNUSED_COHERENCE = "the coherence is not used"
 """First words of the note on a coherence that gives no standard deviations."""
 _FEW_DEGREES = 10.0

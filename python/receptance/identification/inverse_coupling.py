@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["InverseCoupling", "InverseCouplings", "invert_coupling"]
-
 _RIGID = PointJoint(k_y=1e15, k_theta=1e11)
 """Stiff joint at which an assembly is evaluated; its remaining compliance is subtracted exactly."""
 _MISFIT_RMS = 3.0
@@ -90,7 +88,7 @@ class InverseCoupling(Result):
         Campaign and versions of the software.
     """
 
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     joint: str
     terms: tuple[str, ...]
     stiffness: NDArray[np.complex128]
@@ -383,7 +381,7 @@ def _moved_by_errors(
     observed: tuple[MeasuredFRF, ...],
     joint: str,
     terms: tuple[str, ...],
-    lines: NDArray[Any],
+    lines: NDArray[np.inexact],
     errors: tuple[Tolerance, ...],
     typical: dict[str, tuple[float, float]],
     threads: int | None,
@@ -459,7 +457,7 @@ def _equations(
     observed: tuple[MeasuredFRF, ...],
     joint: str,
     terms: tuple[str, ...],
-    lines: NDArray[Any],
+    lines: NDArray[np.inexact],
     rows: list[NDArray[np.intp]],
     threads: int | None,
 ) -> Equations:
@@ -479,7 +477,7 @@ def _equations(
 
 
 def _with_rigid_joint(
-    assembly: Assembly, joint: str, lines: NDArray[Any], observation: MeasuredFRF, threads: int | None
+    assembly: Assembly, joint: str, lines: NDArray[np.inexact], observation: MeasuredFRF, threads: int | None
 ) -> tuple[NDArray[np.complex128], ...]:
     """Return H, F_r, F_e and Y of (T8) with the joint rigid."""
     planes = assembly.reduced_to_joint(

@@ -31,18 +31,6 @@ if TYPE_CHECKING:
     from receptance.identification.problem import End
     from receptance.identification.result import Identification
 
-__all__ = [
-    "ConstrainedFit",
-    "Profile",
-    "Profiles",
-    "constrained_fit",
-    "interval_statement",
-    "log_evidence",
-    "profile_likelihoods",
-    "require_likelihood",
-    "residual_variance",
-]
-
 _BETTER = 0.01
 """Decrease of the cost, in residual variances, from which on the fit was not the global optimum."""
 _END_TOLERANCE = 0.01

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = ["DECAY_RATES", "DELAY", "END", "FACTORS", "LOG_GAIN", "ParameterMap", "Parameters", "Site"]
-
 LOG_GAIN = "observation.log_gain"
 """Natural logarithm of measured over true magnitude."""
 DELAY = "observation.delay"

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.mapping import ParameterMap, Parameters
 
-__all__ = ["Candidate", "NewObservations", "calculated", "information_root"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
@@ -87,7 +85,7 @@ class Candidate:
 
     label: str
     assembly: Assembly
-    frequency_hz: NDArray[Any] | None = None
+    frequency_hz: NDArray[np.inexact] | None = None
     response: Coordinate = field(default_factory=Coordinate)
     excitation: Coordinate = field(default_factory=Coordinate)
     standard_deviation: ArrayLike = 0.01
@@ -123,14 +121,9 @@ class Candidate:
             kind = "MeasuredFRF" if self.modes is None else "MeasuredFrequencies"
             text = str(error).removeprefix(f"{kind} {self.label!r}: ")
             raise type(error)(f"{owner}: {text}") from None
-        fields = {"conditions": blank.conditions}
-        if isinstance(blank, MeasuredFRF):
-            fields |= {"frequency_hz": blank.frequency_hz, "standard_deviation": blank.standard_deviation}
-        elif isinstance(blank, MeasuredFrequencies):
-            fields["modes"] = blank.modes
-            if self.standard_deviation_hz is not None:
-                fields["standard_deviation_hz"] = blank.standard_deviation_hz
-        _checks.set_fields(self, fields)
+        checked = ("conditions", "frequency_hz", "standard_deviation", "modes", "standard_deviation_hz")
+        given = [name for name in checked if getattr(self, name) is not None and hasattr(blank, name)]
+        _checks.set_fields(self, {name: getattr(blank, name) for name in given})
 
     def observation(self, data: ArrayLike | None = None) -> MeasuredFRF | MeasuredFrequencies:
         """Return the measurement as an observation.
@@ -229,7 +222,7 @@ class NewObservations:
         """Return fitted variables `(p,)`, followed by the new errors at zero, `(p + q,)`."""
         return np.append(x, np.zeros(len(self.errors)))
 
-    def calculated(self, x: NDArray[np.float64]) -> list[NDArray[Any]]:
+    def calculated(self, x: NDArray[np.float64]) -> list[NDArray[np.inexact]]:
         """Return the noise-free data of each observation at fitted variables `(p,)`; see `calculated`."""
         start = self.start(x)
         return [

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.report.table import Cell, Interval
 
-__all__ = ["Expectation", "NextMeasurement", "RankedCandidate", "Target", "next_measurement"]
-
 Target = str | Candidate
 """A parameter by name, or a prediction."""
 

@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from receptance.identification.from_frf import Floor
     from receptance.units import Form
 
-__all__ = [
-    "MeasuredFRF",
-    "MeasuredFrequencies",
-    "Observation",
-    "Unit",
-    "altered",
-    "as_observations",
-    "check_observations",
-    "common_lines",
-]
-
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 
@@ -54,7 +43,7 @@ class _Observation:
     """The common part of a `MeasuredFRF` and of `MeasuredFrequencies`."""
 
     assembly: Assembly
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     label: str
     configuration: str
     conditions: Mapping[str, float]
@@ -159,7 +148,7 @@ class MeasuredFRF(_Observation):
     unit = "logarithm"
 
     assembly: Assembly
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128]
     response: Coordinate
     excitation: Coordinate
@@ -277,14 +266,9 @@ class MeasuredFRF(_Observation):
         return self.receptance
 
     @property
-    def independent_lines(self) -> float:
-        """Effective number of independent lines: each one counts as 1 / correlated_lines."""
-        return float(np.sum(1.0 / self.correlated_lines))
-
-    @property
     def independent_values(self) -> float:
-        """Effective number of independent real numbers, two for each independent line."""
-        return 2.0 * self.independent_lines
+        """Effective number of independent real numbers, two for each line, which counts as 1 / correlated_lines."""
+        return 2.0 * float(np.sum(1.0 / self.correlated_lines))
 
     def noisier(self, factor: float) -> Self:
         """Return the measurement with standard deviations multiplied by a factor."""
@@ -483,11 +467,6 @@ class MeasuredFrequencies(_Observation):
         return self.frequency_hz
 
     @property
-    def independent_lines(self) -> float:
-        """Number of modes."""
-        return float(len(self.modes))
-
-    @property
     def independent_values(self) -> float:
         """Number of natural frequencies and known damping ratios."""
         return float(self.frequency_hz.size + self.damped.size)
@@ -544,7 +523,7 @@ def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str,
     return {str(name): _checks.number(owner, f"conditions[{name!r}]", v) for name, v in dict(conditions or {}).items()}
 
 
-def _decaying(owner: str, lines: NDArray[Any]) -> NDArray[Any]:
+def _decaying(owner: str, lines: NDArray[np.inexact]) -> NDArray[np.inexact]:
     """Return the lines of an exponential window: imaginary parts of zero or less; real without a window."""
     bad = np.flatnonzero(lines.imag > 0.0)
     if bad.size:
@@ -606,7 +585,7 @@ def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tup
 
 def common_lines(
     observed: tuple[MeasuredFRF, ...],
-) -> tuple[tuple[MeasuredFRF, ...], NDArray[Any], list[NDArray[np.intp]], int]:
+) -> tuple[tuple[MeasuredFRF, ...], NDArray[np.inexact], list[NDArray[np.intp]], int]:
     """Return observations, their common lines in Hz, rows of these in each, and the number of lines not common.
 
     If few lines are common, because the records had different lengths, all are resampled first.
@@ -625,8 +604,8 @@ def common_lines(
     return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
 
 
-def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[Any]:
-    lines: NDArray[Any] = observed[0].frequency_hz
+def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[np.inexact]:
+    lines: NDArray[np.inexact] = observed[0].frequency_hz
     for observation in observed[1:]:
         lines = lines[nearest_lines(observation.frequency_hz, lines)[1]]
     return lines
@@ -646,7 +625,7 @@ def _spacing(observation: MeasuredFRF) -> float:
     return float(np.median(np.diff(observation.frequency_hz.real))) if observation.frequency_hz.size > 1 else np.inf
 
 
-def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]:
+def _covered(lines: NDArray[np.inexact], observation: MeasuredFRF) -> NDArray[np.bool_]:
     """Return which lines an observation covers, gaps and other exponential windows excluded."""
     own = observation.frequency_hz
     nearest, same = nearest_lines(own, lines)
@@ -660,7 +639,7 @@ def _covered(lines: NDArray[Any], observation: MeasuredFRF) -> NDArray[np.bool_]
     return found
 
 
-def _resample(observation: MeasuredFRF, lines: NDArray[Any], widest: MeasuredFRF) -> MeasuredFRF:
+def _resample(observation: MeasuredFRF, lines: NDArray[np.inexact], widest: MeasuredFRF) -> MeasuredFRF:
     if observation is widest:
         return observation.select(np.isin(observation.frequency_hz, lines))
     owner = repr(observation)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.observations import MeasuredFRF
-
-__all__ = ["PredictedMode", "check_bands", "find_bands", "match_peaks", "peak_indices", "within"]
 
 _PROMINENCE = 1.0
 """Least prominence of a peak, as natural logarithm of the magnitude."""
@@ -192,7 +190,7 @@ class PredictedMode:
 
 
 def match_peaks(
-    frequency_hz: NDArray[Any],
+    frequency_hz: NDArray[np.inexact],
     measured: NDArray[np.complex128],
     predicted: NDArray[np.complex128],
     noise: NDArray[np.float64] | None = None,

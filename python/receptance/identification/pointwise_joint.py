@@ -25,19 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = [
-    "TERMS",
-    "Equations",
-    "constant_grid_starts",
-    "constant_joint",
-    "join_names",
-    "linear_solution",
-    "masked_lines",
-    "quadratic_solutions",
-    "refine",
-    "solve_lines",
-]
-
 TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 """Terms of the joint's stiffness and their positions in the matrix."""
 _MAX_ITERATIONS = 40

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
-__all__ = ["DECIBEL", "Forecast", "PredictedFRF", "PredictedFrequencies", "Scatter"]
-
 DECIBEL = 20.0 / math.log(10.0)
 """Decibels of a factor of e."""
 _FACTOR = 10.0
@@ -201,7 +199,7 @@ class PredictedFRF:
     assembly: str = ""
     response: Coordinate
     excitation: Coordinate
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128] = field(repr=False)
     scatter: Scatter = field(repr=False)
     phase_scatter: Scatter = field(repr=False)

@@ -32,19 +32,6 @@ if TYPE_CHECKING:
 
     _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-__all__ = [
-    "End",
-    "InfeasibleError",
-    "Observed",
-    "Problem",
-    "Task",
-    "Unit",
-    "only_joint",
-    "prior_table",
-    "residuals_at",
-    "slopes_at",
-]
-
 COST_TOLERANCE = 1e-6
 """Decrease of the cost at which a fit has converged whose cost is compared with that of another fit."""
 _LEAST_SQUARE = 1e-8
@@ -456,7 +443,7 @@ class _CoreObservations:
         for index, item in enumerate(observed):
             if isinstance(item.observation, MeasuredFRF):
                 found.append(self._add_receptance(index, item, item.observation))
-            elif isinstance(item.observation, MeasuredFrequencies):
+            else:
                 found.append(self._add_frequencies(index, item, item.observation))
         self.sizes = tuple(found)
         for each in self._receptances.values():

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = ["Identification", "Start"]
-
 _CORRELATED = 0.9
 """Least magnitude of a correlation that is listed in the summary."""
 _MOST_CORRELATIONS = 6
@@ -219,11 +217,6 @@ class Identification(Result):
     def errors(self) -> tuple[str, ...]:
         """Names of the unknowns that are errors of tolerances."""
         return self.task.parameters.errors
-
-    @property
-    def independent_lines(self) -> float:
-        """Effective number of independent lines and natural frequencies that were fitted."""
-        return sum(one.independent_lines for one in self.task.selected)
 
     @property
     def data_errors(self) -> dict[str, float]:

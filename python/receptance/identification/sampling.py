@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from receptance.identification.problem import Problem
     from receptance.identification.result import Identification
 
-__all__ = ["Samples", "sample_posterior"]
-
 _MIN_LENGTH = 50
 """Least length of a chain in autocorrelation times, for a reliable estimate of that time."""
 _BURN_IN = 3

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from receptance.identification.observations import Observation
     from receptance.identification.problem import Problem, Task
 
-__all__ = ["Continuation", "different_ends", "fit_direct", "fit_staged", "smeared"]
-
 _DIRECT_LINES = 400
 """Lines of each receptance in the first stage of a direct fit."""
 _DIRECT_COST = 2.0
@@ -140,27 +138,26 @@ def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
     return owners
 
 
-def fit_staged(
-    task: Task, problem: Problem, starts: NDArray[np.float64], seed: int, most: int, tolerance: float
-) -> list[Start]:
-    """Return the best end of the continuation from every start; arguments as of `fit_direct`."""
+def fit_staged(task: Task, problem: Problem, starts: int, seed: int, most: int, tolerance: float) -> list[Start]:
+    """Return the best end of the continuation from each of a number of starts; see `fit_direct`."""
     continuation = Continuation(task)
+    begun = task.variables.draw(starts, seed)
     drawn = task.variables.draw(1 + _DRAWN, seed)[1:]
     count = continuation.count
     # All starts form one batch. Each road through the broad stages gives one end per start.
-    roads = continuation.fit_stiffness(np.vstack([starts, drawn])[:, :count])
+    roads = continuation.fit_stiffness(np.vstack([begun, drawn])[:, :count])
     costs = [continuation.costs(road) for road in roads]
-    shared = range(len(starts), len(starts) + len(drawn))
+    shared = range(starts, starts + len(drawn))
     runs = []
-    for own, x in enumerate(starts):
+    for own, x in enumerate(begun):
         ends = [(cost[i], road[i]) for road, cost in zip(roads, costs, strict=True) for i in (own, *shared)]
         before = problem.evaluations
         chosen = np.array([end for _, end in different_ends(ends, task, 2 * _KEPT)]).reshape(-1, count)
         errors = task.variables.start[count:]
         refined = different_ends(continuation.fit_all(chosen), task, _KEPT)
         with_errors = different_ends(continuation.fit_all_with_errors(chosen, errors), task, _KEPT)
-        begun = [*(np.append(end, errors) for _, end in refined), *(end for _, end in with_errors)]
-        runs.append(_best_run(problem, x, begun, before, most, tolerance))
+        better = [*(np.append(end, errors) for _, end in refined), *(end for _, end in with_errors)]
+        runs.append(_best_run(problem, x, better, before, most, tolerance))
     return runs
 
 
@@ -179,7 +176,7 @@ class Continuation:
         self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
         self._angular = 2.0 * np.pi * float(np.median([np.median(o.frequency_hz.real) for o in task.observed]))
         self.peaks = _peak_problem(exact)
-        steps = [[one for o in task.observed if (one := smeared(o, width, _STAGE_LINES))] for width in _WIDTHS]
+        steps = [[one for o in task.observed if (one := smeared(o, width))] for width in _WIDTHS]
         usable = [len(step) == len(task.observed) for step in steps]
         problems = [exact.on(step).problem() if use else None for step, use in zip(steps, usable, strict=True)]
         self.broad = [problem for problem in problems[:_BROAD] if problem is not None]
@@ -338,7 +335,7 @@ def different_ends(
     return kept
 
 
-def smeared(observation: Observation, width: float, lines: int) -> Observation | None:
+def smeared(observation: Observation, width: float) -> Observation | None:
     """Return an observation with added damping: resonances have the relative width `width`.
 
     A causal response is analytic below the real axis, so its value at the complex line f (1 - i b) is the mean of its
@@ -361,7 +358,7 @@ def smeared(observation: Observation, width: float, lines: int) -> Observation |
     top = float(f[-1]) / (1.0 + _MARGIN * width)
     if top <= f[0]:
         return None
-    centres = np.geomspace(float(f[0]), top, lines)
+    centres = np.geomspace(float(f[0]), top, _STAGE_LINES)
     centres = centres[width * centres >= np.interp(centres, f, steps)]
     if centres.size < _MIN_LINES:
         return None

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
-__all__ = ["Split", "Transfer", "groups_of", "transfer"]
-
 Splits = Literal["leave-one-out", "one-for-all"]
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 _MISFIT = 1.5

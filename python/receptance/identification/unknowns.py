@@ -20,29 +20,15 @@ if TYPE_CHECKING:
 
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "CHAIN_QUANTITIES",
-    "Bounds",
-    "Law",
-    "Move",
-    "Power",
-    "Prior",
-    "Tolerance",
-    "Unknown",
-    "Unknowns",
-    "Variables",
-    "as_unknowns",
-    "covered",
-    "error_of",
-]
-
 _LARGEST_SHARE = 1.0 - 2.0**-53
 """Largest share whose normal quantile is finite."""
 _ERROR_BOUND = 8.0
 """Bounds of an error of a tolerance, in standard deviations."""
 Scale = Literal["log", "linear"]
 
-CHAIN_QUANTITIES = {
+PARAMETERS = {
+    **QUANTITIES,
+    # Of the measuring chain, see `receptance.identification.mapping`:
     "log_gain": units.LOGARITHM,
     "delay": units.DELAY,
     "decay_rate": units.DECAY_RATE,
@@ -50,7 +36,7 @@ CHAIN_QUANTITIES = {
     "decay_rate_of_displacement": units.DECAY_RATE,
     "end": units.TIME,
 }
-"""Quantities of the parameters of the measuring chain, see `receptance.identification.mapping`."""
+"""Quantities of all parameters by the last word of their addresses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,7 +178,7 @@ class Unknown:
         # Names of exponents and of errors contain spaces.
         if self.multiple != 1.0 or " " in self.address:
             return ""
-        quantity = {**QUANTITIES, **CHAIN_QUANTITIES}.get(self.address.rpartition(".")[2])
+        quantity = PARAMETERS.get(self.address.rpartition(".")[2])
         return "" if quantity is None else quantity.unit
 
 

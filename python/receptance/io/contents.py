@@ -9,14 +9,11 @@ import numpy as np
 
 from receptance.frf import FRF
 from receptance.io.measurements import Coherence, Measurement
-from receptance.report import Result, Table
-from receptance.report.provenance import Provenance
+from receptance.report import Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["FileContents"]
 
 _MOST_DRAWN = 4
 """Most measurements of one file in a figure."""

@@ -22,29 +22,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-__all__ = [
-    "MOTIONS",
-    "QUANTITIES",
-    "Attachment",
-    "ChainElement",
-    "Flat",
-    "Motion",
-    "MovingCoordinate",
-    "Tables",
-    "Tied",
-    "check_chain",
-    "distinct",
-    "edges_of",
-    "flatten",
-    "force_amplitudes",
-    "listed",
-    "names_of",
-    "place_on",
-    "points_of",
-    "rows_of",
-    "segment_fields",
-]
-
 ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
 Attachment = PointMass | GroundSpring | Resonator
 QUANTITIES = {
@@ -321,7 +298,7 @@ class Flat:
         self.count += 1
         return self.count - 1
 
-    def by_line(self, lines: NDArray[Any], force: NDArray[np.float64] | None = None) -> _core.ByLine | None:
+    def by_line(self, lines: NDArray[np.inexact], force: NDArray[np.float64] | None = None) -> _core.ByLine | None:
         """Return the properties of the model that depend on the line, or None.
 
         These are the tables of measured parts and the amplitudes of the force, on checked lines in Hz. A line outside a
@@ -453,7 +430,7 @@ class Tied:
         return np.array(rates, dtype=np.float64).reshape(-1, 5)
 
 
-def force_amplitudes(force: ArrayLike, lines: NDArray[Any], excitations: int) -> NDArray[np.float64]:
+def force_amplitudes(force: ArrayLike, lines: NDArray[np.inexact], excitations: int) -> NDArray[np.float64]:
     """Return the amplitudes `(n,)` of the force in N; raise unless they are positive, with one load and real lines."""
     if excitations != 1:
         raise ValueError(f"force needs exactly one excitation, and there are {excitations}")

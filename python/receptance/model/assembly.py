@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
     from receptance.model.modes import ModeShapes
 
-__all__ = ["Assembly"]
-
 
 @lru_cache(maxsize=256)
 def _matches(parameters: tuple[str, ...]) -> dict[str, frozenset[str]]:
@@ -113,6 +111,21 @@ class Assembly(Renderable):
     def elements(self) -> dict[str, ChainElement]:
         """Parts and joints by name, from the tip on."""
         return dict(self._elements)
+
+    @property
+    def parts(self) -> dict[str, Part]:
+        """Parts by name, from the tip on."""
+        return {name: element for name, element in self._elements.items() if isinstance(element, Part)}
+
+    @property
+    def length(self) -> float:
+        """Length in m of all parts, and of joints along an insertion."""
+        return float(sum(getattr(element, "length", 0.0) for element in self._elements.values()))
+
+    @property
+    def mass(self) -> float:
+        """Mass in kg of all parts."""
+        return sum(part.mass for part in self.parts.values())
 
     @property
     def attachments(self) -> dict[str, Attachment]:

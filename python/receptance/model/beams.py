@@ -19,8 +19,6 @@ from receptance.report import Column, Renderable, Table
 if TYPE_CHECKING:
     from receptance.model.addresses import Flat
 
-__all__ = ["CARBIDE", "STEEL", "Material", "Part", "Section", "Segment", "SpreadJoint"]
-
 
 SEGMENTS = 0
 """Number of the table of segments in the core."""

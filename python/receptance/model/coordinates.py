@@ -8,8 +8,6 @@ from typing import Literal, TypeAlias
 
 from receptance import _checks
 
-__all__ = ["Coordinate", "Side", "UnknownPosition", "as_coordinates", "measured_coordinates"]
-
 
 @dataclass(frozen=True)
 class Coordinate:

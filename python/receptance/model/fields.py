@@ -18,19 +18,6 @@ import numpy as np
 from receptance import _checks
 from receptance.units import Quantity
 
-__all__ = [
-    "AttachedPart",
-    "AttachedPosition",
-    "Choice",
-    "CoreColumn",
-    "Count",
-    "Element",
-    "Field",
-    "Member",
-    "Name",
-    "Number",
-]
-
 
 class Field:
     """A field that is not passed to the core, with a description without a verb."""

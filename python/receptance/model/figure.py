@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from receptance.model.beams import Material, Section, Segment
     from receptance.model.modes import ModeShapes
 
-__all__ = ["Drawing", "Mark", "draw_assemblies", "draw_mode_shapes"]
-
 _WIDTH = 9.0
 """Width of a figure in inches."""
 _MARGIN = 0.45
@@ -118,7 +116,7 @@ def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
 
 def _extent(assembly: Assembly) -> float:
     """Return the length of a drawing in mm, with a box for a spindle."""
-    return sum(_length(element) for element in assembly.elements.values()) + _spindle_length(assembly)
+    return _MM * assembly.length + _spindle_length(assembly)
 
 
 def _length(element: Any) -> float:
@@ -133,8 +131,7 @@ def _spindle_length(assembly: Assembly) -> float:
 
 def _largest(assembly: Assembly) -> float:
     """Return the largest outer diameter in mm."""
-    parts = [element for element in assembly.elements.values() if isinstance(element, Part)]
-    return _MM * max(segment.outer_diameter for part in parts for segment in part.segments)
+    return _MM * max(segment.outer_diameter for part in assembly.parts.values() for segment in part.segments)
 
 
 class _LabelRows:

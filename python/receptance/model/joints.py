@@ -16,8 +16,6 @@ from receptance.model.fields import AttachedPart, AttachedPosition, Count, Eleme
 if TYPE_CHECKING:
     from receptance.model.addresses import Flat
 
-__all__ = ["ColletJoint", "GroundSpring", "MicroslipJoint", "PointJoint", "PointMass", "Resonator"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class _Spring(Element):

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.model.addresses import edges_of, listed
-from receptance.model.beams import Part, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Result, Table
 
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.model.assembly import Assembly
-
-__all__ = ["DampedModes", "ModeShapes", "damped_modes", "mode_shapes"]
 
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""
@@ -349,18 +346,15 @@ def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threa
 
 def _points(assembly: Assembly, count: int) -> tuple[list[str], list[float], list[float]]:
     """Return part, position and distance from the tip of points at all ends of segments and evenly between them."""
-    lengths = {
-        name: element.length for name, element in assembly.elements.items() if isinstance(element, (Part, SpreadJoint))
-    }
+    lengths = {name: float(getattr(element, "length", 0.0)) for name, element in assembly.elements.items()}
     step = sum(lengths.values()) / (count - 1)
     names: list[str] = []
     positions: list[float] = []
     distances: list[float] = []
     start = 0.0
     for name, length in lengths.items():
-        element = assembly.elements[name]
-        if isinstance(element, Part):
-            edges = np.array(edges_of(element))
+        if name in assembly.parts:
+            edges = np.array(edges_of(assembly.parts[name]))
             inside = np.linspace(0.0, length, max(int(np.ceil(length / step)), 1) + 1)
             # Points closer together than rounding would be one point.
             gap = np.abs(inside[:, None] - edges[None, :]).min(axis=1)

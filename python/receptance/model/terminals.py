@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.model.addresses import Flat
 
-__all__ = ["ModalPart", "Mode"]
-
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 """Parameters that every terminal has, in the order of the entries of its receptance."""
@@ -74,7 +72,7 @@ class Terminal(Element, ABC):
         return result
 
     @abstractmethod
-    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
 
     def add_to(self, flat: Flat, name: str, node: int) -> int:
@@ -152,7 +150,7 @@ class MeasuredPart(Terminal):
                 f"{owner}: at {lines[line]:g} Hz y/M is {matrix[line, 0, 1]:.3g} and theta/F {matrix[line, 1, 0]:.3g}, "
                 "expected equal values (reciprocity); if both were measured, give their mean"
             )
-        arrays: dict[str, NDArray[Any]] = {"frequency_hz": lines.astype(np.float64), "matrix": matrix}
+        arrays: dict[str, NDArray[np.inexact]] = {"frequency_hz": lines.astype(np.float64), "matrix": matrix}
         if self.covariance is not None:
             covariance = _checks.unmasked(owner, "covariance", self.covariance, np.complex128)
             if covariance.shape != (lines.size, 3, 3):
@@ -184,7 +182,7 @@ class MeasuredPart(Terminal):
         flat.tabled.append((len(flat.rows["terminals"]), self))
         return super().add_to(flat, name, node)
 
-    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
         return self.table_entries(lines) + self._residual()
 
@@ -193,7 +191,7 @@ class MeasuredPart(Terminal):
         """The entries on the lines of the table, `(n, 3)`."""
         return np.stack([self.matrix[:, i, j] for i, j in ENTRIES], axis=1)
 
-    def table_entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def table_entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return the entries without the residuals: exact at the lines of the table, by a cubic spline between them.
 
         A line outside the table, in a gap, or where the table is too coarse or too noisy is a ValueError.
@@ -312,7 +310,7 @@ class MeasuredPart(Terminal):
         return f"MeasuredPart(name={self.name!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
-def _check_finite(owner: str, name: str, array: NDArray[Any]) -> None:
+def _check_finite(owner: str, name: str, array: NDArray[np.inexact]) -> None:
     if (bad := np.argwhere(~np.isfinite(array))).size:
         position = ", ".join(str(index) for index in bad[0])
         raise ValueError(f"{owner}: {name}[{position}] is {array[tuple(bad[0])]}, expected a finite number")
@@ -322,7 +320,9 @@ def _after(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> NDAr
     return np.asarray(np.clip(np.searchsorted(known_hz, lines_hz), 1, max(known_hz.size - 1, 1)))
 
 
-def nearest_lines(known_hz: NDArray[Any], lines_hz: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def nearest_lines(
+    known_hz: NDArray[np.inexact], lines_hz: NDArray[np.inexact]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Return which of ascending known lines is nearest to each line, and whether it is the same but for rounding."""
     after = np.minimum(_after(known_hz.real, lines_hz.real), known_hz.size - 1)
     before = np.maximum(after - 1, 0)
@@ -394,12 +394,12 @@ class Mode(Element):
         """Return the row of the table of modes: the frequency in rad/s, then the other parameters."""
         return tau * self.frequency_hz, *(getattr(self, quantity) for quantity in self.columns_of[1:])
 
-    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return the contributions to y/F, theta/M and y/M on lines in Hz, `(n, 3)`."""
         return modal_entries((self,), lines)
 
 
-def modal_entries(modes: Iterable[Mode], lines: NDArray[Any]) -> NDArray[np.complex128]:
+def modal_entries(modes: Iterable[Mode], lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
     """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`."""
     return _core.modal_receptance(
         _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns() for mode in modes])
@@ -464,12 +464,12 @@ class ModalPart(Terminal):
             flat.add("modes", (len(flat.rows["terminals"]),), values, columns, rates)
         return super().add_to(flat, name, node)
 
-    def entries(self, lines: NDArray[Any]) -> NDArray[np.complex128]:
+    def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
         self.check_band(lines)
         return modal_entries(self.modes, lines) + self._residual()
 
-    def check_band(self, lines: NDArray[Any]) -> None:
+    def check_band(self, lines: NDArray[np.inexact]) -> None:
         """Raise `ValueError` for a line in Hz outside the band."""
         if self.band_hz is None:
             return

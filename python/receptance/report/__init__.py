@@ -5,15 +5,13 @@ from typing import TYPE_CHECKING
 from receptance._lazy import lazily
 
 if TYPE_CHECKING:
-    from receptance.report.provenance import Provenance, versions
-    from receptance.report.result import Renderable, Result, Results
+    from receptance.report.result import Provenance, Renderable, Result, Results, versions
     from receptance.report.table import Column, Fact, Table
 
 __all__ = ["Column", "Fact", "Provenance", "Renderable", "Result", "Results", "Table", "versions"]
 
 _NAMES = {
-    "provenance": ["Provenance", "versions"],
-    "result": ["Renderable", "Result", "Results"],
+    "result": ["Provenance", "Renderable", "Result", "Results", "versions"],
     "table": ["Column", "Fact", "Table"],
 }
 

@@ -17,30 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-__all__ = [
-    "BAD",
-    "BAND",
-    "COLOURS",
-    "INK",
-    "NORMAL_95",
-    "PALE",
-    "add_heading",
-    "add_legend",
-    "add_room",
-    "as_image",
-    "as_svg",
-    "draw_condition",
-    "finished",
-    "image_formats",
-    "label_point",
-    "new_figure",
-    "panels",
-    "phase_line",
-    "set_up",
-    "surface",
-    "title_left",
-]
-
 # Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 INK = "#222222"
@@ -250,13 +226,13 @@ def as_image(figure: Figure, kind: str) -> bytes:
 
 _ROLES = {
     "#000000": "ink",
-    INK: "ink",
-    PALE: "pale",
-    _GRID: "grid",
+    INK.lower(): "ink",
+    PALE.lower(): "pale",
+    _GRID.lower(): "grid",
     "#ffffff": "paper",
-    COLOURS[1]: "before",
-    COLOURS[2]: "after",
-    BAND: "band",
+    COLOURS[1].lower(): "before",
+    COLOURS[2].lower(): "after",
+    BAND.lower(): "band",
 }
 """Names of the colours in a page, which has values of them for a light and a dark background."""
 _COLOUR = re.compile("|".join(map(re.escape, _ROLES)), re.IGNORECASE)
@@ -304,12 +280,8 @@ def as_svg(figure: Figure, title: str) -> str:
     body = text[text.index("<defs>") :]
     body = re.sub(r'<g id="[^"]*"', "<g", body)
     body = re.sub(r' d="[^"]*"', lambda one: _DECIMALS.sub(r"\1", one[0]).replace("\n", ""), body)
-    body = _COLOUR.sub(lambda one: f"var(--{_ROLES[one[0] if one[0] in _ROLES else _by_case(one[0])]})", body)
+    body = _COLOUR.sub(lambda one: f"var(--{_ROLES[one[0].lower()]})", body)
     return f'<svg class="figure" role="img" {size[0]}><title>{escape(printable(title))}</title>{body}'
-
-
-def _by_case(colour: str) -> str:
-    return next(one for one in _ROLES if one.lower() == colour.lower())
 
 
 def image_formats() -> tuple[str, ...]:

@@ -22,18 +22,6 @@ if TYPE_CHECKING:
 
 _CODE = re.compile("`([^`]+)`")
 
-__all__ = [
-    "as_html",
-    "content_html",
-    "facts_html",
-    "html_page",
-    "meta",
-    "result_page",
-    "shown",
-    "table_html",
-    "wide_figure",
-]
-
 
 def as_html(content: Renderable, figure: Figure | None = None) -> str:
     """Return a result or another renderable as an HTML fragment, with a figure below its title."""

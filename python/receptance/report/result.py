@@ -1,20 +1,22 @@
-"""The protocol of results: the methods that a class defines, and those that it inherits."""
+"""The protocol of results: the methods that a class defines, and those that it inherits; their source and data."""
 
 from __future__ import annotations
 
+import math
+import platform
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from receptance.report.plain import plain
-from receptance.report.provenance import Provenance
+import numpy as np
+
 from receptance.report.table import Fact, Table, joined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["Renderable", "Result", "Results", "grouped_notes"]
 
 _MOST_SOURCES = 3
 """Number of sources, such as measurements, whose notes are printed; `to_dict` contains all notes."""
@@ -48,6 +50,102 @@ def grouped_notes(notes: Sequence[str]) -> Iterator[str]:
     rest = len(several) - len(shown)
     if rest:
         yield f"the notes of {rest} more sources are in the JSON"
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core.
+
+    Returns
+    -------
+    dict of str to str
+        "receptance", "python", "numpy", "scipy" and "instruction_set".
+
+    Examples
+    --------
+    >>> from receptance.report import versions
+    >>> sorted(versions())
+    ['instruction_set', 'numpy', 'python', 'receptance', 'scipy']
+    """
+    from receptance import _core
+
+    return {
+        "receptance": _version("receptance"),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": _version("scipy"),
+        "instruction_set": _core.instruction_set(),
+    }
+
+
+def _version(package: str) -> str:
+    from importlib import metadata  # slow to import
+
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed as a package"
+
+
+_versions_once = cache(versions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Source of a result.
+
+    Attributes
+    ----------
+    title, description, file : str
+        Title, description and file name of the campaign; empty without a campaign.
+    settings : dict
+        Settings of the campaign that the result depends on; empty without a campaign.
+    seed : int or None
+        Seed of all random numbers; None if none were drawn.
+    versions : dict of str to str
+        Versions of the software.
+    """
+
+    title: str = ""
+    description: str = field(default="", repr=False)
+    file: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    seed: int | None = None
+    versions: Mapping[str, str] = field(default_factory=_versions_once, repr=False)
+
+    def sentence(self) -> str:
+        """Return seed and versions as a line of text."""
+        seed = "" if self.seed is None else f"seed {self.seed}; "
+        return seed + ", ".join(f"{name} {value}" for name, value in self.versions.items())
+
+
+def plain(value: Any) -> Any:
+    """Return a value as dictionaries, lists, text, numbers and None.
+
+    A number that is not finite becomes None, a complex number a pair, a dataclass a dictionary of its fields.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.report.result import plain
+    >>> plain({"a": np.array([1.0, np.inf]), "b": (1 + 2j,)})
+    {'a': [1.0, None], 'b': [[1.0, 2.0]]}
+    """
+    if isinstance(value, np.generic):
+        value = value.item()
+    # Most values are numbers of arrays, and the check for a mapping takes longest.
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if is_dataclass(value):
+        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+    return value
 
 
 class Renderable(ABC):

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-__all__ = ["Cell", "Column", "Fact", "Table", "amount", "amount_interval", "amounts", "interval", "joined", "number"]
-
 Interval: TypeAlias = tuple[float | None, float | None]
 Cell: TypeAlias = str | float | Interval | None
 """Text, a number, a Boolean, an interval, or None for an empty cell."""

@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from receptance.report.result import Renderable
     from receptance.report.table import Table
 
-__all__ = [
-    "LEAST_WIDTH",
-    "as_text",
-    "print_facts",
-    "print_list",
-    "print_result",
-    "print_sentences",
-    "print_table",
-    "print_title",
-]
-
 LEAST_WIDTH = 40
 """Smallest width in characters that fits every interval with its name."""
 _COPIED = 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ def check_blanks(observed: tuple[MeasuredFRF, ...]) -> None:
 
 
 def blank_equations(
-    observed: tuple[MeasuredFRF, ...], lines: NDArray[Any], rows: list[NDArray[np.intp]], threads: int | None
+    observed: tuple[MeasuredFRF, ...], lines: NDArray[np.inexact], rows: list[NDArray[np.intp]], threads: int | None
 ) -> Equations:
     """Return the equations for the receptance of the spindle, which have the form of those of a joint.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class CrossedSpindle:
         Largest relative standard deviation of usable lines.
     """
 
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     matrix: NDArray[np.complex128]
     reaction: NDArray[np.complex128]
     condition: NDArray[np.float64]
@@ -60,7 +60,7 @@ class CrossedSpindle:
 
     def tip(
         self, front: Assembly, *, coordinate: Coordinate | None = None
-    ) -> tuple[NDArray[Any], NDArray[np.complex128], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.inexact], NDArray[np.complex128], NDArray[np.float64]]:
         """Couple tool and holder, with equal properties in both planes, to the spindle.
 
         Parameters

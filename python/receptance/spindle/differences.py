@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
 def _truncation(
     observed: tuple[MeasuredFRF, ...],
     rows: list[NDArray[np.intp]],
-    lines: NDArray[Any],
+    lines: NDArray[np.inexact],
     points: Sequence[Coordinate],
     weights: NDArray[np.float64],
 ) -> NDArray[np.float64]:

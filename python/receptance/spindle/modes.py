@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -253,7 +253,7 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
     return tuple(found)
 
 
-def _magnitudes(part: ModalPart, lines: NDArray[Any]) -> NDArray[np.float64]:
+def _magnitudes(part: ModalPart, lines: NDArray[np.inexact]) -> NDArray[np.float64]:
     """Return the root sum of squares of the contributions of modes and residual to y/F, theta/M and y/M, `(n, 3)`.
 
     Model errors are relative to it, because at an antiresonance the contributions cancel and their errors do not.

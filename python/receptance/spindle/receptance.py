@@ -65,7 +65,7 @@ class SpindleReceptance(Result):
         Versions of the software.
     """
 
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     matrix: NDArray[np.complex128]
     covariance: NDArray[np.complex128]
     condition: NDArray[np.float64]
@@ -312,7 +312,7 @@ def identify_spindle(
 def _result(
     equations: Equations,
     observed: tuple[MeasuredFRF, ...],
-    lines: NDArray[Any],
+    lines: NDArray[np.inexact],
     x: NDArray[np.complex128],
     good: NDArray[np.bool_],
     ambiguous: NDArray[np.bool_],

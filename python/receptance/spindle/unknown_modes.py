@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from receptance.identification.problem import Task
 from receptance.identification.search import fit_staged
 from receptance.identification.unknowns import Unknown
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
 from receptance.model.terminals import RESIDUALS
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def _around(address: str, start: float, lower: float, upper: float) -> Unknown:
 
 def _length(assembly: Assembly) -> float:
     """Return the length in m of the last part before the modal part."""
-    return float([element for element in assembly.elements.values() if isinstance(element, Part)][-1].length)
+    return float([*assembly.parts.values()][-1].length)
 
 
 def _mean(observations: Sequence[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -135,7 +134,7 @@ def _mean(observations: Sequence[MeasuredFRF]) -> tuple[NDArray[np.float64], NDA
     lines: NDArray[np.float64] = np.unique(np.concatenate(own))
     rows = []
     for at, one in zip(own, observations, strict=True):
-        magnitude: NDArray[Any] = np.abs(one.receptance)
+        magnitude: NDArray[np.inexact] = np.abs(one.receptance)
         rows.append(np.interp(lines, at, np.log(np.maximum(magnitude, 1e-300)), left=np.nan, right=np.nan))
     mean: NDArray[np.float64] = np.nanmean(rows, axis=0)
     return lines, mean
@@ -286,7 +285,7 @@ def _begun(
     kept = [narrow.get(unknown.name, unknown) for unknown in unknowns if unknown.name not in absent]
     task = _task(without, kept, tolerances, threads)
     problem = task.problem()
-    runs = fit_staged(task, problem, task.variables.draw(starts, seed), seed, 200, 1e-6)
+    runs = fit_staged(task, problem, starts, seed, 200, 1e-6)
     return min(runs, key=lambda run: run.cost).values
 
 

@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 
 from receptance.report import Column, Table
 
-__all__ = ["ReportSection", "table"]
-
 
 class ReportSection(NamedTuple):
     """A heading with its tables, then its sentences."""

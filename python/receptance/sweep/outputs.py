@@ -14,8 +14,8 @@ from receptance import _checks
 from receptance.errors import ReceptanceError
 from receptance.identification import MeasuredFrequencies, MeasuredFRF
 from receptance.identification.mapping import ParameterMap
-from receptance.identification.observations import as_observations
-from receptance.identification.problem import Observed, Unit, residuals_at
+from receptance.identification.observations import Unit, as_observations
+from receptance.identification.problem import Observed, residuals_at
 from receptance.identification.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
@@ -127,7 +127,7 @@ class FrequencyResponse(Output):
     (40,)
     """
 
-    frequency_hz: NDArray[Any]
+    frequency_hz: NDArray[np.inexact]
     response: Coordinate | None = None
     excitation: Coordinate | None = None
     magnitude: bool = False

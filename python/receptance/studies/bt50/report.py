@@ -12,8 +12,6 @@ from receptance.report.table import joined
 from receptance.studies.report import ReportSection, table
 from receptance.taper import ForceSeries
 
-__all__ = ["PROVENANCE", "RESPONSE_HZ", "SOURCE", "findings", "sections", "series_of"]
-
 SOURCE = (
     "C. Xu, J. Zhang, Z. Wu, D. Yu, P. Feng, Dynamic modeling and parameters identification of a spindle-holder taper "
     "joint, Springer-Verlag London, published online 10 November 2012"

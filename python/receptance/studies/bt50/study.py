@@ -21,7 +21,7 @@ from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SP
 from receptance.identification.covariance import confidence_multiplier
 from receptance.modal import circle_fit, fit_modes, half_power
 from receptance.report import versions
-from receptance.report.plain import plain
+from receptance.report.result import plain
 from receptance.studies.bt50.report import PROVENANCE, RESPONSE_HZ, SOURCE, findings
 from receptance.taper import (
     ForceSeries,
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from receptance.frf import FRF
     from receptance.modal import ModeEstimate
     from receptance.taper import AxialSolution, TaperFit
-
-__all__ = ["response_without_damping", "rigid_campaign", "run"]
 
 _PUBLISHED: dict[str, Any] = {
     "forces_kn": [0.0, 25.0],

@@ -25,18 +25,6 @@ from receptance.studies.er32.tables import Published, assembly
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "ChanceModel",
-    "Slopes",
-    "find_bias",
-    "find_slopes",
-    "predict_transfers",
-    "rank_causes",
-    "rms",
-    "sign_test",
-    "simulate_chance",
-]
-
 Stiffness = Mapping[float, Sequence[float]]
 """(k_y, k_theta) by diameter in mm."""
 _LARGE = 0.3

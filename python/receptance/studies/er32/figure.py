@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw"]
-
 _SYMBOLS = {"k_y": "$k_y$", "k_theta": "$k_\\theta$"}
 _HOLLOW: dict[str, Any] = {"marker": "D", "linestyle": "none", "markerfacecolor": "none", "markeredgecolor": INK}
 _CHANCE = ((4.0, "#DCE9F2", "chance, $\\pm$2 standard deviations"), (2.0, "#BDD7E7", "$\\pm$1 standard deviation"))

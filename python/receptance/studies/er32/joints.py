@@ -21,20 +21,6 @@ from receptance.studies.er32.tables import Published, Reading, assembly
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
 
-__all__ = [
-    "BOUNDS",
-    "JOINT",
-    "SHARED",
-    "Resolution",
-    "find_trends",
-    "follow_joint",
-    "identify_joints",
-    "joint_of",
-    "mode_slopes",
-    "shared_value",
-    "with_factors",
-]
-
 Interval = tuple[float | None, float | None]
 
 BOUNDS = {"joint.k_y": (1e6, 1e13), "joint.k_theta": (1e2, 1e9)}

@@ -11,8 +11,6 @@ from receptance.report import Table
 from receptance.studies.er32.tables import SOURCE, Published, load
 from receptance.studies.report import ReportSection, table
 
-__all__ = ["findings", "sections"]
-
 _UNLIKELY = 0.05
 """P value below which chance is called an unlikely explanation."""
 _SMALLEST_P = 1e-4

@@ -33,8 +33,6 @@ from receptance.studies.er32.joints import (
 from receptance.studies.er32.report import findings
 from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load
 
-__all__ = ["ER32Settings", "run"]
-
 _AT_BOUNDS = ("carbide density", "nose diameter", "flange length")
 """Quantities that ended at a bound of the fit from which the holder was inferred."""
 _KNOWN_WITHIN_PERCENT = 10.0

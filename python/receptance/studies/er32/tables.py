@@ -21,21 +21,6 @@ from receptance.model.joints import PointJoint
 if TYPE_CHECKING:
     from receptance.campaign import Campaign
 
-__all__ = [
-    "INFERENCE",
-    "SOURCE",
-    "Mount",
-    "ParameterSet",
-    "PrintedStiffness",
-    "PrintedTransfer",
-    "Published",
-    "Reading",
-    "Setup",
-    "assembly",
-    "campaign",
-    "load",
-]
-
 SOURCE = "Matthias, Ozsahin, Altintas, Denkena, CIRP J. Manuf. Sci. Technol. 2016, doi 10.1016/j.cirpj.2016.02.005"
 INFERENCE = (
     "The paper gives the holder's length (table 1) but not its shape. Four steel sections and the carbide's modulus "
