@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer, PlainValidator, WithJsonSchema
+from pydantic_core import core_schema
 
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
@@ -23,7 +24,7 @@ from receptance.model.addresses import QUANTITIES
 from receptance.units import FORCE, NUMBER, Quantity, parse, parse_any, split
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, ValidationInfo
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 
     from receptance.campaign.schema import PriorTable
 
@@ -67,10 +68,14 @@ class Amount:
     quantity: Quantity
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Read the field with `parse`; the JSON schema does not check the unit."""
-        del source
-        reading = PlainValidator(lambda value: parse(value, self.quantity))
-        return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(json_schema(self.quantity))])
+        """Read the field with `parse`."""
+        del source, handler
+        return core_schema.no_info_plain_validator_function(lambda value: parse(value, self.quantity))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Describe the field; the unit is not checked."""
+        del schema, handler
+        return json_schema(self.quantity)
 
 
 def json_schema(quantity: Quantity) -> dict[str, Any]:
@@ -207,9 +212,13 @@ class Spread:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         """Read the field with `parse_deviation`."""
-        del source
-        reading = PlainValidator(lambda value: parse_deviation(value, self.quantity))
-        return handler.generate_schema(Annotated[Any, reading, WithJsonSchema(_deviation_schema(self.quantity))])
+        del source, handler
+        return core_schema.no_info_plain_validator_function(lambda value: parse_deviation(value, self.quantity))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Describe the field."""
+        del schema, handler
+        return _deviation_schema(self.quantity)
 
 
 def _deviation_schema(quantity: Quantity) -> dict[str, Any]:
