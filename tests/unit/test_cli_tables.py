@@ -20,7 +20,7 @@ from receptance.campaign import Campaign
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _WIDE = 1000
-_STEPS = ("identify", "predict", "transfer", "diagnose", "invert", "next_measurement", "stability")
+_STEPS = ("identify", "predict", "transfer", "diagnose", "invert", "next_measurement", "stability", "compare")
 
 COMMANDS = {
     "check": ("--no-window",),
