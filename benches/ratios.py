@@ -99,9 +99,11 @@ def measure(pair: Pair, rounds: int, least: float, clock: Clock = time.perf_coun
     clock = clock if pair.threads == 1 else time.perf_counter
     difference, remark = pair.check()
     sides = (pair.ours, pair.reference)
-    # Besides counting the repeats, this warms caches and thread pools up.
     rounds = min(rounds, pair.most_rounds or rounds)
-    times = [max(1, math.ceil(least / max(min(turn(side, 1, clock) for _ in range(2)), 1e-6))) for side in sides]
+    times = [1, 1]
+    if least > 0.0:
+        # Besides counting the repeats, this warms caches and thread pools up.
+        times = [max(1, math.ceil(least / max(min(turn(side, 1, clock) for _ in range(2)), 1e-6))) for side in sides]
     taken: tuple[list[float], list[float]] = ([], [])
     gains: list[float] = []
     gc.collect()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -53,13 +54,21 @@ def test_disagreeing_pair_is_not_timed(ours: float) -> None:
         ratios.measure(_pair(ours, 1.0), rounds=1, least=0.0)
 
 
+def test_each_side_is_timed_in_every_round() -> None:
+    calls: list[str] = []
+    pair = replace(_pair(1.0, 1.0), ours=lambda: calls.append("ours") or np.ones(1), most_rounds=3)
+    row = ratios.measure(pair, rounds=5, least=0.0)
+    assert len(calls) == 1 + 3
+    assert row.quartiles[0] <= row.ratio <= row.quartiles[1]
+
+
 def test_names_are_unique() -> None:
     assert len({pair.name for pair in PAIRS}) == len(PAIRS)
 
 
 def test_ratios_prints_and_writes_every_pair(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "ratios.json"
-    assert ratios.main(["--quick", "--rounds", "2", "--json", str(target)]) == 0
+    assert ratios.main(["--quick", "--rounds", "1", "--json", str(target)]) == 0
     rows = json.loads(target.read_text())
     assert [row["name"] for row in rows] == [pair.name for pair in all_pairs(ratios.QUICK_SHARE)]
     printed = capsys.readouterr().out

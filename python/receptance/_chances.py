@@ -69,7 +69,7 @@ def chi_square_chance(chi_square: ArrayLike, freedom: ArrayLike) -> NDArray[np.f
 
         return np.asarray(gammaincc(0.5 * degrees, x))
     found = np.empty(x.shape)
-    for number in np.unique(degrees).astype(int).tolist():
+    for number in set(degrees.astype(int).ravel().tolist()):
         chosen = degrees == number
         own = x[chosen]
         found[chosen] = _finite_sum(own, number)

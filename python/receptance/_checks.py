@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
 
 import numpy as np
@@ -52,7 +53,9 @@ def one_of(owner: str, quantity: str, value: Any, kinds: Any) -> None:
 def unmasked(owner: str, quantity: str, value: Any, dtype: Any = None) -> NDArray[Any]:
     """Return `np.asarray(value, dtype)`, or raise where values are masked or rows have different lengths."""
     parts = value if isinstance(value, (list, tuple)) else (value,)
-    count = sum(int(np.count_nonzero(one.mask)) for one in parts if isinstance(one, np.ma.MaskedArray))
+    # NumPy loads this module at its first use, which takes a fiftieth of a second; before there are no masks.
+    masked = getattr(sys.modules.get("numpy.ma"), "MaskedArray", ())
+    count = sum(int(np.count_nonzero(one.mask)) for one in parts if isinstance(one, masked))
     first = f"{owner}: {quantity}" if owner else quantity
     if count:
         raise ValueError(

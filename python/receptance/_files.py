@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import os
 import secrets
 import stat
@@ -26,15 +27,28 @@ def inert(text: str) -> str:
     return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
 
 
+def not_found(what: str, path: Path, otherwise: str = "") -> FileNotFoundError:
+    """Return the error about a file that does not exist, with the nearest name in its folder, else another hint."""
+    folder = path.parent
+    if not folder.is_dir():
+        return FileNotFoundError(f"there is no folder {folder}")
+    near = difflib.get_close_matches(path.name, [one.name for one in folder.iterdir()], n=1)
+    hint = f"did you mean {folder / near[0]}?" if near else otherwise
+    return FileNotFoundError(f"there is no {what} {path}{'; ' if hint else ''}{hint}")
+
+
 def open_file(path: Path) -> BinaryIO:
     """Open a file for reading; folders, and pipes and devices, which may not end, are refused with an OSError."""
     # Without O_NONBLOCK opening a pipe waits for a writer.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    descriptor = os.open(os.fspath(path), flags)
+    try:
+        descriptor = os.open(os.fspath(path), flags)
+    except FileNotFoundError:
+        raise not_found("file", path) from None
     try:
         mode = os.fstat(descriptor).st_mode
         if stat.S_ISDIR(mode):
-            raise IsADirectoryError(f"cannot read {path}: it is a folder")
+            raise IsADirectoryError(f"cannot read {path}: it is a folder, expected a file")
         if not stat.S_ISREG(mode):
             raise OSError(f"cannot read {path}: it is a pipe or a device, expected a file")
         return os.fdopen(descriptor, "rb")

@@ -164,7 +164,7 @@ def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["made", "no.csv", *options()], "no.csv: No such file"),
+        (["made", "no.csv", *options()], "there is no file no.csv"),
         (["tool_60mm.csv", "bare.csv", *options()], "tool_60mm.csv is a file, expected first the folder"),
         (["made", "tool_60mm.csv", "./tool_60mm.csv", *options()], "tool_60mm.csv is given twice"),
         (["made", "bare.csv", *options()], r"bare.csv, line 1: .*--columns 'Frequenz \[Hz\],Real,Imag,Coh'"),

@@ -115,7 +115,7 @@ def test_the_figure_is_opened_on_a_terminal(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["no.csv"], "no.csv: No such file"),
+        (["no.csv"], "there is no file no.csv"),
         (["tip.png", "--plot", "tip.png"], "--plot names tip.png, which is the file to show"),
         (["tip.csv", "--plot", "bare.csv"], "cannot write bare.csv: expected an ending"),
         (["tip.csv", "--plot", "tip.png"], "--plot would replace tip.png, which exists; .*--overwrite"),

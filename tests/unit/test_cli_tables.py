@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import functools
-import html
 import importlib
-import json
 import re
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,12 +12,11 @@ from typing import Any
 import pytest
 
 from command_line import call
+from printed_tables import assert_no_number_is_cut
 from receptance import campaign, catalogue, examples
 from receptance.campaign import Campaign
 
-_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-_WIDE = 1000
-_STEPS = ("identify", "predict", "transfer", "diagnose", "invert", "next_measurement", "stability")
+_STEPS = ("identify", "predict", "transfer", "diagnose", "invert", "next_measurement", "stability", "compare")
 
 COMMANDS = {
     "check": ("--no-window",),
@@ -55,7 +51,8 @@ FAST = {
     ("er32", "identify"),
 }
 """Every command on an example that takes little time; the others are slow tests."""
-STUDIES: dict[str, tuple[str, ...]] = {"er32": ("--draws", "3"), "bt50": ()}
+STUDIES: dict[str, tuple[str, ...]] = {"er32": ("--draws", "3")}
+"""The tests of the study bt50 check its tables."""
 
 
 def _cases() -> list[Any]:
@@ -69,11 +66,7 @@ def _cases() -> list[Any]:
         for example in examples.EXAMPLES
         for command, options in COMMANDS.items()
     ]
-    cases += [
-        pytest.param(("study", name, *options), 0, marks=[] if options else [pytest.mark.slow], id=f"study {name}")
-        for name, options in STUDIES.items()
-    ]
-    return cases
+    return cases + [pytest.param(("study", name, *options), 0, id=f"study {name}") for name, options in STUDIES.items()]
 
 
 def _once(work: Callable[..., Any]) -> Callable[..., Any]:
@@ -116,11 +109,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return folder
 
 
-def _numbers(text: str) -> Counter[str]:
-    # The time that the work took is another one every time, and not part of the result.
-    return Counter(_NUMBER.findall(re.sub(r"(\d+ tools )?in [\d.]+ s$", "", text, flags=re.MULTILINE)))
-
-
 @pytest.mark.usefixtures("calculated_once")
 @pytest.mark.parametrize(("arguments", "code"), _cases())
 def test_no_number_is_cut(
@@ -144,32 +132,7 @@ def test_no_number_is_cut(
             folder = folder / "few.toml"
             folder.write_text(few)
         arguments = (arguments[0], str(folder), *arguments[2:])
-    monkeypatch.setenv("COLUMNS", str(_WIDE))
-    assert call(monkeypatch, *arguments, "--json", "results.json", *report) == code, capsys.readouterr().err
-    output = capsys.readouterr()
-    if code:
-        assert output.err.startswith("receptance: ")
-        return
-    assert json.loads(Path("results.json").read_text(encoding="utf-8"))
-    wide = _numbers(output.out)
-    assert wide
-    if report:
-        page = html.unescape(
-            re.sub(r"<(style|svg).*?</\1>|<[^>]*>", " ", Path("report.html").read_text("utf-8"), flags=re.S)
-        )
-        assert not (lost := wide - _numbers(page)), f"these numbers are not in the report: {dict(lost)}"
-    for columns in ("40", "80", "100", "120", None):
-        if columns is None:
-            monkeypatch.delenv("COLUMNS")
-        else:
-            monkeypatch.setenv("COLUMNS", columns)
-        assert call(monkeypatch, *arguments) == 0
-        text = capsys.readouterr().out
-        lost = wide - _numbers(text)
-        assert not lost, f"at {columns} columns these numbers are cut: {dict(lost)}"
-        assert "\u2026" not in text
-        tables = [line for line in text.splitlines() if "\u2500" in line]
-        assert max(map(len, tables), default=0) <= int(columns or 132)
+    assert_no_number_is_cut(arguments, code, report, monkeypatch, capsys)
 
 
 def test_a_pipe_is_as_wide_as_columns_says(

@@ -59,13 +59,13 @@ def as_read(lines, accelerance, convention):
     return -values if convention.flipped else values
 
 
-def count_alarms(cases, seed):
-    """Return false alarms and clear verdicts of noisy, correctly declared drive points."""
+def count_alarms(cases, seed, *, all_forms):
+    """Return false alarms and clear verdicts of noisy, correctly declared drive points, in all forms or in one each."""
     rng = np.random.default_rng(seed)
     alarms = clear = 0
-    for _ in range(cases):
+    for number in range(cases):
         lines, _, accelerance = draw_drive_point(rng)
-        for form in FORMS:
+        for form in FORMS if all_forms else [FORMS[number % len(FORMS)]]:
             verdict = check_drive_point(lines, as_read(lines, accelerance, Convention(form)), form)
             alarms += verdict.contradicted
             clear += bool(verdict.conventions)
@@ -74,7 +74,7 @@ def count_alarms(cases, seed):
 
 def test_false_alarms_are_rare():
     print(f"seed {SEED}")
-    alarms, clear = count_alarms(150, SEED)
+    alarms, clear = count_alarms(150, SEED, all_forms=True)
     # Three conventions of one record fail together: at most one record in 150 (measured: none in 9000 conventions).
     assert alarms <= 3
     assert clear > 0.85 * 450
@@ -82,12 +82,13 @@ def test_false_alarms_are_rare():
 
 @pytest.mark.slow
 def test_false_alarms_are_rare_in_many(summarise):
-    alarms, clear = count_alarms(3000, SEED)
-    text = f"seed {SEED}: {alarms} false alarms and {clear} clear verdicts in 9000 noisy drive points as declared"
+    # One record fails in all its forms at once, so each is declared in one.
+    alarms, clear = count_alarms(3000, SEED, all_forms=False)
+    text = f"seed {SEED}: {alarms} false alarms and {clear} clear verdicts in 3000 noisy drive points as declared"
     summarise("drive points as declared", text, {"seed": SEED, "alarms": alarms, "clear": clear})
-    # One record fails in all its forms at once. Measured: none; 7 where a pole may lie beside its peak.
-    assert alarms <= 3
-    assert clear > 0.9 * 9000
+    # Measured in 9000: none; 7 where a pole may lie beside its peak.
+    assert alarms <= 1
+    assert clear > 0.9 * 3000
 
 
 def test_every_convention_against_every_declared_form():

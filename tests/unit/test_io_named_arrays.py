@@ -193,7 +193,7 @@ def test_options_contradicting_files_of_this_library(path: Path) -> None:
     write(path, FRF(frequency_hz=LINES, values=NUMBERS, form="mobility"))
     assert read_frf(path, unit="m/s/N").form == "mobility"
     for options in ({"unit": "m/N"}, {"quantity": "receptance"}, {"unit": "mm/s/N"}):
-        with pytest.raises(FileFormatError, match="the file holds a mobility in m/s/N, but"):
+        with pytest.raises(FileFormatError, match="the file states that it holds mobility in m/s/N, but"):
             read(path, **options)
     with pytest.raises(FileFormatError, match="columns was given, but the file is a"):
         read(path, columns=["a"])

@@ -94,7 +94,7 @@ def test_invalid_options(options: dict[str, Any], error: type[Exception], messag
         (HIT, {"responses": Coordinate()}, "responses was given, but there is no FRF"),
         (HIT, {"variables": {"a": "b"}}, "variables was given, but the file is a table with a header"),
         (HIT, {"unit": {"a": "m"}}, r"channel 'a' of the file is in 'm/s\^2', but unit='m' was given"),
-        (ONE, {"unit": "m/N"}, "the file holds a mobility in m/s/N, but"),
+        (ONE, {"unit": "m/N"}, "the file states that it holds mobility in m/s/N, but"),
         (ONE, {"unit": {"a": "m"}}, "unit names the channel 'a'; the channels of the file are none: it holds FRF"),
         (HIT, {"unit": {"hamer": "N"}}, "unit names the channel 'hamer'; the channels of the file are 'f', 'a'"),
         (HIT, {"coherence": "x.csv"}, "coherence was given, but there is no FRF in the file"),

@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Callable
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from scipy import stats
 
 import bt50_rig
+from printed_tables import assert_no_number_is_cut
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.examples import virtual_rig
 from receptance.examples.virtual_rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, load_rig
@@ -190,6 +192,16 @@ def test_published_values_are_separate(study: dict[str, Any], virtual: dict[str,
     names = {"k_z1", "c_z1", "k_x1", "k_x2", "c_x1", "c_x2"}
     assert {name.removeprefix("elastic ") for name in virtual["trends"] if name.startswith("elastic")} == names
     assert any("left out" in item["text"] for item in study["findings"])
+
+
+@pytest.mark.slow
+def test_no_number_of_its_tables_is_cut(
+    study: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(bt50, "run", lambda *_, **__: study)
+    report = ("--report", "report.html")
+    assert_no_number_is_cut(("study", "bt50", "--step", "2"), 0, report, monkeypatch, capsys)
 
 
 @pytest.mark.slow

@@ -93,15 +93,15 @@ def test_intervals_contain_the_truth(summarise):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pooled", [True, False])
-def test_intervals_contain_the_truth_with_estimated_noise(pooled, summarise):
-    """Data of finite elements; variances from coherence, as they are or pooled over neighbouring lines."""
-    found = np.array([coherence_coverage.scores(SEED, case, pooled=pooled) for case in range(200)])
-    rows, text = coherence_coverage.report(found)
-    summarise(f"coherence coverage, {'pooled' if pooled else 'alone'}", f"seed {SEED}, 200 cases\n{text}", rows)
-    for row in rows:
-        assert row["p_value"] > coherence_coverage.REJECTED_AT, text
-    assert np.all(np.abs(found.mean(axis=0)) < 3.0 / np.sqrt(len(found))), text
+def test_intervals_contain_the_truth_with_estimated_noise(summarise):
+    """Data of finite elements; variances from coherence, pooled over neighbouring lines or as they are."""
+    both = np.array([coherence_coverage.scores(SEED, case) for case in range(200)]).swapaxes(0, 1)
+    for name, found in zip(coherence_coverage.VARIANCES, both, strict=True):
+        rows, text = coherence_coverage.report(found)
+        summarise(f"coherence coverage, {name}", f"seed {SEED}, 200 cases\n{text}", rows)
+        for row in rows:
+            assert row["p_value"] > coherence_coverage.REJECTED_AT, f"{name}: {text}"
+        assert np.all(np.abs(found.mean(axis=0)) < 3.0 / np.sqrt(len(found))), f"{name}: {text}"
 
 
 @pytest.mark.slow

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 import machines
+import study_scripts
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def study() -> dict[str, Any]:
-    return machines.study()
+def study(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return study_scripts.run("machines", tmp_path_factory.mktemp("study"))
 
 
 def test_the_tools_are_those_of_table_5() -> None:

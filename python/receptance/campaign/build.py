@@ -20,8 +20,6 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Member, Number
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
-from receptance.spindle.unknown_modes import bounds_of_modes
-from receptance.taper.rigid import as_rigid
 
 if TYPE_CHECKING:
     from receptance.campaign.measurements import Measurement
@@ -112,7 +110,11 @@ class Builder:
             segments = [self.element(row, ("parts", name, "segments", i)) for i, row in enumerate(part.segments)]
             if None not in segments:
                 made = Part(segments, name=name)
-                built.parts[name] = as_rigid(made) if part.rigid else made
+                if part.rigid:
+                    from receptance.taper.rigid import as_rigid
+
+                    made = as_rigid(made)
+                built.parts[name] = made
         for address, unknown in campaign.unknowns.items():
             _store(built.unknowns, address, self._unknown(address, unknown, campaign))
         for name in campaign.modal_parts:
@@ -475,6 +477,8 @@ def modal_unknowns(
                 "bounds of its numbers in `unknowns` instead",
             )
             continue
+        from receptance.spindle.unknown_modes import bounds_of_modes
+
         modes = [{key: getattr(row, key) for key in row.model_fields_set} for row in part.modes]
         residuals = {key: float(getattr(part, key)) for key in RESIDUALS}
         automatic = {one.address: one for one in bounds_of_modes(name, modes, residuals, seen)}

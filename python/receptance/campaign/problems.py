@@ -321,7 +321,7 @@ def _text_of(error: Mapping[str, Any], place: KeyPath, known: list[str], data: A
     if kind == "value_error":
         return str(context["error"])
     if kind == "missing":
-        return "is missing"
+        return "is missing" if len(place) > 1 else f"is missing, expected tables such as [{place[0]}.NAME]"
     if kind == "extra_forbidden":
         if place in _REMOVED:
             return _REMOVED[place]

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from receptance import _checks
-from receptance._files import read_whole
+from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.measurements import Measurement, MeasurementReader
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, lines_of, translate
 from receptance.campaign.schema import CampaignTable
-from receptance.campaign.stability import build_cut
 from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.campaign.values import OWNERS, References
 from receptance.errors import warn_user
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any
+
+if TYPE_CHECKING:
+    from receptance.campaign.stability import CampaignCut
 
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
@@ -92,7 +93,11 @@ def campaign_fields(
             measurements[name] = measured
     possible = {name: reader.candidate(name) for name in table.candidates}
     places = _places(table, built, builder)
-    cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
+    cuts: dict[str, CampaignCut | None] = {}
+    if table.cuts:
+        from receptance.campaign.stability import build_cut
+
+        cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if not problems.found:
@@ -156,10 +161,11 @@ def _find(path: Path) -> Path:
         raise FileNotFoundError(
             f"there is no {FILE} in the folder {path}; `receptance new {path} FILES` writes one for measurement files"
         )
-    folder = path.parent
-    near = difflib.get_close_matches(path.name, [p.name for p in folder.iterdir()], n=1) if folder.is_dir() else []
-    hint = f"; did you mean {folder / near[0]}?" if near else ""
-    raise FileNotFoundError(f"there is no campaign file {path}{hint}")
+    raise not_found(
+        "campaign file or folder",
+        path,
+        "`receptance new DIR FILES` writes a campaign for measurement files, `receptance example NAME` an example",
+    )
 
 
 def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -174,6 +180,8 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         what = str(error).partition(" (at line")[0]
         where = f" (column {match[2]})" if match else ""
         text = f"is not TOML: {what}{where}"
+        if "Illegal character '\\n'" in what:
+            text += "; the closing quotation mark is missing"
         if file.suffix.lower() != ".toml":
             text += f"; expected a campaign, such as {FILE}. `receptance show {file}` shows a measurement file"
         problem = Issue((), text, int(match[1]) if match else None)
@@ -182,6 +190,10 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         raise CampaignError.about(file, _TOO_DEEP) from None
     except ValueError as error:  # a whole number with thousands of digits
         raise CampaignError.about(file, f"the file cannot be read: {str(error).partition(';')[0]}") from None
+    if not data:
+        raise CampaignError.about(
+            file, "the file is empty, expected a campaign; `receptance new DIR FILES` writes one for measurement files"
+        )
     try:
         lines = lines_of(text)
     except (ValueError, IndexError, RecursionError):  # the values are known; messages then have no lines

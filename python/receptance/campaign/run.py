@@ -15,33 +15,18 @@ from receptance.campaign.build import Built
 from receptance.campaign.measurements import Measurement
 from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.read import campaign_fields, read_campaign, silent
-from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.campaign.tolerances import inherited_tolerances, tolerances_of_measurements
 from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
-from receptance.identification import (
-    Candidate,
-    Identification,
-    InverseCoupling,
-    InverseCouplings,
-    NextMeasurement,
-    Transfer,
-    Unknown,
-    identify,
-    invert_coupling,
-    next_measurement,
-    transfer,
-)
+from receptance.identification import Identification, Unknown, identify
 from receptance.identification.mapping import Site
 from receptance.identification.observations import Observation
-from receptance.identification.pointwise_joint import TERMS
 from receptance.identification.unknowns import Law
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ModalPart
 from receptance.report import Column, Provenance, Renderable, Table
-from receptance.spindle.unknown_modes import start_modes
 
 if TYPE_CHECKING:
     import os
@@ -56,7 +41,8 @@ if TYPE_CHECKING:
     from receptance.campaign.stability import CampaignCut
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
-    from receptance.identification.next_measurement import Target
+    from receptance.identification import Candidate, InverseCouplings, NextMeasurement, Transfer
+    from receptance.identification.ranking import Target
     from receptance.identification.unknowns import Tolerance
     from receptance.stability import Stability
     from receptance.sweep import Candidates
@@ -374,9 +360,14 @@ class Campaign(Renderable):
         self.progress(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
         with errors_about(self.file):
             fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
+        series = None
+        if self.table.series is not None:
+            from receptance.campaign.series import over_levels
+
+            series = over_levels(self, fit)
         fit = replace(
             fit,
-            series=over_levels(self, fit),
+            series=series,
             groups=self.templates,
             provenance=self.provenance(seed=settings.seed, settings=settings.model_dump()),
         )
@@ -391,6 +382,8 @@ class Campaign(Renderable):
                 "not computed for a series"
             )
             if not fit.series:
+                from receptance.campaign.series import LEAST_LEVELS
+
                 notes.append(
                     f"trends and laws are not fitted: they need at least {LEAST_LEVELS} different levels, none negative"
                 )
@@ -426,6 +419,9 @@ class Campaign(Renderable):
         CampaignError
             No such joint was measured with an FRF, or the FRFs have no lines in common.
         """
+        from receptance.identification import InverseCoupling, InverseCouplings, invert_coupling
+        from receptance.identification.pointwise_joint import TERMS
+
         groups = _groups(self, joint)
         found: dict[str, InverseCoupling] = {}
         notes: list[str] = []
@@ -506,6 +502,8 @@ class Campaign(Renderable):
         CampaignError
             There are no candidates, a target does not exist, or as in `identify`.
         """
+        from receptance.identification import next_measurement
+
         if not self.candidates:
             raise CampaignError.about(self.file, _NO_CANDIDATES)
         known = identified or self.identify()
@@ -577,6 +575,8 @@ class Campaign(Renderable):
         CampaignError
             There are no unknowns, fewer than two assemblies were measured, or as in `identify`.
         """
+        from receptance.identification import transfer
+
         self._check_unknowns()
         if len({measurement.assembly for measurement in self.measurements.values()}) < 2:
             text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
@@ -711,11 +711,13 @@ def fit_options(
     )
     started = started_by_mode(campaign, observations, unknowns)
     by_mode = started is not None
-    if started is None:
-        started = started_by_level(campaign, observations, unknowns) if by_level else list(unknowns)
+    if started is None and by_level:
+        from receptance.campaign.series import started_by_level
+
+        started = started_by_level(campaign, observations, unknowns)
     return (
         by_level,
-        started,
+        list(unknowns) if started is None else started,
         {
             "objective": settings.objective,
             "band_width_percent": 100.0 * settings.band_width,
@@ -740,6 +742,8 @@ def started_by_mode(
         given = {match[1] for address in table.unknowns if (match := _MODE_OF.match(address.removeprefix(f"{name}.")))}
         if not part.identify or len(given) == len(part.modes):
             continue
+        from receptance.spindle.unknown_modes import start_modes
+
         campaign.progress(f"adding the {len(part.modes)} modes of {name} one at a time")
         with errors_about(campaign.file):
             started = start_modes(
@@ -813,6 +817,8 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tu
 
 def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[str, Measurement]]]:
     """Return by name a joint and its FRFs; joints that differ between assemblies are listed for each assembly."""
+    from receptance.identification.pointwise_joint import TERMS
+
     unknown = campaign.table.unknowns
     owners = list(dict.fromkeys(a.split(".", 1)[0] for a in unknown if a.split(".", 1)[-1] in TERMS))
     owners = [name for name in owners if joint is None or name == joint]
@@ -866,6 +872,8 @@ def _held_out_error(campaign: Campaign) -> list[str]:
 
 def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
     """Return the name of an unknown, or the natural frequencies of an assembly up to `highest_frequency`."""
+    from receptance.identification import Candidate
+
     if name in fit.values:
         return name
     if name not in campaign.assemblies:

@@ -14,7 +14,7 @@ import operator
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -55,7 +55,7 @@ from receptance.model.fields import Choice, Count, Element, Member, Number
 from receptance.model.fields import Field as Declaration
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import ModalPart, Mode
-from receptance.stability import Milling, Turning
+from receptance.stability.cutting import Milling, Turning
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -66,6 +66,11 @@ class SchemaTable(BaseModel):
 
     # Only the model of the whole file validates: building the others as well takes a tenth of a second.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
+
+    @classmethod
+    def default(cls) -> Self:
+        """Return the table without keys; the constructor would first build a validator of this model alone."""
+        return cls.model_construct()
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -204,7 +209,7 @@ def table_of(of: Of) -> type[ElementTable]:
     if of.element.toleranced:
         tolerance = tolerance_of(Of(of.element))
         text = "standard deviations of the numbers above, by the same keys"
-        entries["tolerance"] = (tolerance, Field(tolerance(), description=text))
+        entries["tolerance"] = (tolerance, Field(tolerance.default(), description=text))
     doc = of.keys.__doc__ if of.keys is not ElementTable and of.keys.__doc__ else of.element.__doc__ or ""
     name = of.name or f"{of.element.__name__}Table"
     model = create_model(name, __base__=of.keys, __doc__=doc.strip().splitlines()[0], **entries)
@@ -226,7 +231,7 @@ def _key(element: type[Element], name: str, field: Declaration, defaults: Mappin
     if isinstance(field, Member):
         table = table_of(Of(field.kind, name=f"{field.kind.__name__}MemberTable"))
         optional = not any(key.is_required() for key in table.model_fields.values())
-        return table, table() if optional else ...
+        return table, table.default() if optional else ...
     if isinstance(field, Count):
         kind = Annotated[int, Field(ge=field.least, le=field.most)]
         return (kind | None if default is None else kind), default
@@ -389,7 +394,7 @@ class FileFields(SchemaTable):
     """measured quantity, if the file does not state it"""
     unit: str | None = None
     """unit of the FRF, if the file does not state it, such as `"m/s^2/N"`"""
-    entry: EntryTable = EntryTable()
+    entry: EntryTable = EntryTable.default()
     """the FRF to read, if the file holds several FRFs, responses or excitations"""
     coherence: DataFile | None = None
     """another file with the coherence"""
@@ -441,9 +446,9 @@ class _Measured(SchemaTable):
 
 
 class _Response(_Measured):
-    response: CoordinateTable = CoordinateTable()
+    response: CoordinateTable = CoordinateTable.default()
     """coordinate of the measured motion"""
-    excitation: CoordinateTable = CoordinateTable()
+    excitation: CoordinateTable = CoordinateTable.default()
     """coordinate of the load"""
     bands: Annotated[list[Band], Field(min_length=1)] | None = None
     """frequency bands to use, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
@@ -542,7 +547,7 @@ class FrequenciesTable(_Measured):
     file: DataFile | None = None
     """CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`,
     `damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"""
-    response: CoordinateTable = CoordinateTable()
+    response: CoordinateTable = CoordinateTable.default()
     """coordinate of the sensor"""
 
 
@@ -559,7 +564,7 @@ class _Possible(SchemaTable):
     """name of the assembly to measure; one that was measured before is in the same clamping"""
     sensor: SensorName | None = None
     """name of the sensor at the response coordinate; none for a laser"""
-    response: CoordinateTable = CoordinateTable()
+    response: CoordinateTable = CoordinateTable.default()
     """coordinate of the measured motion"""
     conditions: Conditions = Field(default={})
     """numbers with units that describe the measurement"""
@@ -572,7 +577,7 @@ class CandidateFRFTable(_Possible):
 
     kind: Literal["frf"]
     """`"frf"`"""
-    excitation: CoordinateTable = CoordinateTable()
+    excitation: CoordinateTable = CoordinateTable.default()
     """coordinate of the load"""
     lower: Frequency | None = None
     """lowest line; by default `step`"""
@@ -692,9 +697,9 @@ class PredictionTable(SchemaTable):
     """highest line and limit of the natural frequencies; by default the highest measured frequency"""
     step: Frequency | None = None
     """distance of the lines; by default a two-thousandth of the band"""
-    response: CoordinateTable = CoordinateTable()
+    response: CoordinateTable = CoordinateTable.default()
     """coordinate of the motion"""
-    excitation: CoordinateTable = CoordinateTable()
+    excitation: CoordinateTable = CoordinateTable.default()
     """coordinate of the load"""
     level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
     """level of the intervals"""
@@ -853,11 +858,11 @@ class CampaignTable(SchemaTable):
     """parameters to identify, by address: `"joint.k_theta"`"""
     series: SeriesTable | None = None
     """levels of a condition at which the same measurements were repeated"""
-    settings: SettingsTable = SettingsTable()
+    settings: SettingsTable = SettingsTable.default()
     """settings of the fit"""
-    prediction: PredictionTable = PredictionTable()
+    prediction: PredictionTable = PredictionTable.default()
     """settings of predictions"""
-    stability: StabilityTable = StabilityTable()
+    stability: StabilityTable = StabilityTable.default()
     """speeds and probability of stable depths"""
     catalogue: CatalogueTable | None = None
     """tools and holders in CSV files, and their machine"""

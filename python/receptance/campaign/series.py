@@ -155,16 +155,15 @@ def _fitted(
         return None  # the fit of all levels reports the error
 
 
-def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries | None:
-    """Return every free parameter over the levels of the series; None without a series.
+def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries:
+    """Return every free parameter over the levels of the series.
 
     Parameters at fewer than `LEAST_LEVELS` levels are left out. Standard errors are those from the scatter of the data,
     multiplied by the rms residual of the level if that exceeds the noise. Errors of dimensions and materials are common
     to all levels and do not contribute.
     """
     table = campaign.table.series
-    if table is None:
-        return None
+    assert table is not None
     unit, factor = level_unit(table)
     squares: dict[str, list[float]] = {}
     for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):

@@ -23,6 +23,7 @@ from pydantic import (
     ValidationInfo,
     WithJsonSchema,
 )
+from pydantic_core import core_schema
 
 from receptance import units
 from receptance._text import did_you_mean, instead_of, one_of, shown
@@ -34,15 +35,15 @@ if TYPE_CHECKING:
     from receptance.campaign.schema import PriorTable
 
 
-def _read_by(reading: Callable[..., Any], schema: dict[str, Any]) -> GetPydanticSchema:
-    """Return the marker of a field that a function reads, whatever the type of the value that it returns."""
-    marked = Annotated[Any, PlainValidator(reading), WithJsonSchema(schema)]
-    return GetPydanticSchema(lambda _, handler: handler.generate_schema(marked))
+def _read_by(validator: core_schema.CoreSchema, schema: Callable[[], dict[str, Any]]) -> GetPydanticSchema:
+    """Return the marker of a field that a validator reads, whatever the type of the value that it returns."""
+    return GetPydanticSchema(lambda *_: validator, lambda *_: schema())
 
 
 def amount(quantity: Quantity) -> GetPydanticSchema:
     """Return the marker of a quantity, a float in SI units; the JSON schema does not check the unit."""
-    return _read_by(lambda value: parse(value, quantity), json_schema(quantity))
+    reading = core_schema.no_info_plain_validator_function(lambda value: parse(value, quantity))
+    return _read_by(reading, lambda: json_schema(quantity))
 
 
 def json_schema(quantity: Quantity) -> dict[str, Any]:
@@ -163,7 +164,8 @@ def _small(quantity: Quantity) -> str:
 
 def spread(quantity: Quantity) -> GetPydanticSchema:
     """Return the marker of a standard deviation, a `Deviation`."""
-    return _read_by(lambda value: parse_deviation(value, quantity), _deviation_schema(quantity))
+    reading = core_schema.no_info_plain_validator_function(lambda value: parse_deviation(value, quantity))
+    return _read_by(reading, lambda: _deviation_schema(quantity))
 
 
 def _deviation_schema(quantity: Quantity) -> dict[str, Any]:
@@ -476,10 +478,16 @@ def _read_at_address(given: Any, info: ValidationInfo, *, deviation: bool = Fals
 
 _PLAIN: list[dict[str, Any]] = [{"type": "string"}, {"type": "number"}]
 _NAMED = {"type": "object", "additionalProperties": {"anyOf": _PLAIN}}
-Value = Annotated[float, _read_by(_read_at_address, {"anyOf": _PLAIN})]
+Value = Annotated[
+    float, _read_by(core_schema.with_info_plain_validator_function(_read_at_address), lambda: {"anyOf": [*_PLAIN]})
+]
 """Value of the parameter at the address that `by_address` attaches."""
 DeviationAtAddress = Annotated[
-    Deviation, _read_by(functools.partial(_read_at_address, deviation=True), {"anyOf": [*_PLAIN, _NAMED]})
+    Deviation,
+    _read_by(
+        core_schema.with_info_plain_validator_function(functools.partial(_read_at_address, deviation=True)),
+        lambda: {"anyOf": [*_PLAIN, _NAMED]},
+    ),
 ]
 """Standard deviation of the parameter at the address that `by_address` attaches."""
 

@@ -5,6 +5,7 @@ Exit codes: 0 success, 1 internal error, 2 wrong input, 3 negative result (--str
 
 from __future__ import annotations
 
+import atexit
 import gc
 import sys
 import traceback
@@ -105,6 +106,8 @@ def main() -> None:
     """Run the command line and end the process with its exit code."""
     # Importing makes many objects that stay; looking for garbage among them takes a twelfth of a short command.
     gc.set_threshold(50_000, 20, 20)
+    # So does the search at the end of the process, which returns all memory anyway.
+    atexit.register(gc.freeze)
     try:
         # Not standalone, so that interruptions and wrong input get their own exit codes here.
         code = _needed(sys.argv[1:])(standalone_mode=False, prog_name="receptance")

@@ -12,6 +12,7 @@ from importlib import resources
 from pathlib import Path
 
 from receptance._files import created_folder, write_whole
+from receptance._text import instead_of, shown
 from receptance.examples.simulated import free_free, hammer, taper
 
 Say = Callable[[str], None]
@@ -133,14 +134,17 @@ def write(
     ['campaign.toml']
     """
     if name not in EXAMPLES:
-        raise ValueError(f"there is no example {name!r}, expected one of {', '.join(EXAMPLES)}")
+        raise ValueError(f"there is no example {shown(name)}{instead_of(name, EXAMPLES)}")
     target = Path(folder)
     if target.exists() and not target.is_dir():
         raise NotADirectoryError(f"cannot write to {target}: it is a file, expected a folder")
     contents = {target / file: content for file, content in EXAMPLES[name].files(progress).items()}
     existing = [str(path) for path in contents if path.exists()]
     if existing and not overwrite:
-        raise FileExistsError(f"{', '.join(existing)} exists already; choose another folder or overwrite")
+        exist = f"exist{'' if len(existing) > 1 else 's'} already"
+        raise FileExistsError(
+            f"{', '.join(existing)} {exist}; choose another folder, or overwrite (on the command line --overwrite)"
+        )
     with created_folder(target):
         write_whole(contents)
     return sorted(contents, key=lambda path: path.name != "campaign.toml")

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from receptance.campaign import Prediction
     from receptance.identification.inverse_coupling import InverseCoupling, InverseCouplings
     from receptance.identification.likelihood import Profile, Profiles
-    from receptance.identification.next_measurement import Expectation, NextMeasurement
     from receptance.identification.prediction import PredictedFRF
+    from receptance.identification.ranking import Expectation, NextMeasurement
     from receptance.identification.result import Identification
     from receptance.identification.sampling import Samples
-    from receptance.identification.transfer import Transfer
+    from receptance.identification.transfers import Transfer
     from receptance.model.coordinates import Coordinate
 
 _MOST_FRFS = 12

@@ -572,7 +572,9 @@ def _entry(table: CsvTable, entry: str, options: ReadOptions) -> tuple[NDArray[n
     if "real" in indices:
         imaginary = _column_unit(table.columns[indices["imaginary"]])
         if declared is not None and imaginary is not None and declared != imaginary:
-            raise FileFormatError(f"the real part is in {declared.text!r}, the imaginary part in {imaginary.text!r}")
+            raise FileFormatError(
+                f"the real part is in {declared.text!r}, the imaginary part in {imaginary.text!r}, expected one unit"
+            )
         values = complex_values(table.values[:, indices["real"]], table.values[:, indices["imaginary"]])
     else:
         _check_magnitude(table, indices["magnitude"])

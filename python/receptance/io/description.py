@@ -155,12 +155,13 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
 def _check_options_agree(frf: FRF, options: ReadOptions) -> None:
     """Raise if the given unit or quantity contradicts the file."""
     given = parse_unit(options.unit) if isinstance(options.unit, str) and options.unit != SI else None
-    if options.quantity not in (None, frf.form) or (
-        given is not None and any(parse_unit(unit) != given for unit in frf.distinct_units)
-    ):
+    wrong = [f"the quantity {options.quantity}"] if options.quantity not in (None, frf.form) else []
+    if given is not None and any(parse_unit(unit) != given for unit in frf.distinct_units):
+        wrong.append(f"the unit {options.unit}")
+    if wrong:
         raise FileFormatError(
-            f"the file holds a {frf.form} in {', '.join(frf.distinct_units)}, but quantity={options.quantity!r} "
-            f"and unit={options.unit!r} were given; leave them out"
+            f"the file states that it holds {frf.form} in {', '.join(frf.distinct_units)}, but {' and '.join(wrong)} "
+            f"{'was' if len(wrong) == 1 else 'were'} given; leave {'it' if len(wrong) == 1 else 'them'} out"
         )
 
 

@@ -267,7 +267,7 @@ def _detect_format(path: Path, start: bytes) -> str:
         if one.recognises is not None and one.recognises(start):
             return kind
     if not start:
-        raise FileFormatError("the file is empty")
+        raise FileFormatError("the file is empty, expected an FRF, a coherence or a time record")
     ending = path.suffix.lower()
     kind = _ENDINGS.get(ending, "csv" if ending in _TABLE_ENDINGS else "")
     if not kind:

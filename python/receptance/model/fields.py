@@ -94,10 +94,10 @@ class CoreColumn:
         return float(self.field.words.index(value) if isinstance(self.field, Choice) else value)
 
 
-def _declared(kind: type) -> dict[str, Field]:
+def _declared(kind: type, hints: Mapping[str, Any]) -> dict[str, Field]:
     """Return the declared fields of a class by name, with the fields of base classes first."""
     declared: dict[str, Field] = {}
-    for name, hint in get_type_hints(kind, include_extras=True).items():
+    for name, hint in hints.items():
         for metadata in getattr(hint, "__metadata__", ()):
             if isinstance(metadata, Field):
                 declared[name] = metadata
@@ -147,13 +147,14 @@ class Element:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        cls.declared = _declared(cls)
+        hints = get_type_hints(cls, include_extras=True)
+        cls.declared = _declared(cls, hints)
         cls.layout = _layout(cls.declared)
         numbers = {name: field for name, field in cls.declared.items() if isinstance(field, Number) and field.parameter}
         cls.quantities = {name: field.quantity for name, field in numbers.items()}
         cls.columns_of = tuple(cls.quantities)
         if cls.__doc__ and "{fields}" in cls.__doc__:
-            cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, cls.declared))
+            cls.__doc__ = cls.__doc__.replace("    {fields}\n", _documented(cls, hints))
 
     @property
     def owner(self) -> str:
@@ -231,10 +232,10 @@ def _is_present(element: Any, path: tuple[str, ...]) -> bool:
     return True
 
 
-def _documented(kind: type, fields: Mapping[str, Field]) -> str:
-    """Return the entries of fields in the section "Parameters" of the docstring of a class."""
+def _documented(kind: type[Element], hints: Mapping[str, Any]) -> str:
+    """Return the entries of the declared fields in the section "Parameters" of the docstring of a class."""
     lines = []
-    for name, field in fields.items():
+    for name, field in kind.declared.items():
         default: Any = getattr(kind, name, ...)
         default = getattr(default, "default", default)
         written = f"{default:g}" if isinstance(default, float) else repr(default)
@@ -251,7 +252,7 @@ def _documented(kind: type, fields: Mapping[str, Field]) -> str:
         elif isinstance(field, Member):
             type_name = field.kind.__name__
         else:
-            type_name = "int" if isinstance(field, Count) else _type_name(kind, name)
+            type_name = "int" if isinstance(field, Count) else _type_name(hints[name])
         lines += [
             f"    {name} : {type_name}{optional}",
             *(" " * 8 + line for line in textwrap.wrap(f"{text[0].upper()}{text[1:]}.", 104)),
@@ -259,6 +260,6 @@ def _documented(kind: type, fields: Mapping[str, Field]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _type_name(kind: type, name: str) -> str:
-    hint = get_args(get_type_hints(kind, include_extras=True)[name])[0]
-    return str(getattr(hint, "__name__", hint)).replace("typing.", "").replace(" | ", " or ")
+def _type_name(hint: Any) -> str:
+    kind = get_args(hint)[0]
+    return str(getattr(kind, "__name__", kind)).replace("typing.", "").replace(" | ", " or ")
