@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from pydantic.json_schema import GenerateJsonSchema
-
-from receptance.campaign.schema import CampaignTable, SchemaTable
+from receptance.campaign.schema import CampaignTable
 
 __all__ = ["field_tables", "json_schema"]
 
@@ -52,14 +50,6 @@ _SECTIONS = (
 _TYPES = {"string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`"}
 
 
-class _Generator(GenerateJsonSchema):
-    def encode_default(self, dft: Any) -> Any:
-        """Return a default as JSON; a table is built first, which pydantic before 2.12 does not do."""
-        if isinstance(dft, SchemaTable):
-            type(dft).model_rebuild()
-        return super().encode_default(dft)
-
-
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a campaign file.
 
@@ -71,7 +61,7 @@ def json_schema() -> dict[str, Any]:
     >>> json_schema()["anyOf"]
     [{'required': ['materials', 'parts', 'assemblies']}, {'required': ['cuts']}]
     """
-    schema = CampaignTable.model_json_schema(schema_generator=_Generator)
+    schema = CampaignTable.model_json_schema()
     needed = schema.pop("required")
     return {
         "$schema": _DIALECT,
