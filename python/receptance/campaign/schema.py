@@ -73,6 +73,13 @@ class SchemaTable(BaseModel):
         return cls.model_construct()
 
     @classmethod
+    def model_json_schema(cls, *given: Any, **options: Any) -> dict[str, Any]:
+        """Return the JSON schema; before version 2.12 pydantic does not build the tables that are defaults in it."""
+        cls.model_rebuild()
+        _build(SchemaTable)
+        return super().model_json_schema(*given, **options)
+
+    @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         """Describe the keys by the strings below the fields, which only the JSON schema needs."""
         found: dict[str, Any] = handler(core_schema)
@@ -81,6 +88,13 @@ class SchemaTable(BaseModel):
         for name in properties.keys() & texts.keys():
             properties[name].setdefault("description", texts[name])
         return found
+
+
+def _build(kind: type[SchemaTable]) -> None:
+    """Build all tables of a kind."""
+    for one in kind.__subclasses__():
+        one.model_rebuild()
+        _build(one)
 
 
 def _descriptions(model: type[SchemaTable]) -> dict[str, str]:
