@@ -157,12 +157,22 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
         return replace(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
 
     (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
-    few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}])
+    few = explore(collet.model, [[{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]])
     fit = few.finish()
     assert fit is not None
     assert fit.misfit < 0.01
     assert fit.values["collet_mass.mass"] == pytest.approx(0.07, rel=1e-2)
     assert fit.values["collet_mass.log_inertia"] == pytest.approx(2.0 * np.log(0.75 / COLLET_GYRATION), abs=0.02)
+
+
+def test_later_starts_are_not_needed_where_a_fit_is_adequate() -> None:
+    near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
+    alone = explore(MODEL, [[near]])
+    assert alone.misfit < 1e-3
+    assert explore(MODEL, [[near], [far]]).evaluations == alone.evaluations
+    both = explore(MODEL, [[far], [near]])
+    assert both.evaluations > alone.evaluations
+    assert both.misfit < 1e-3
 
 
 def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_insertion() -> None:
