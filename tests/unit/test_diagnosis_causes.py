@@ -272,6 +272,28 @@ def test_results_are_in_the_order_of_the_fits() -> None:
     assert list(in_parallel(fits[1:], 1)) == ["second", "third"]
 
 
+def test_fits_in_the_background_end_after_an_interrupt() -> None:
+    """Signals reach the main thread alone, so that fits in other threads need a flag of their own."""
+    problem, begun, ended = MODEL.problem, threading.Event(), threading.Event()
+    start = problem.variables.start + 0.3
+
+    def endless() -> None:
+        begun.set()
+        try:
+            while True:
+                problem.fit_one(start)
+        finally:
+            ended.set()
+
+    def interrupted() -> None:
+        assert begun.wait(10.0)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(in_parallel([interrupted, endless], 2))
+    assert ended.wait(10.0), "the fit goes on"
+
+
 @pytest.mark.parametrize(
     ("base_misfit", "best_misfit", "fitted"),
     [

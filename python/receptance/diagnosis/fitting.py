@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from receptance import _core
 from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
@@ -325,11 +326,13 @@ def in_parallel(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
     if workers == 1 or len(fits) < 2:
         yield from (fit() for fit in fits)
         return
-    pool = ThreadPoolExecutor(workers)
+    halt = _core.Halt()
+    pool = ThreadPoolExecutor(workers, initializer=halt.join)
     try:
         yield from (future.result() for future in [pool.submit(fit) for fit in fits])
     finally:
-        # After a KeyboardInterrupt running fits end in the background.
+        # After a KeyboardInterrupt running fits end at once, because the answer needs the processors.
+        halt.set()
         pool.shutdown(wait=False, cancel_futures=True)
 
 
