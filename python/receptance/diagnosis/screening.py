@@ -226,7 +226,8 @@ def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
     if not found:
         return []
     counts = np.cumsum([one.slopes.shape[1] for one in found])
-    coordinates = np.split(np.linalg.qr(np.hstack([one.slopes for one in found]), mode="r"), counts[:-1], axis=1)
+    together = np.hstack([one.slopes for one in found])
+    coordinates = np.split(square_root(together.T @ together).T, counts[:-1], axis=1)
     return [replace(one, slopes=own) for one, own in zip(found, coordinates, strict=True)]
 
 
