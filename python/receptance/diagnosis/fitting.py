@@ -306,8 +306,9 @@ def explore(model: Model, starts: Sequence[Sequence[Mapping[str, float]]]) -> Ex
             break
     found: list[tuple[float, NDArray[np.float64]]] = []
     for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
-        # A start that is far behind the end of the best one does not reach it.
-        if not end.converged and (not found or 2.0 * end.cost < found[0][0] + BEHIND):
+        # A start that is far behind an adequate end is not needed.
+        is_behind = bool(found) and found[0][0] <= 2.0 * min(adequate, end.cost - 0.5 * BEHIND)
+        if not (end.converged or is_behind):
             end = problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
         found.append((2.0 * end.cost, end.x))
     found.sort(key=lambda pair: pair[0])
