@@ -157,12 +157,22 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
         return replace(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
 
     (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
-    few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}])
+    few = explore(collet.model, [[{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]])
     fit = few.finish()
     assert fit is not None
     assert fit.misfit < 0.01
     assert fit.values["collet_mass.mass"] == pytest.approx(0.07, rel=1e-2)
     assert fit.values["collet_mass.log_inertia"] == pytest.approx(2.0 * np.log(0.75 / COLLET_GYRATION), abs=0.02)
+
+
+def test_later_starts_are_not_needed_where_a_fit_is_adequate() -> None:
+    near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
+    alone = explore(MODEL, [[near]])
+    assert alone.misfit < 1e-3
+    assert explore(MODEL, [[near], [far]]).evaluations == alone.evaluations
+    both = explore(MODEL, [[far], [near]])
+    assert both.evaluations > alone.evaluations
+    assert both.misfit < 1e-3
 
 
 def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_insertion() -> None:
@@ -260,6 +270,28 @@ def test_results_are_in_the_order_of_the_fits() -> None:
     fits: list[Callable[[], str]] = [first, second, lambda: "third"]
     assert list(in_parallel(fits, 2)) == ["first", "second", "third"]
     assert list(in_parallel(fits[1:], 1)) == ["second", "third"]
+
+
+def test_fits_in_the_background_end_after_an_interrupt() -> None:
+    """Signals reach the main thread alone, so that fits in other threads need a flag of their own."""
+    problem, begun, ended = MODEL.problem, threading.Event(), threading.Event()
+    start = problem.variables.start + 0.3
+
+    def endless() -> None:
+        begun.set()
+        try:
+            while True:
+                problem.fit_one(start)
+        finally:
+            ended.set()
+
+    def interrupted() -> None:
+        assert begun.wait(10.0)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(in_parallel([interrupted, endless], 2))
+    assert ended.wait(10.0), "the fit goes on"
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from receptance.diagnosis.line_selection import informative_lines, thin
+from receptance import _core
+from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
+    BEHIND,
     CONTINUED_STARTS,
     CONVERGED,
     DIFFERENT_END,
@@ -25,6 +27,7 @@ from receptance.diagnosis.thresholds import (
     EVALUATIONS_EXPLORING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
+    MISFIT_LIMIT,
     SAME_END,
     TOLERANCE_OF_BASE,
 )
@@ -38,7 +41,7 @@ from receptance.identification.search import fit_direct, fit_staged
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import Problem, Task
+    from receptance.identification.problem import End, Problem, Task
 
 __all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "in_parallel", "refit", "with_null"]
 
@@ -261,9 +264,7 @@ class Exploration:
     @property
     def misfit(self) -> float:
         """Smallest chi-square on few lines divided by its expectation from noise and floor."""
-        pairs = zip(self.model.observations, informative_lines(self.model), strict=True)
-        values = sum((one if lines is None else one.select(lines)).independent_values for one, lines in pairs)
-        return self.chi_square / max(values - sum(unknown.prior is None for unknown in self.model.unknowns), 1.0)
+        return self.chi_square / _expected_on_few_lines(self.model)
 
     def finish(self) -> Fit | None:
         """Return the fit on all lines, the better one from the best end point and from another one nearly as good.
@@ -283,22 +284,30 @@ class Exploration:
         return evaluate(self.model, self.ends[0][1], evaluations=self.evaluations)
 
 
-def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
+def explore(model: Model, starts: Sequence[Sequence[Mapping[str, float]]]) -> Exploration:
     """Return the end points of fits on few lines.
 
     Parameters
     ----------
     model : Model
         The model.
-    starts : sequence of mapping of str to float
-        As in `refit`.
+    starts : sequence of sequence of mapping of str to float
+        Groups of starts, each as in `refit`. The fits from a group are not needed where one from those before is
+        adequate.
     """
     problem = _problem_on_few_lines(model)
-    vectors = np.array([_vector(model.task, values) for values in starts])
-    short = [end for end in problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED) if np.isfinite(end.cost)]
+    adequate = 0.5 * MISFIT_LIMIT * _expected_on_few_lines(model)
+    short: list[End] = []
+    for group in starts:
+        vectors = np.array([_vector(model.task, values) for values in group]).reshape(len(group), -1)
+        short += [end for end in problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED) if np.isfinite(end.cost)]
+        if any(end.cost <= adequate for end in short):
+            break
     found: list[tuple[float, NDArray[np.float64]]] = []
     for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
-        if not end.converged:
+        # A start that is far behind an adequate end is not needed.
+        is_behind = bool(found) and found[0][0] <= 2.0 * min(adequate, end.cost - 0.5 * BEHIND)
+        if not (end.converged or is_behind):
             end = problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
         found.append((2.0 * end.cost, end.x))
     found.sort(key=lambda pair: pair[0])
@@ -317,16 +326,24 @@ def in_parallel(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
     if workers == 1 or len(fits) < 2:
         yield from (fit() for fit in fits)
         return
-    pool = ThreadPoolExecutor(workers)
+    halt = _core.Halt()
+    pool = ThreadPoolExecutor(workers, initializer=halt.join)
     try:
         yield from (future.result() for future in [pool.submit(fit) for fit in fits])
     finally:
-        # After a KeyboardInterrupt running fits end in the background.
+        # After a KeyboardInterrupt running fits end at once, because the answer needs the processors.
+        halt.set()
         pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _problem_on_few_lines(model: Model) -> Problem:
-    return model.task.problem(informative_lines(model))
+    return model.task.problem(on_few_lines(model))
+
+
+def _expected_on_few_lines(model: Model) -> float:
+    """Return the expectation of chi-square on few lines from noise and floor."""
+    values = sum(one.independent_values for one in on_few_lines(model))
+    return max(values - sum(unknown.prior is None for unknown in model.unknowns), 1.0)
 
 
 def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISI
 from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.model.coordinates import Coordinate
 
-__all__ = ["informative_lines", "select_lines", "thin"]
+__all__ = ["on_few_lines", "select_lines", "thin"]
 
 
 _Key = tuple[str, Coordinate, Coordinate, bytes]
@@ -82,7 +83,7 @@ def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
     return result
 
 
-def informative_lines(model: Model, lines: int = EXPLORING_LINES) -> list[NDArray[np.intp] | None]:
+def _informative_lines(model: Model, lines: int) -> list[NDArray[np.intp] | None]:
     """Return the most informative lines of each observation, dense where the logarithm changes fast; None for all.
 
     Records of one configuration on the same lines get the same selection, so that they share one evaluation.
@@ -106,13 +107,20 @@ def informative_lines(model: Model, lines: int = EXPLORING_LINES) -> list[NDArra
     return [chosen[key] for key in keys]
 
 
+def on_few_lines(model: Model, lines: int = EXPLORING_LINES) -> tuple[Observation, ...]:
+    """Return the observations on the most informative lines of each receptance."""
+    # Models that differ in their unknowns share them.
+    while model.shorter is not None and model.shorter.observations is model.observations:
+        model = model.shorter
+    return _on_few_lines(model, lines)
+
+
+@lru_cache(maxsize=16)
+def _on_few_lines(model: Model, lines: int) -> tuple[Observation, ...]:
+    chosen = _informative_lines(model, lines)
+    return tuple(one.select(own) for one, own in zip(model.observations, chosen, strict=True))
+
+
 def thin(model: Model, lines: int = EXPLORING_LINES) -> Model:
     """Return the model with the most informative lines of each receptance."""
-
-    def fewer(one: Observation, chosen: NDArray[np.intp] | None) -> Observation:
-        if chosen is None or not isinstance(one, MeasuredFRF) or one.standard_deviation is None:
-            return one
-        return one.select(chosen)
-
-    pairs = zip(model.observations, informative_lines(model, lines), strict=True)
-    return replace(model, observations=tuple(fewer(one, chosen) for one, chosen in pairs))
+    return replace(model, observations=on_few_lines(model, lines))

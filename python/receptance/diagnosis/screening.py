@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,15 +129,23 @@ def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]], threads: int
     parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
     seen = [i for i, (_, one) in enumerate(variants) if parameters[i] and not one.changes_data]
     found = slopes_of(fit, [variants[i][1].model for i in seen], threads)
-    slopes = dict(zip(seen, _after_a_refit(found, basis), strict=True))
+    effects = dict(zip(seen, _after_a_refit(found, basis, rest), strict=True))
     return [
-        _direction((cause, variant), parameters[i], slopes.get(i), rest) for i, (cause, variant) in enumerate(variants)
+        _direction((cause, variant), parameters[i], effects.get(i), rest) for i, (cause, variant) in enumerate(variants)
     ]
 
 
+class _Effect(NamedTuple):
+    """Derivatives of all residuals by the unknowns of a variant, their norms and their products with the residuals."""
+
+    slopes: NDArray[np.float64]
+    norms: NDArray[np.float64]
+    products: NDArray[np.float64]
+
+
 def _after_a_refit(
-    found: Sequence[NDArray[np.float64] | None], basis: NDArray[np.float64]
-) -> Iterator[NDArray[np.float64] | None]:
+    found: Sequence[NDArray[np.float64] | None], basis: NDArray[np.float64], rest: NDArray[np.float64]
+) -> Iterator[_Effect | None]:
     """Yield derivatives of all residuals after a refit of the unknowns of the fit, from those of the observed ones.
 
     A cause does not change the residuals of the priors of the fit, and that of its own prior is zero at its null.
@@ -149,36 +158,41 @@ def _after_a_refit(
             size = len(together)
             projected = -(basis @ (basis[:size].T @ together))
             projected[:size] += together
+            norms, products = np.linalg.norm(projected, axis=0), rest @ projected
         begin = 0
         for one in some:
             if one is None:
                 yield None
                 continue
-            yield projected[:, begin : begin + one.shape[1]]
-            begin += one.shape[1]
+            own = slice(begin, begin + one.shape[1])
+            yield _Effect(projected[:, own], norms[own], products[own])
+            begin = own.stop
 
 
 def _direction(
     of: tuple[Cause, Variant],
     parameters: dict[str, Parameter],
-    slopes: NDArray[np.float64] | None,
+    effect: _Effect | None,
     rest: NDArray[np.float64],
 ) -> Direction:
     """Return the linear effect of a variant from the derivatives of the residuals, if there are any."""
     empty = Direction(*of, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
-    if slopes is None:
+    if effect is None:
         return empty
-    norms = np.linalg.norm(slopes, axis=0)
-    is_visible = norms > INVISIBLE * max(float(norms.max(initial=0.0)), 1e-300)
-    slopes = slopes[:, is_visible]
+    is_visible = effect.norms > INVISIBLE * max(float(effect.norms.max(initial=0.0)), 1e-300)
+    slopes, products = effect.slopes[:, is_visible], effect.products[is_visible]
     if not slopes.shape[1]:
         return empty
-    solution, *_ = np.linalg.lstsq(slopes, -rest, rcond=1e-10)
+    solution: NDArray[np.floating[Any]]
+    if slopes.shape[1] == 1:
+        solution = -products / np.square(effect.norms[is_visible])
+    else:
+        solution, *_ = np.linalg.lstsq(slopes, -rest, rcond=1e-10)
     starts = {u.name: float(u.start or 0.0) for u in of[1].model.unknowns if u.name in parameters}
     visible = {name: one for (name, one), yes in zip(parameters.items(), is_visible, strict=True) if yes}
     only = next(iter(visible.values()))
     one_sided = len(visible) == 1 and only.one_sided
-    score = float(-rest @ (slopes @ solution))
+    score = float(-products @ solution)
     if one_sided and (solution[0] < 0.0) == (only.null == only.lower):
         solution, score = np.zeros(1), 0.0
     estimate = _estimate(visible, starts, dict(zip(visible, map(float, solution), strict=True)))
@@ -212,7 +226,8 @@ def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
     if not found:
         return []
     counts = np.cumsum([one.slopes.shape[1] for one in found])
-    coordinates = np.split(np.linalg.qr(np.hstack([one.slopes for one in found]), mode="r"), counts[:-1], axis=1)
+    together = np.hstack([one.slopes for one in found])
+    coordinates = np.split(square_root(together.T @ together).T, counts[:-1], axis=1)
     return [replace(one, slopes=own) for one, own in zip(found, coordinates, strict=True)]
 
 

@@ -235,12 +235,11 @@ class Search:
         """Fit variants from the joint of an explanation, and the best one of each cause on all lines."""
         own = self.selection
         joint = {name: best.fit.values[name] for name in own.base.values}
-        starts = [[{**start, **joint} for start in starts_of(one, own.base)] for one in chosen]
-        # Another variant of the same cause may have the same size.
-        starts = [
-            [*each, best.fit.values] if one.cause.id in best.ids else each
-            for one, each in zip(chosen, starts, strict=True)
-        ]
+        starts = [[[{**start, **joint} for start in group] for group in starts_of(one, own.base)] for one in chosen]
+        for one, groups in zip(chosen, starts, strict=True):
+            if one.cause.id in best.ids:
+                # Another variant of the same cause may have the same size.
+                groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
         titles = [_title((), one) for one in chosen]
         explored = list(self._explore("causes", titles, chosen, starts))
@@ -323,21 +322,17 @@ class Search:
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
         together = [one for one in own.tried if own.singles[0].ids <= one.ids] if levels else []
-        for one in [*own.singles[:ROOTS], *together]:
-            self._restart_one(one.steps, partial(fit_again, one.fit))
-        for step, model in [] if levels else self._other_variants():
-            self._restart_one((step,), partial(fit_base, model))
+        self._restart([(one.steps, partial(fit_again, one.fit)) for one in [*own.singles[:ROOTS], *together]])
+        others = [] if levels else self._other_variants()
+        self._restart([((step,), partial(fit_base, model)) for step, model in others])
 
-    def _restart_one(self, steps: tuple[Step, ...], fit: Callable[[], Fit | None]) -> None:
-        titles = [f"{cause.title}, {variant}" if len(steps) == 1 else cause.title for cause, variant in steps]
-        self._report("together", f"{' + '.join(titles)}, from its own starting values")
-        try:
-            found = fit()
-        except (ReceptanceError, ValueError):
-            return
-        if found is not None:
-            self.selection.evaluations += found.evaluations
-            self.selection.add(self.selection.explain(steps, found))
+    def _restart(self, again: Sequence[tuple[tuple[Step, ...], Callable[[], Fit | None]]]) -> None:
+        titles = [f"{_title_of(steps)}, from its own starting values" for steps, _ in again]
+        fits = [partial(_fit_or_none, fit) for _, fit in again]
+        for (steps, _), found in zip(again, self._each("together", titles, fits), strict=True):
+            if found is not None:
+                self.selection.evaluations += found.evaluations
+                self.selection.add(self.selection.explain(steps, found))
 
     def _other_variants(self) -> list[tuple[Step, Model]]:
         """Return the other variants of the best single cause with their models, if it comes close to the data."""
@@ -366,8 +361,9 @@ class Search:
         if best is None or len(best.steps) < 2 or not best.passed:
             return
         fewer = [tuple(step for step in best.steps if step is not removed) for removed in best.steps]
-        for steps in [*fewer, *_with_fewer_parameters(own.base.model, best)]:
-            fit = self._refit_without(best, steps)
+        fewer += _with_fewer_parameters(own.base.model, best)
+        fits = [partial(self._refit_without, best, steps) for steps in fewer]
+        for steps, fit in zip(fewer, in_parallel(fits, own.workers), strict=True):
             if fit is not None:
                 own.add(own.explain(steps, fit))
 
@@ -391,8 +387,9 @@ class Search:
         chosen = rank([one for one in screened if one.slopes.shape[1]], own.penalty)
         self._report.plan("alternatives", len(chosen))
         starts = [starts_of(direction, base) for direction in chosen]
-        # The joint of the best explanation is closer to the solution than that of an inadequate base.
-        starts = [[*each, *({**start, **best.fit.values} for start in each[-2:])] for each in starts]
+        for groups in starts:
+            # The joint of the best explanation is closer to the solution than that of an inadequate base.
+            groups[-1] += [{**start, **best.fit.values} for start in groups[-1]]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
         explored = list(self._explore("alternatives", titles, chosen, starts))
         explored.sort(key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
@@ -448,8 +445,9 @@ class Search:
         explored: list[tuple[Direction, Exploration]] = []
         try:
             singles = [[one.fit for one in own.singles if steps and one.steps[0] == each.step] for each in others]
-            pairs = zip(others, singles, strict=True)
-            starts = [[*starts_of(each, root), *starts_from_singles(own.base, fits, root)] for each, fits in pairs]
+            starts = [starts_of(each, root) for each in others]
+            for groups, fits in zip(starts, singles, strict=True):
+                groups[0] += starts_from_singles(own.base, fits, root)
             for pair in self._explore(stage, [_title(steps, each) for each in others], others, starts):
                 explored.append(pair)
                 leading, _ = min(explored, key=lambda pair: pair[1].chi_square)
@@ -463,7 +461,11 @@ class Search:
         yield from self._finish(steps, root, explored)
 
     def _explore(
-        self, stage: str, titles: Sequence[str], chosen: Sequence[Direction], starts: Sequence[list[dict[str, float]]]
+        self,
+        stage: str,
+        titles: Sequence[str],
+        chosen: Sequence[Direction],
+        starts: Sequence[list[list[dict[str, float]]]],
     ) -> Iterator[tuple[Direction, Exploration]]:
         """Yield the variants with their fits on few lines, except those that have no value at any start."""
         fits = [partial(explore, one.variant.model, own) for one, own in zip(chosen, starts, strict=True)]
@@ -525,6 +527,18 @@ class Search:
             for direction, few in _leading_causes(finished, done):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
+
+
+def _fit_or_none(fit: Callable[[], Fit | None]) -> Fit | None:
+    """Return a fit; None where the model has no value at its starting values."""
+    try:
+        return fit()
+    except (ReceptanceError, ValueError):
+        return None
+
+
+def _title_of(steps: tuple[Step, ...]) -> str:
+    return " + ".join(f"{cause.title}, {variant}" if len(steps) == 1 else cause.title for cause, variant in steps)
 
 
 def _title(steps: tuple[Step, ...], direction: Direction, *, variant: bool = True) -> str:

@@ -23,8 +23,8 @@ from receptance.identification.unknowns import Law
 __all__ = ["fit_again", "fit_levels", "has_levels", "starts_from_singles", "starts_of"]
 
 
-def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
-    """Return starting values for fits of a cause: null, the linear estimate, and large sizes of either sign.
+def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
+    """Return starting values for fits of a cause: null and the linear estimate, then large sizes of either sign.
 
     Secondary parameters also start at their typical values, because the linear estimate of these is inaccurate. A cause
     without parameters is fitted from several multiples of the joint stiffnesses.
@@ -33,15 +33,16 @@ def starts_of(direction: Direction, fit: Fit) -> list[dict[str, float]]:
     if not parameters:
         joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
         stiffnesses = [u.name for u in fit.task.parameters.unknowns if u.address in joints]
-        return [{**values, **{name: times * values[name] for name in stiffnesses}} for times in JOINT_FACTORS]
+        return [[{**values, **{name: times * values[name] for name in stiffnesses}}] for times in JOINT_FACTORS]
     null = {name: one.start for name, one in parameters.items()}
     starts = [null]
     if direction.estimate:
         starts.append({**null, **direction.estimate})
         starts.append({name: null[name] if one.secondary else starts[-1][name] for name, one in parameters.items()})
-    starts += [{name: one.at(times) for name, one in parameters.items()} for times in (LARGE_SIZE, -LARGE_SIZE)]
-    different = [one for i, one in enumerate(starts) if one not in starts[:i]]
-    return [{**values, **one} for one in different]
+    near = [one for i, one in enumerate(starts) if one not in starts[:i]]
+    large = [{name: one.at(times) for name, one in parameters.items()} for times in (LARGE_SIZE, -LARGE_SIZE)]
+    large = [one for i, one in enumerate(large) if one not in near + large[:i]]
+    return [[{**values, **one} for one in group] for group in (near, large) if group]
 
 
 def starts_from_singles(base: Fit, singles: Sequence[Fit], root: Fit) -> list[dict[str, float]]:

@@ -113,7 +113,8 @@ class _VariantGroup:
         self._base, self._fit, self._names, self._threads = base, fit, names, threads
         self._maps = base.task.mappings
         self._unknowns = self._values(base.task.parameters)
-        values = {one: one.values(self._unknowns) for one in dict.fromkeys(self._maps)}
+        self._parts = {one: one.parts(self._unknowns) for one in dict.fromkeys(self._maps)}
+        values = {one: parts.scaled + parts.shifts for one, parts in self._parts.items()}
         self._present = [values[one] for one in self._maps]
         self._copied: dict[tuple[str, int], tuple[Observation, ...]] = {}
 
@@ -209,7 +210,7 @@ class _VariantGroup:
         found: dict[tuple[ParameterMap, ParameterMap], _Place] = {}
         for pair in pairs:
             if pair not in found:
-                own, shifts = pair[0].around(pair[1], self._unknowns)
+                own, shifts = pair[0].around(pair[1], self._parts[pair[0]])
                 found[pair] = _Place(own.addresses, own.values(values) + shifts, own.jacobian(values))
         return [found[pair] for pair in pairs]
 

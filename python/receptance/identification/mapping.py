@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -84,6 +84,14 @@ class Site:
         if not value > 0.0:
             raise ValueError(f"{owner}: the condition {name!r} is {value:g}, expected more than zero for a power law")
         return value
+
+
+class _Parts(NamedTuple):
+    """Values of the parameters b exp(E u) + S u, each `(m,)`: exp(E u), b exp(E u) and S u."""
+
+    factor: NDArray[np.float64]
+    scaled: NDArray[np.float64]
+    shifts: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,18 +182,21 @@ class ParameterMap:
         more = ((0, 0), (0, count - self.exponents.shape[1]))
         return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
 
-    def around(self, more: ParameterMap, unknowns: NDArray[np.float64]) -> tuple[ParameterMap, NDArray[np.float64]]:
+    def parts(self, unknowns: NDArray[np.float64]) -> _Parts:
+        """Return the parts of the values of the addresses."""
+        factor: NDArray[np.float64] = np.exp(self.exponents @ unknowns)
+        return _Parts(factor, self._before(unknowns) * factor, self.shifts @ unknowns)
+
+    def around(self, more: ParameterMap, parts: _Parts) -> tuple[ParameterMap, NDArray[np.float64]]:
         """Return the parameters of `more`, as of `joined`, as functions of its unknowns, where these have some values.
 
-        They are without their shifts by the unknowns of this map, which are returned as well.
+        `parts` are those of this map at its own unknowns. The functions are without the shifts by these, which are
+        returned as well.
         """
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
         is_known = rows >= 0
-        own = rows[is_known]
         factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
-        exponents = np.exp(self.exponents[own] @ unknowns)
-        factor[is_known], fixed[is_known] = exponents, self._before(unknowns)[own] * exponents
-        shifts[is_known] = self.shifts[own] @ unknowns
+        factor[is_known], fixed[is_known], shifts[is_known] = (part[rows[is_known]] for part in parts)
         return replace(more, scale=more.scale * factor, fixed=fixed, share=more.share * factor), shifts
 
     def joined(self, more: ParameterMap, at: int) -> ParameterMap:

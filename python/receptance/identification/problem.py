@@ -114,14 +114,18 @@ class Task:
         """Effective number of independent real numbers that are fitted."""
         return sum(one.independent_values for one in self.selected)
 
-    def problem(
-        self, lines: Sequence[NDArray[np.intp] | None] | None = None, smoothing: float | None = None
-    ) -> Problem:
-        """Return the residuals as a problem of the core, on some lines of each observation; by default all in bands."""
-        selected = self.selected
-        if lines is not None:
-            selected = tuple(observation.select(own) for observation, own in zip(self.observed, lines, strict=True))
-        observed = [Observed(*one) for one in zip(selected, self.mappings, self.units, strict=True)]
+    def problem(self, selected: Sequence[Observation] | None = None, smoothing: float | None = None) -> Problem:
+        """Return the residuals as a problem of the core.
+
+        Parameters
+        ----------
+        selected : sequence of MeasuredFRF and MeasuredFrequencies, optional
+            The observations on some of their lines; by default on all in bands.
+        smoothing : float, optional
+            As of `Problem`.
+        """
+        chosen = self.selected if selected is None else selected
+        observed = [Observed(*one) for one in zip(chosen, self.mappings, self.units, strict=True)]
         return Problem(self.variables, observed, self.threads, smoothing=smoothing)
 
     def approach(self) -> Problem:

@@ -19,6 +19,24 @@ struct Call {
 
 thread_local! {
     static CALL: RefCell<Option<Call>> = const { RefCell::new(None) };
+    /// The mark of all calls of this thread, if it has joined a `Halt`.
+    static JOINED: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
+}
+
+/// Ends the calls of threads that work for another one, which is the only thread that signals reach.
+#[derive(Clone, Debug, Default)]
+pub struct Halt(Arc<AtomicBool>);
+
+impl Halt {
+    /// From now on the calls of this thread end when it is set.
+    pub fn join(&self) {
+        JOINED.replace(Some(self.0.clone()));
+    }
+
+    /// Ends running and later calls of all threads that have joined.
+    pub fn set(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// Puts the call of before back in its place, also after a panic.
@@ -33,7 +51,7 @@ impl Drop for Restore {
 /// Does the work; where `poll`, called on this thread every 50 ms between tasks, returns true the work ends early, with
 /// `Error::Interrupted` or with results that are not to be used.
 pub fn interruptible<T>(poll: fn() -> bool, work: impl FnOnce() -> T) -> T {
-    let interrupted = Arc::new(AtomicBool::new(false));
+    let interrupted = JOINED.with_borrow(Clone::clone).unwrap_or_default();
     within(Call { interrupted, poll: Some(poll), next: Instant::now() + INTERVAL }, work)
 }
 
@@ -75,4 +93,24 @@ pub(crate) fn check() -> Result<()> {
     let interrupted =
         CALL.with_borrow(|call| call.as_ref().is_some_and(|call| call.interrupted.load(Ordering::Relaxed)));
     if interrupted { Err(Error::Interrupted) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_ends_the_calls_of_threads_that_have_joined() {
+        let halt = Halt::default();
+        let never = || false;
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                halt.join();
+                assert!(interruptible(never, check).is_ok());
+                halt.set();
+                assert!(interruptible(never, check).is_err());
+            });
+        });
+        assert!(interruptible(never, check).is_ok(), "this thread has not joined");
+    }
 }

@@ -31,7 +31,7 @@ mod threads;
 pub use error::{Error, Result};
 pub use fit::least_squares::{End, Status, Stop};
 pub use fit::problem::{Observation, Prior, Problem, Residuals, Settings, Variables};
-pub use interrupt::interruptible;
+pub use interrupt::{Halt, interruptible};
 pub use joint::reduction::{Form, JointReduction, reduce_joint};
 pub use joint::sweep::{JointSweep, Misfit, Sweep};
 pub use line::amplitude::receptance;

@@ -2,7 +2,7 @@
 
 use core::cell::RefCell;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyRuntimeError, PyValueError};
-use pyo3::{PyErr, PyResult, Python, create_exception};
+use pyo3::{PyErr, PyResult, Python, create_exception, pyclass, pymethods};
 use receptance_core::{Error, Result, interruptible};
 
 create_exception!(
@@ -48,6 +48,30 @@ pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send
 /// Whether the handler of a signal that has arrived raised an exception, which is kept.
 fn signalled() -> bool {
     Python::attach(|py| py.check_signals().map_err(|error| RAISED.replace(Some(error))).is_err())
+}
+
+/// A flag that ends calls in the threads that have joined it. Signals reach the main thread alone, so that calls in other
+/// threads would run to their end after a KeyboardInterrupt.
+#[pyclass(frozen, module = "receptance._core")]
+#[derive(Default)]
+pub struct Halt(receptance_core::Halt);
+
+#[pymethods]
+impl Halt {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// From now on calls in this thread raise KeyboardInterrupt when the flag is set.
+    fn join(&self) {
+        self.0.join();
+    }
+
+    /// Set the flag.
+    fn set(&self) {
+        self.0.set();
+    }
 }
 
 /// Lets `?` turn the core's errors into Python's.

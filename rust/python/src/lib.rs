@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::errors::{GrossSlipError, ReceptanceError, ResonanceError, SingularInterfaceError};
+    use super::errors::{GrossSlipError, Halt, ReceptanceError, ResonanceError, SingularInterfaceError};
     #[pymodule_export]
     use super::model::{ByLine, Lines, Model, instruction_set, joint_stiffness, modal_receptance};
     #[pymodule_export]

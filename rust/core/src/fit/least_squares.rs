@@ -337,7 +337,8 @@ impl Local {
             Held::Upper => upper[i],
         };
         let mut step = DVector::from_fn(n, |i, _| limit(i, held[i]));
-        if value(&step) > 0.0 {
+        let is_free = |held: &[Held]| held.iter().all(|held| *held == Held::Free);
+        if !is_free(held) && value(&step) > 0.0 {
             held.fill(Held::Free);
             step.fill(0.0);
         }
@@ -346,7 +347,12 @@ impl Local {
             let free: Vec<usize> = (0..n).filter(|&i| held[i] == Held::Free).collect();
             let mut target = step.clone();
             if !free.is_empty() {
-                let factor = Cholesky::new(matrix.select_rows(&free).select_columns(&free))?;
+                let own = if free.len() < n {
+                    matrix.select_rows(&free).select_columns(&free)
+                } else {
+                    matrix.clone()
+                };
+                let factor = Cholesky::new(own)?;
                 let change = factor.solve(&(&self.slope + &matrix * &step).select_rows(&free));
                 for (&i, change) in free.iter().zip(&change) {
                     target[i] -= change;
@@ -362,6 +368,9 @@ impl Local {
             let passed: Vec<usize> = free.into_iter().filter(|&i| beyond(i) != Held::Free).collect();
             if passed.is_empty() {
                 step = target;
+                if is_free(held) {
+                    break;
+                }
                 let slope = &self.slope + &matrix * &step;
                 let least = LEAVING * self.slope.amax();
                 let leaves = |i: usize| match held[i] {

@@ -98,8 +98,8 @@ pub struct Problem {
 
 /// The contribution of an observation to a normal matrix, over all variables and the residual.
 enum Part {
-    /// A^T A, row by row.
-    Matrix(Vec<f64>),
+    /// A^T A over some variables and the residual, its upper triangle row by row, and their places.
+    Some(Vec<f64>, Vec<usize>),
     /// Rows of A.
     Rows(Rows),
 }
@@ -286,39 +286,29 @@ impl Problem {
         let size = x.len() + 1;
         let every: Vec<usize> = (0..x.len()).collect();
         let (values, slopes) = self.unknowns(x, free);
-        let parts = self.each(threads, |one, threads| {
-            let mut sum = vec![0.0; size * size];
-            match one {
-                Observation::Whole(
-                    one @ Modelled { seen: Seen::Receptance { measure: Measure::Logarithm, .. }, .. },
-                ) => {
-                    let at = one.tied.at(&values, &slopes)?;
-                    let own = one.normal_of_lines(&at, threads)?;
-                    spread(&own, &at.slopes, at.slopes.len() / x.len(), &mut sum, size);
-                }
-                Observation::Joint(one) => {
-                    let (joint, mut place) = one.fitted(&values, &slopes)?;
-                    let own = one.normal_matrix(&joint, threads)?;
-                    place.push(x.len());
-                    for (i, &row) in place.iter().enumerate() {
-                        for (j, &column) in place.iter().enumerate() {
-                            sum[row * size + column] += own[i * place.len() + j];
-                        }
-                    }
-                }
-                _ => return Ok(Part::Rows(self.rows_of(one, (x, &values, &slopes), &every, threads)?)),
+        let parts = self.each(threads, |one, threads| match one {
+            Observation::Whole(
+                one @ Modelled { seen: Seen::Receptance { measure: Measure::Logarithm, .. }, .. },
+            ) => {
+                let at = one.tied.at(&values, &slopes)?;
+                let columns = at.columns(&every, x.len());
+                let places = columns.iter().map(|column| column.place).chain([x.len()]).collect();
+                Ok(Part::Some(one.normal_of_lines(&at, &columns, threads)?, places))
             }
-            Ok(Part::Matrix(sum))
+            Observation::Joint(one) => {
+                let (joint, mut places) = one.fitted(&values, &slopes)?;
+                let own = one.normal_matrix(&joint, threads)?;
+                places.push(x.len());
+                let rows = own.chunks(places.len()).enumerate();
+                Ok(Part::Some(rows.flat_map(|(i, row)| &row[i..]).copied().collect(), places))
+            }
+            _ => Ok(Part::Rows(self.rows_of(one, (x, &values, &slopes), &every, threads)?)),
         });
         let Some(parts) = if_any(parts)? else { return Ok(None) };
         let mut sum = vec![0.0; size * size];
         for part in parts {
             match part {
-                Part::Matrix(own) => {
-                    for (into, own) in sum.iter_mut().zip(own) {
-                        *into += own;
-                    }
-                }
+                Part::Some(own, places) => spread(&own, &places, &mut sum, size),
                 Part::Rows(rows) => {
                     for (residual, slopes) in rows.residual.iter().zip(rows.jacobian.chunks(x.len())) {
                         let free =

@@ -294,12 +294,12 @@ pub fn segment<S: Simd, const D: usize>(
         Way::Waves => waves(segment, &kernel.wave, left, right, &mut out),
         Way::Pieces { count, terms } => {
             let l = segment.length / count as f64;
-            for piece in 0..count {
-                if D == 1 {
+            if D == 1 {
+                for piece in 0..count {
                     rod_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
-                } else {
-                    bending_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
                 }
+            } else if let (Some(left), Some(right)) = (left.get(1..=count), right.get(..count)) {
+                bending(segment, l, terms, w2, left, right, &mut out);
             }
         }
         Way::Skipped => {}
@@ -405,51 +405,66 @@ fn symplectic<S: Simd>(x: &Four<S>, y: &Four<S>) -> C<S> {
     x[3].neg_mul_add(y[1], x[2].neg_mul_add(y[0], sum))
 }
 
-/// One piece of a beam in bending.
+/// Equal pieces of a beam in bending. What the states of the pieces contribute is linear in products of these, so that
+/// the products are added and the coefficients, which are the same for all pieces, applied to the sums.
 #[inline(always)]
-fn bending_piece<S: Simd, const D: usize>(
+fn bending<S: Simd, const D: usize>(
     segment: &Segment<D>,
     l: f64,
     terms: usize,
     w2: C<S>,
-    left: &State<S, D>,
-    right: &State<S, D>,
+    left: &[State<S, D>],
+    right: &[State<S, D>],
     out: &mut Sensitivity<S, D>,
 ) {
     let simd = w2.simd;
-    let [z1, z2] = segment.symmetric_sums(simd, l, w2);
-    let [e2, e3, e4, e5] = exponential::sums_with_derivatives(z1, z2, terms);
     let alpha = C::splat(simd, segment.per_length.compliance[0]);
     let beta = C::splat(simd, segment.per_length.compliance[D - 1]);
     let mu = w2.scale(segment.per_length.kinetic[0]);
     let nu = w2.scale(segment.per_length.kinetic[D - 1]);
     let coefficients = [alpha, beta, mu, nu];
-    let v0 = [right.u[0], right.u[D - 1], right.n[0], right.n[D - 1]];
-    let v1 = along(&v0, &coefficients);
-    let v2 = along(&v1, &coefficients);
-    let w0 = [left.u[0], left.u[D - 1], left.n[0], left.n[D - 1]];
-    let w1 = along(&w0, &coefficients);
-    let w2_ = along(&w1, &coefficients);
-    // r^T J A^i s, the powers shared between both sides: J A is symmetric.
-    let powers = [symplectic(&w0, &v0), symplectic(&w0, &v1), symplectic(&w0, &v2), -symplectic(&w1, &v2)];
-    // Derivatives of c_0 .. c_3 by s = z1/l^2 and p = z2/l^4.
+    // r^T J A^i s, and for each entry of the state the products of first to third order in the length.
+    let zero = C::zero(simd);
+    let mut powers = [zero; 4];
+    let mut products = [[zero; 4]; 3];
+    for (left, right) in left.iter().zip(right) {
+        let s0 = [right.u[0], right.u[D - 1], right.n[0], right.n[D - 1]];
+        let s1 = along(&s0, &coefficients);
+        let s2 = along(&s1, &coefficients);
+        let r0 = [left.u[0], left.u[D - 1], left.n[0], left.n[D - 1]];
+        let r1 = along(&r0, &coefficients);
+        let r2 = along(&r1, &coefficients);
+        // The powers are shared between both sides: J A is symmetric.
+        powers[0] = powers[0] + symplectic(&r0, &s0);
+        powers[1] = powers[1] + symplectic(&r0, &s1);
+        powers[2] = powers[2] + symplectic(&r0, &s2);
+        powers[3] = powers[3] - symplectic(&r1, &s2);
+        for i in 0..4 {
+            products[0][i] = r0[i].mul_add(s0[i], products[0][i]);
+            products[1][i] = r1[i].neg_mul_add(s0[i], r0[i].mul_add(s1[i], products[1][i]));
+            let sum = r1[i].neg_mul_add(s1[i], r0[i].mul_add(s2[i], products[2][i]));
+            products[2][i] = r2[i].mul_add(s0[i], sum);
+        }
+    }
+    let [z1, z2] = segment.symmetric_sums(simd, l, w2);
+    let ([e2, e3, e4, e5], [d2, d3, d4, d5, d6, d7]) = exponential::sums_with_derivatives(z1, z2, terms);
+    // Derivatives of c_0 .. c_3 by s = z1/l^2 and p = z2/l^4, those of the sums by z2 being -d_(k+2).
     let (l2, l4) = (l * l, l.powi(4));
-    let by_s = [-(z2 * e4[1]).scale(l2), -(z2 * e5[1]).scale(l * l2), e2[1].scale(l4), e3[1].scale(l * l4)];
+    let by_s = [-(z2 * d4).scale(l2), -(z2 * d5).scale(l * l2), d2.scale(l4), d3.scale(l * l4)];
     let by_p = [
-        -z2.mul_add(e4[2], e4[0]).scale(l4),
-        -z2.mul_add(e5[2], e5[0]).scale(l * l4),
-        e2[2].scale(l2 * l4),
-        e3[2].scale(l * l2 * l4),
+        z2.mul_add(d6, -e4).scale(l4),
+        z2.mul_add(d7, -e5).scale(l * l4),
+        -d4.scale(l2 * l4),
+        -d5.scale(l * l2 * l4),
     ];
-    let mut through_s = C::zero(simd);
-    let mut through_p = C::zero(simd);
+    let (mut through_s, mut through_p) = (zero, zero);
     for i in 0..4 {
         through_s = by_s[i].mul_add(powers[i], through_s);
         through_p = by_p[i].mul_add(powers[i], through_p);
     }
     let one = C::real(simd, 1.0);
-    let c1 = z2.neg_mul_add(e5[0], one).scale(l);
-    let (c2, c3) = (e2[0].scale(l2), e3[0].scale(l * l2));
+    let c1 = z2.neg_mul_add(e5, one).scale(l);
+    let (c2, c3) = (e2.scale(l2), e3.scale(l * l2));
     let (a, b) = (alpha * mu, beta * nu);
     // s = -(alpha mu + beta nu), p = beta mu (alpha nu - 1).
     let shear = alpha.mul_add(nu, -one);
@@ -459,9 +474,7 @@ fn bending_piece<S: Simd, const D: usize>(
     let entry = [2, 3, 0, 1];
     for k in 0..4 {
         let i = entry[k];
-        let direct = c1 * (w0[i] * v0[i])
-            + c2 * w1[i].neg_mul_add(v0[i], w0[i] * v1[i])
-            + c3 * w2_[i].mul_add(v0[i], w1[i].neg_mul_add(v1[i], w0[i] * v2[i]));
+        let direct = c3.mul_add(products[2][i], c2.mul_add(products[1][i], c1 * products[0][i]));
         let change = direct - s_by[k].mul_add(through_s, p_by[k] * through_p);
         if k < 2 {
             out.compliance[k.min(D - 1)] = out.compliance[k.min(D - 1)] + change;

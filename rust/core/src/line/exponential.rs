@@ -84,44 +84,32 @@ pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [C<S>; 4] {
     [even[1], odd[1], even[0], odd[0]]
 }
 
-/// A sum with its derivatives by z1 and z2.
-type WithDerivatives<S> = [C<S>; 3];
-
-/// One step down: e_k from e_(k+4) (`far`) and e_(k+2) (`near`).
+/// The sums e_2 to e_5, and the derivatives of e_2 to e_7 by z1.
+///
+/// Those by z2 are among them: with H(t) = 1 / (1 - z1 t + z2 t^2), which generates h_n, dH/dz1 = t H^2 and
+/// dH/dz2 = -t^2 H^2, so that de_k/dz2 = -de_(k+2)/dz1.
 #[inline(always)]
-fn step<S: Simd>(
-    z1: C<S>,
-    z2: C<S>,
-    k: usize,
-    far: WithDerivatives<S>,
-    near: WithDerivatives<S>,
-) -> WithDerivatives<S> {
-    let start = C::real(z1.simd, INVERSE_FACTORIAL[k]);
-    let value = z2.neg_mul_add(far[0], z1.mul_add(near[0], start));
-    let by_z1 = z2.neg_mul_add(far[1], z1.mul_add(near[1], near[0]));
-    let by_z2 = z2.neg_mul_add(far[2], z1.mul_add(near[2], -far[0]));
-    [value, by_z1, by_z2]
-}
-
-/// The sums with their derivatives by z1 and z2: `[value, by z1, by z2]` of e_2 to e_5.
-#[inline(always)]
-pub fn sums_with_derivatives<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [WithDerivatives<S>; 4] {
+pub fn sums_with_derivatives<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> ([C<S>; 4], [C<S>; 6]) {
     let simd = z1.simd;
-    let zero = C::zero(simd);
     let top = 2 * (terms + 1) + 2;
-    let mut ends = [[zero; 3]; 4];
+    let mut sums = [C::zero(simd); 4];
+    let mut slopes = [C::zero(simd); 6];
     for k in 0..4 {
-        ends[k][0] = C::real(simd, INVERSE_FACTORIAL[top + k]);
+        sums[k] = C::real(simd, INVERSE_FACTORIAL[top + k]);
     }
-    let mut even = [ends[2], ends[0]];
-    let mut odd = [ends[3], ends[1]];
     let mut k = top;
     while k > 2 {
         k -= 2;
-        even = [even[1], step(z1, z2, k, even[0], even[1])];
-        odd = [odd[1], step(z1, z2, k + 1, odd[0], odd[1])];
+        for odd in 0..2 {
+            let start = C::real(simd, INVERSE_FACTORIAL[k + odd]);
+            let (near, far) = (sums[odd], sums[2 + odd]);
+            let value = z2.neg_mul_add(far, z1.mul_add(near, start));
+            let slope = z2.neg_mul_add(slopes[2 + odd], z1.mul_add(slopes[odd], near));
+            (sums[odd], sums[2 + odd]) = (value, near);
+            (slopes[odd], slopes[2 + odd], slopes[4 + odd]) = (slope, slopes[odd], slopes[2 + odd]);
+        }
     }
-    [even[1], odd[1], even[0], odd[0]]
+    (sums, slopes)
 }
 
 /// cosh(sqrt z) and sinh(sqrt z)/sqrt z of a rod, with their derivatives by z: `[value, by z]` each.
@@ -178,17 +166,17 @@ mod tests {
     fn derivatives_agree_with_differences() {
         let (z1, z2) = (Complex64::new(-3.0, 0.2), Complex64::new(-20.0, 0.5));
         let n = terms(9.0);
-        let all = sums_with_derivatives(one(z1), one(z2), n);
+        let (values, slopes) = sums_with_derivatives(one(z1), one(z2), n);
         let plain = sums(one(z1), one(z2), n);
         let h = 1e-5;
         let (up, down) = (sums(one(z1 + h), one(z2), n), sums(one(z1 - h), one(z2), n));
         let (up2, down2) = (sums(one(z1), one(z2 + h), n), sums(one(z1), one(z2 - h), n));
         for k in 0..4 {
-            assert!((number(all[k][0]) - number(plain[k])).norm() < 1e-15);
+            assert!((number(values[k]) - number(plain[k])).norm() < 1e-15);
             let slope = (number(up[k]) - number(down[k])) / (2.0 * h);
-            assert!((number(all[k][1]) - slope).norm() < 1e-9);
+            assert!((number(slopes[k]) - slope).norm() < 1e-9);
             let slope = (number(up2[k]) - number(down2[k])) / (2.0 * h);
-            assert!((number(all[k][2]) - slope).norm() < 1e-9);
+            assert!((-number(slopes[k + 2]) - slope).norm() < 1e-9);
         }
     }
 

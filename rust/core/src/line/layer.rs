@@ -383,7 +383,8 @@ impl<S: Simd> Rule<S> {
     #[inline(always)]
     pub fn fill(&mut self, powers: &Powers<S>, length: f64, size: f64) {
         let rule = RULES.iter().find(|(most, _)| size <= *most).map_or(&[][..], |(_, rule)| *rule);
-        self.points.resize(rule.len(), (Transfer::empty(powers.p[0][0].simd), 0.0));
+        let simd = powers.p[0][0].simd;
+        self.points.resize_with(rule.len(), || (Transfer::empty(simd), 0.0));
         for ((transfer, to), [place, weight]) in self.points.iter_mut().zip(rule) {
             // Both points of a pair, of half the length each.
             powers.transfer(0.5 * place * length, 0.5 * place * size, transfer);

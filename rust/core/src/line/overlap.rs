@@ -132,9 +132,10 @@ impl<S: Simd> WithSimd for Evaluated<'_, S> {
                 continue;
             }
             let powers = Pair::new(beside, w, forward).powers();
-            into.ways[way].resize(kinds, Transfer::empty(w.simd));
+            // Only what is new is made: a transfer is large.
+            into.ways[way].resize_with(kinds, || Transfer::empty(w.simd));
             if inside {
-                into.inside.halves.resize(kinds, Transfer::empty(w.simd));
+                into.inside.halves.resize_with(kinds, || Transfer::empty(w.simd));
                 into.inside.rules.resize_with(kinds, Rule::empty);
             }
             for kind in 0..kinds {
@@ -193,7 +194,7 @@ impl<S: Simd, const D: usize> WithSimd for Pass<'_, S, D> {
         let transfers = &overlap.ways[way];
         let Trace { bases, changes, last: back } = &mut overlap.trace;
         let traced = overlap.inside.requested;
-        bases.resize(if traced { pieces.count + 1 } else { 2 }, [[C::zero(simd); 4]; ROWS]);
+        bases.resize_with(if traced { pieces.count + 1 } else { 2 }, || [[C::zero(simd); 4]; ROWS]);
         changes.clear();
         start(plane, forward, &mut bases[0]);
         let stiff = if wanted == Wanted::Count { stiffnesses(transfers) } else { Vec::new() };

@@ -1,11 +1,11 @@
 //! Residuals of whole models with their derivatives, row by row, and their normal matrices.
 //!
 //! The derivatives of the lines stay where they are computed: the result of a task is A^T A, A = [J | r], over the
-//! entries of the tables that move. How these follow from the fitted variables is applied to the sums.
+//! variables that move the model. Each of them moves few of the entries of the tables.
 
 use crate::error::Result;
 use crate::observe::observed::{Lines, Measure, Modelled, RecordLines, Seen};
-use crate::observe::ties::At;
+use crate::observe::ties::{At, Column};
 use crate::simd::lane::{C, MAX_LANES, R};
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
@@ -30,26 +30,20 @@ impl Modelled {
     ) -> Result<Rows> {
         let Seen::Receptance { w, records, measure, .. } = &self.seen else { return Ok(Rows::default()) };
         let (lines, wide) = (w.len(), moving.len());
-        let slopes = picked(at, moving, count);
+        let columns = at.columns(moving, count);
+        let own = columns.len();
         let parts = self.lines(at, threads, |Lines { range, h, dh, records }| {
-            // Derivatives of the logarithm: real parts, then imaginary parts, a row a line.
-            let mut change = [vec![0.0; h.len() * wide], vec![0.0; h.len() * wide]];
+            // Derivatives of the logarithm, a row a line.
+            let mut change = Vec::with_capacity(h.len() * own);
             let entries = dh.len() / h.len();
-            for (line, h) in h.iter().enumerate() {
-                for (dh, slopes) in dh[line * entries..].iter().zip(slopes.chunks(wide.max(1))).take(entries)
-                {
-                    let relative = dh / h;
-                    for (k, slope) in slopes.iter().enumerate() {
-                        change[0][line * wide + k] -= relative.re * slope;
-                        change[1][line * wide + k] -= relative.im * slope;
-                    }
-                }
+            for (h, dh) in h.iter().zip(dh.chunks(entries.max(1))) {
+                change.extend(columns.iter().map(|column| -column.combine(dh) / h));
             }
-            let own = records.iter().map(|record| {
+            let logarithms = records.iter().map(|record| {
                 let log = record.measured.iter().zip(h).map(|(measured, h)| (measured / h).ln());
                 log.collect::<Vec<_>>()
             });
-            (range, change, own.collect::<Vec<_>>())
+            (range, change, logarithms.collect::<Vec<_>>())
         })?;
         let numbers = match measure {
             Measure::Logarithm => 2,
@@ -57,10 +51,10 @@ impl Modelled {
         };
         let count = numbers * lines * records.len();
         let mut rows = Rows { residual: vec![0.0; count], jacobian: vec![0.0; count * wide] };
-        for (range, change, own) in parts {
-            for (n, (record, logarithms)) in records.iter().zip(own).enumerate() {
+        for (range, change, logarithms) in parts {
+            for (n, (record, logarithms)) in records.iter().zip(logarithms).enumerate() {
                 for (line, log) in range.clone().zip(logarithms) {
-                    let from = (line - range.start) * wide;
+                    let change = &change[(line - range.start) * own..][..own];
                     // With q the ratio of the magnitudes, 100 (q - 1) changes by -100 q times the logarithm's change.
                     let percent = 100.0 * (-log.re).exp();
                     let (values, weight) = match measure {
@@ -70,9 +64,9 @@ impl Modelled {
                     for (part, value) in values.into_iter().take(numbers).enumerate() {
                         let row = (numbers * n + part) * lines + line;
                         rows.residual[row] = value * weight;
-                        let into = rows.jacobian[row * wide..(row + 1) * wide].iter_mut();
-                        for (into, change) in into.zip(&change[part][from..from + wide]) {
-                            *into = change * weight;
+                        for (column, change) in columns.iter().zip(change) {
+                            let change = if part == 0 { change.re } else { change.im };
+                            rows.jacobian[row * wide + column.place] = change * weight;
                         }
                     }
                 }
@@ -82,67 +76,45 @@ impl Modelled {
     }
 
     pub(crate) fn rows_of_frequencies(&self, at: &At, moving: &[usize], count: usize) -> Result<Rows> {
-        let slopes = picked(at, moving, count);
+        let columns = at.columns(moving, count);
         let found = self.frequencies(at)?;
-        let mut rows = Rows::default();
-        for row in found {
+        let wide = moving.len();
+        let mut rows = Rows { residual: Vec::new(), jacobian: vec![0.0; found.len() * wide] };
+        for (n, row) in found.iter().enumerate() {
             let Some((residual, entries)) = row.split_last() else { continue };
             rows.residual.push(*residual);
-            let by = |k: usize| {
-                let steps = entries.iter().enumerate();
-                steps.map(|(i, entry)| entry * slopes[i * moving.len() + k]).sum::<f64>()
-            };
-            rows.jacobian.extend((0..moving.len()).map(by));
+            for column in &columns {
+                rows.jacobian[n * wide + column.place] = column.combine(entries);
+            }
         }
         Ok(rows)
     }
 }
 
-/// The derivatives of entries and factors by the moving variables, row by row.
-fn picked(at: &At, moving: &[usize], count: usize) -> Vec<f64> {
-    at.slopes.chunks(count.max(1)).flat_map(|row| moving.iter().map(|&i| row[i])).collect()
-}
-
 impl Modelled {
-    /// A^T A over the entries, factors and the residual, the upper triangle row by row.
-    pub(crate) fn normal_of_lines(&self, at: &At, threads: usize) -> Result<Vec<f64>> {
+    /// A^T A over some variables and the residual, the upper triangle row by row.
+    pub(crate) fn normal_of_lines(&self, at: &At, columns: &[Column], threads: usize) -> Result<Vec<f64>> {
         let arch = Arch::new();
-        let parts =
-            self.lines(at, threads, |Lines { h, dh, records, .. }| arch.dispatch(Sum { h, dh, records }))?;
+        let parts = self.lines(at, threads, |Lines { h, dh, records, .. }| {
+            arch.dispatch(Sum { h, dh, records, columns })
+        })?;
         // Added in the order of the lines, whichever thread was first.
         let sum = parts.into_iter().reduce(|sum, part| sum.iter().zip(part).map(|(a, b)| a + b).collect());
         Ok(sum.unwrap_or_default())
     }
 }
 
-/// Adds B^T N B to a sum over the variables and the residual, B the derivatives of the entries by the variables.
-pub(crate) fn spread(own: &[f64], slopes: &[f64], entries: usize, sum: &mut [f64], size: usize) {
-    let count = size - 1;
-    let index = |i: usize, j: usize| {
-        let (i, j) = (i.min(j), i.max(j));
-        i * (2 * entries + 3 - i) / 2 + j - i
-    };
-    // A variable moves few entries.
-    let mut moved: Vec<(usize, Vec<(usize, f64)>)> = Vec::new();
-    for j in 0..count {
-        let own = (0..entries).map(|k| (k, slopes[k * count + j])).filter(|(_, slope)| *slope != 0.0);
-        let own: Vec<(usize, f64)> = own.collect();
-        if !own.is_empty() {
-            moved.push((j, own));
+/// Adds an upper triangle over some variables and the residual, which have these places, to a matrix over all.
+pub(crate) fn spread(own: &[f64], places: &[usize], sum: &mut [f64], size: usize) {
+    let mut entries = own.iter();
+    for (i, &row) in places.iter().enumerate() {
+        for (j, (&column, value)) in places[i..].iter().zip(&mut entries).enumerate() {
+            sum[row * size + column] += value;
+            if j > 0 {
+                sum[column * size + row] += value;
+            }
         }
     }
-    let mut half = vec![0.0; entries + 1];
-    for (j, by) in &moved {
-        for (i, half) in half.iter_mut().enumerate() {
-            *half = by.iter().map(|(k, slope)| own[index(i, *k)] * slope).sum();
-        }
-        for (i, by) in &moved {
-            sum[i * size + j] += by.iter().map(|(k, slope)| slope * half[*k]).sum::<f64>();
-        }
-        sum[j * size + count] += half[entries];
-        sum[count * size + j] += half[entries];
-    }
-    sum[size * size - 1] += own[index(entries, entries)];
 }
 
 /// The upper triangle of A^T A of the lines of one task.
@@ -150,6 +122,7 @@ struct Sum<'a> {
     h: &'a [Complex64],
     dh: &'a [Complex64],
     records: &'a [RecordLines<'a>],
+    columns: &'a [Column],
 }
 
 impl WithSimd for Sum<'_> {
@@ -157,20 +130,27 @@ impl WithSimd for Sum<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Vec<f64> {
-        let count = self.dh.len() / self.h.len().max(1);
+        let (entries, count) = (self.dh.len() / self.h.len().max(1), self.columns.len());
         let mut sums = vec![simd.splat_f64s(0.0); (count + 1) * (count + 2) / 2];
-        let mut rows = vec![C::zero(simd); count];
+        let (mut changes, mut rows) = (vec![C::zero(simd); entries], vec![C::zero(simd); count]);
         let mut lanes = [Complex64::ZERO; MAX_LANES];
         let mut start = 0;
         while start < self.h.len() {
             let end = self.h.len().min(start + S::F64_LANES);
             let inverse = C::load(simd, &self.h[start..end]).recip();
-            for k in 0..count {
+            for k in 0..entries {
                 for (lane, line) in (start..end).enumerate() {
                     // The residual falls as the model's receptance grows.
-                    lanes[lane] = -self.dh[line * count + k];
+                    lanes[lane] = -self.dh[line * entries + k];
                 }
-                rows[k] = C::load(simd, &lanes[..end - start]) * inverse;
+                changes[k] = C::load(simd, &lanes[..end - start]);
+            }
+            for (row, column) in rows.iter_mut().zip(self.columns) {
+                let mut sum = C::zero(simd);
+                for (entry, slope) in &column.slopes {
+                    sum = changes[*entry].mul_add_real(simd.splat_f64s(*slope), sum);
+                }
+                *row = sum * inverse;
             }
             // Records of one model differ in the measured values alone: their derivatives are the same.
             let (mut square, mut weight) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));

@@ -9,6 +9,7 @@ use crate::model::assembly::{Model, TABLES, Table, Tables};
 use crate::model::request::Parameter;
 use crate::model::section::Motion;
 use crate::model::terminals::TERMINAL_COLUMNS;
+use core::ops::{Add, Mul};
 
 /// Parameters of the measuring chain between a structure and its record.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -44,8 +45,7 @@ pub struct Tied {
     pub entries: Vec<Parameter>,
     /// Entry, address and rate.
     rates: Vec<(usize, usize, f64)>,
-    /// A row an address: the unknown of b or -1, its multiple or b as a number, a second unknown or -1, its multiple, E, S.
-    addresses: Vec<f64>,
+    addresses: Vec<Address>,
     count: usize,
     /// Factors of the record, and their addresses.
     factors: Vec<(Factor, usize)>,
@@ -59,12 +59,49 @@ pub struct At {
     pub entries: Vec<Parameter>,
     /// Factors of the record.
     pub factors: Vec<(Factor, f64)>,
-    /// `(entries and then factors, variables)`.
-    pub slopes: Vec<f64>,
+    /// Derivatives of the entries and then of the factors by the variables that move them.
+    slopes: Vec<Slopes>,
+}
+
+/// Derivatives by some variables, each with its number.
+type Slopes = Vec<(usize, f64)>;
+
+/// How a variable moves a model.
+pub(crate) struct Column {
+    /// Its place among the variables.
+    pub place: usize,
+    /// The entries and factors that it moves, and their derivatives by it.
+    pub slopes: Slopes,
+}
+
+impl Column {
+    /// The derivative by the variable of a quantity with some derivatives by the entries and factors.
+    pub fn combine<T: Copy + Default + Mul<f64, Output = T> + Add<Output = T>>(&self, by: &[T]) -> T {
+        self.slopes.iter().fold(T::default(), |sum, &(entry, slope)| sum + by[entry] * slope)
+    }
+}
+
+impl At {
+    /// The variables that move the model, of some of them with so many altogether.
+    pub(crate) fn columns(&self, among: &[usize], count: usize) -> Vec<Column> {
+        let mut by_variable = vec![Slopes::new(); count];
+        for (entry, slopes) in self.slopes.iter().enumerate() {
+            for &(variable, slope) in slopes.iter().filter(|(_, slope)| *slope != 0.0) {
+                by_variable[variable].push((entry, slope));
+            }
+        }
+        let column = |(place, &variable): (usize, &usize)| {
+            let slopes = core::mem::take(&mut by_variable[variable]);
+            (!slopes.is_empty()).then_some(Column { place, slopes })
+        };
+        among.iter().enumerate().filter_map(column).collect()
+    }
 }
 
 impl Tied {
-    /// Ties the tables to `count` unknowns. `present` are the values of the addresses that are in the tables now.
+    /// Ties the tables to `count` unknowns. `present` are the values of the addresses that are in the tables now, and
+    /// `addresses` has a row for each: the unknown of b or -1, its multiple or b as a number, a second unknown or -1, its
+    /// multiple, E, S.
     ///
     /// # Errors
     /// An entry, an address or an unknown that does not exist.
@@ -97,6 +134,7 @@ impl Tied {
         }
         let fixed = tables.each().map(<[f64]>::to_vec);
         let (entries, rated, factors) = (Vec::new(), Vec::new(), Vec::new());
+        let addresses = addresses.chunks(width).map(Address::new).collect();
         let mut tied = Self { fixed, motion, entries, rates: rated, addresses, count, factors };
         for (index, rate) in rates.iter().enumerate() {
             if rate.address >= known {
@@ -131,7 +169,7 @@ impl Tied {
     /// # Errors
     /// An address that does not exist.
     pub fn with_factors(mut self, factors: Vec<(Factor, usize)>) -> Result<Self> {
-        let known = self.addresses.len() / (BEFORE + 2 * self.count);
+        let known = self.addresses.len();
         if let Some((index, wrong)) = factors.iter().enumerate().find(|(_, factor)| factor.1 >= known) {
             let expected = format!("an address below {known}");
             return Err(Error::Index { what: "factor", index, value: wrong.1 as f64, expected });
@@ -154,67 +192,85 @@ impl Tied {
     /// Values that make no model.
     pub fn at(&self, values: &[f64], slopes: &[f64]) -> Result<At> {
         let mut tables = self.fixed.clone();
-        let mut by_variable = vec![0.0; self.entries.len() * self.count];
-        let width = BEFORE + 2 * self.count;
-        let mut by_address = vec![0.0; self.addresses.len() / width * self.count];
-        let rows = self.addresses.chunks(width).enumerate();
-        let found: Vec<f64> = rows
-            .map(|(i, row)| {
-                address(row, values, slopes, &mut by_address[i * self.count..(i + 1) * self.count])
-            })
-            .collect();
-        if let Some(index) = found.iter().position(|value| !value.is_finite()) {
+        let found: Vec<(f64, Slopes)> = self.addresses.iter().map(|one| one.at(values, slopes)).collect();
+        if let Some((index, (value, _))) = found.iter().enumerate().find(|(_, (value, _))| !value.is_finite())
+        {
             let expected = "a finite number: a law or an error leaves the range of numbers".to_owned();
-            return Err(Error::Index { what: "value of address", index, value: found[index], expected });
+            return Err(Error::Index { what: "value of address", index, value: *value, expected });
         }
-        let slopes_of = |address: usize| &by_address[address * self.count..(address + 1) * self.count];
+        let mut moved = vec![Slopes::new(); self.entries.len()];
         for &(entry, address, rate) in &self.rates {
             let Parameter { table, row, column } = self.entries[entry];
-            tables[table as usize][row * table.columns() + column] += rate * found[address];
-            let start = entry * self.count;
-            for (into, slope) in by_variable[start..start + self.count].iter_mut().zip(slopes_of(address)) {
-                *into += rate * slope;
+            let (value, slopes) = &found[address];
+            tables[table as usize][row * table.columns() + column] += rate * value;
+            for &(variable, slope) in slopes {
+                add(&mut moved[entry], variable, rate * slope);
             }
         }
-        let mut entries = Vec::with_capacity(self.entries.len());
-        let mut moving = Vec::with_capacity(by_variable.len());
-        for (entry, slopes) in self.entries.iter().zip(by_variable.chunks(self.count.max(1))) {
-            if slopes.iter().any(|slope| *slope != 0.0) {
+        let (mut entries, mut slopes) = (Vec::new(), Vec::new());
+        for (entry, own) in self.entries.iter().zip(moved) {
+            if own.iter().any(|(_, slope)| *slope != 0.0) {
                 entries.push(*entry);
-                moving.extend_from_slice(slopes);
+                slopes.push(own);
             }
         }
-        let factors = self.factors.iter().map(|&(factor, address)| (factor, found[address])).collect();
-        for (_, address) in &self.factors {
-            moving.extend_from_slice(slopes_of(*address));
-        }
+        let factors = self.factors.iter().map(|&(factor, address)| (factor, found[address].0)).collect();
+        slopes.extend(self.factors.iter().map(|&(_, address)| found[address].1.clone()));
         let model = Model::new(self.motion, Tables::of(&tables))?;
-        Ok(At { model, entries, factors, slopes: moving })
+        Ok(At { model, entries, factors, slopes })
     }
 }
 
 /// Columns of an address before E and S.
 const BEFORE: usize = 4;
 
-/// Value of an address; its derivatives by the variables go into `by`.
-fn address(row: &[f64], values: &[f64], slopes: &[f64], by: &mut [f64]) -> f64 {
-    let (exponents, shifts) = row[BEFORE..].split_at(values.len());
-    // Few unknowns act on an address.
-    let some = |x: &[f64]| x.iter().any(|x| *x != 0.0);
-    let dot = |x: &[f64]| {
-        if some(x) { x.iter().zip(values).map(|(x, value)| x * value).sum::<f64>() } else { 0.0 }
-    };
-    let factor = dot(exponents).exp();
-    let unknown = |column: usize| (row[column] >= 0.0).then_some((row[column] as usize, row[column + 1]));
-    let multiples = [unknown(0), unknown(2)];
-    let number = if multiples[0].is_none() { row[1] } else { 0.0 };
-    let start =
-        number + multiples.iter().flatten().map(|&(own, multiple)| multiple * values[own]).sum::<f64>();
-    for (i, by) in by.iter_mut().enumerate() {
-        *by = (start * factor * exponents[i] + shifts[i]) * slopes[i];
+/// The value b exp(E u) + S u of an address, with the unknowns that act on it.
+#[derive(Clone, Debug)]
+struct Address {
+    /// b without unknowns.
+    number: f64,
+    /// The unknowns of b with their multiples.
+    multiples: Slopes,
+    exponents: Slopes,
+    shifts: Slopes,
+}
+
+impl Address {
+    /// From a row of `Tied::new`.
+    fn new(row: &[f64]) -> Self {
+        let (before, matrices) = row.split_at(BEFORE);
+        let (exponents, shifts) = matrices.split_at(matrices.len() / 2);
+        // Few unknowns act on an address.
+        let some = |row: &[f64]| row.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
+        let based = before.chunks_exact(2).filter(|pair| pair[0] >= 0.0);
+        Self {
+            number: if before[0] < 0.0 { before[1] } else { 0.0 },
+            multiples: based.map(|pair| (pair[0] as usize, pair[1])).collect(),
+            exponents: some(exponents),
+            shifts: some(shifts),
+        }
     }
-    for (own, multiple) in multiples.into_iter().flatten() {
-        by[own] += multiple * factor * slopes[own];
+
+    /// Its value and its derivatives by the variables, of which the values of the unknowns have the derivatives `slopes`.
+    fn at(&self, values: &[f64], slopes: &[f64]) -> (f64, Slopes) {
+        let dot = |of: &Slopes| of.iter().map(|&(own, by)| by * values[own]).sum::<f64>();
+        let (start, factor) = (self.number + dot(&self.multiples), dot(&self.exponents).exp());
+        let mut by = Slopes::with_capacity(self.multiples.len() + self.exponents.len() + self.shifts.len());
+        for (of, factor) in
+            [(&self.exponents, start * factor), (&self.shifts, 1.0), (&self.multiples, factor)]
+        {
+            for &(own, value) in of {
+                add(&mut by, own, factor * value * slopes[own]);
+            }
+        }
+        (start * factor + dot(&self.shifts), by)
     }
-    start * factor + dot(shifts)
+}
+
+/// Adds a derivative by a variable.
+fn add(to: &mut Slopes, variable: usize, slope: f64) {
+    match to.iter_mut().find(|(own, _)| *own == variable) {
+        Some((_, sum)) => *sum += slope,
+        None => to.push((variable, slope)),
+    }
 }
