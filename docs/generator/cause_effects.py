@@ -30,8 +30,8 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Cause, Model, Variant
-from receptance.diagnosis.causes import UndecidableError
 from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction, directions, look_alike
 from receptance.diagnosis.thresholds import LARGE_SIZE
 from receptance.identification import Tolerance

@@ -13,9 +13,10 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
-from receptance.diagnosis.causes import IndescribableError, parameters_of
+from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
 from receptance.diagnosis.fitting import explore, fit_base, in_parallel
+from receptance.diagnosis.model import IndescribableError
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import COLLET_GYRATION
 from receptance.identification import Law, Move, Tolerance

@@ -20,10 +20,10 @@ from receptance._lazy import lazily
 
 if TYPE_CHECKING:
     from receptance.diagnosis.catalogue import CATALOGUE
-    from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant
+    from receptance.diagnosis.causes import Cause, Parameter, Step, Variant
     from receptance.diagnosis.engine import diagnose
     from receptance.diagnosis.held_out import Gain, HeldOut, Metric
-    from receptance.diagnosis.model import Model
+    from receptance.diagnosis.model import Model, UndecidableError
     from receptance.diagnosis.verdict import CandidateCause, ProposedMeasurement, Verdict
 
 __all__ = [
@@ -45,10 +45,10 @@ __all__ = [
 
 _NAMES = {
     "catalogue": ["CATALOGUE"],
-    "causes": ["Cause", "Parameter", "Step", "UndecidableError", "Variant"],
+    "causes": ["Cause", "Parameter", "Step", "Variant"],
     "engine": ["diagnose"],
     "held_out": ["Gain", "HeldOut", "Metric"],
-    "model": ["Model"],
+    "model": ["Model", "UndecidableError"],
     "verdict": ["CandidateCause", "ProposedMeasurement", "Verdict"],
 }
 

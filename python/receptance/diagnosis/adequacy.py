@@ -22,8 +22,6 @@ from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import prior_table
 from receptance.report.table import amount
 
-__all__ = ["Adequacy", "MisfitBand", "Strain", "judge", "misfit_limit"]
-
 
 @dataclass(frozen=True)
 class MisfitBand:

@@ -39,23 +39,6 @@ from receptance.model.coordinates import Coordinate
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = [
-    "MENU",
-    "DirectMeasurement",
-    "DiscriminatingMeasurement",
-    "Hypothesis",
-    "Hypothetical",
-    "MenuItem",
-    "SimulatedMeasurement",
-    "advise",
-    "assembly_again",
-    "at_the_nose",
-    "holder_alone",
-    "other_force",
-    "other_overhang",
-    "tool_alone",
-]
-
 _QUANTITY = 1e3
 """Increase of chi-square by a wrong quantity where a known mass is measured."""
 _RESOLUTION = 1e-3

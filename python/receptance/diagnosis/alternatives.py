@@ -11,14 +11,12 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from receptance.diagnosis.boundary_causes import RESONATOR_PARAMETERS, resonances
-from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, with_points
+from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.model import Model, UndecidableError, with_points
 from receptance.diagnosis.thresholds import ALTERNATIVE_PLACES, SOFT_LENGTH, TAPER_CYLINDERS
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import PointMass
-
-__all__ = ["ALTERNATIVES"]
 
 
 def _tip(model: Model) -> str:

@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.diagnosis.causes import IndescribableError
 from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
@@ -32,8 +31,6 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
-
-__all__ = ["Ensemble", "Target", "extension"]
 
 
 @dataclass(frozen=True, eq=False)

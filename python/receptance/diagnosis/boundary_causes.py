@@ -10,15 +10,13 @@ from typing import Literal
 
 import numpy as np
 
-from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, named_elements, require_beams, require_no_table
+from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.model import Model, UndecidableError, named_elements, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.identification.unknowns import Move, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.joints import GroundSpring, Resonator
 from receptance.model.terminals import ModalPart
-
-__all__ = ["BOUNDARY_CAUSES", "RESONATOR_PARAMETERS", "resonances"]
 
 _STIFFNESSES = ("k_y", "k_theta", "k_ytheta")
 _SPRING_FIELDS = (*_STIFFNESSES, "c_y", "c_theta", "c_ytheta")

@@ -24,18 +24,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.observations import Observation
 
-__all__ = [
-    "Bias",
-    "Curve",
-    "ModeResidual",
-    "bias_of",
-    "curve_of",
-    "curves",
-    "modes_of",
-    "residuals_by_mode",
-    "slenderness_of",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Curve:

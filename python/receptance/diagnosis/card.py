@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
-__all__ = ["alternatives", "beyond_chance", "effect", "facts", "key_figures", "next_step"]
-
 _PARAMETERS = 8
 """Rows of parameters in the table of the effect; the result has all of them."""
 _MOST_LINES = 30

@@ -11,8 +11,6 @@ from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.part_causes import PART_CAUSES
 
-__all__ = ["CATALOGUE", "resolve_causes"]
-
 CATALOGUE: Mapping[str, Cause] = MappingProxyType(
     {cause.id: cause for cause in (*JOINT_CAUSES, *PART_CAUSES, *BOUNDARY_CAUSES, *MEASUREMENT_CAUSES)}
 )

@@ -11,21 +11,6 @@ from receptance import _checks
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
 from receptance.identification.unknowns import Move, Prior, Unknown
 
-__all__ = [
-    "Cause",
-    "CauseMove",
-    "CauseUnknown",
-    "Group",
-    "IndescribableError",
-    "Parameter",
-    "Step",
-    "UndecidableError",
-    "Variant",
-    "extend",
-    "parameters_of",
-    "transfer",
-]
-
 Group = Literal["structure", "measurement"]
 
 

@@ -51,8 +51,6 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 
-__all__ = ["Discrepancy", "DiscrepancyFit", "fit_discrepancy", "resonant"]
-
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 """Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
 

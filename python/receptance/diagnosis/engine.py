@@ -42,8 +42,6 @@ from receptance.identification.from_frf import UNUSED_COHERENCE
 from receptance.identification.observations import MeasuredFrequencies, Observation
 from receptance.identification.unknowns import Tolerance, Unknowns, as_unknowns
 
-__all__ = ["diagnose"]
-
 _FAST = (
     "fast diagnosis: configurations were not left out in turn, changes that imitate a cause were not fitted, and no "
     "discrepancy was estimated; diagnose without --fast before you rely on the cause"

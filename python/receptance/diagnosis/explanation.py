@@ -13,8 +13,6 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
 
-__all__ = ["Explanation", "Selection", "behind_limit", "best_of_each"]
-
 
 @dataclass(frozen=True, eq=False)
 class Explanation:

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from receptance.diagnosis import Verdict
     from receptance.diagnosis.by_mode import Curve
 
-__all__ = ["curve_figure", "draw_diagnosis", "evidence_figure", "frequencies_figure"]
-
 _CANDIDATES = 14
 _NAME = 26
 """Characters in a line of the name of a cause."""

@@ -43,9 +43,6 @@ if TYPE_CHECKING:
 
     from receptance.identification.problem import End, Problem, Task
 
-__all__ = ["Exploration", "Fit", "evaluate", "explore", "fit_base", "in_parallel", "refit", "with_null"]
-
-
 _MODE = re.compile(r".+\.mode\[\d+\]\.frequency_hz")
 """Address of the natural frequency of a mode of a terminal."""
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from receptance._peaks import nearest_peak
 from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
-from receptance.diagnosis.causes import IndescribableError, parameters_of, transfer
+from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, in_parallel, refit
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
@@ -29,23 +29,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.model.assembly import Assembly
-
-__all__ = [
-    "FREQUENCIES",
-    "SCORE",
-    "SPECTRAL",
-    "Gain",
-    "HeldOut",
-    "Improvement",
-    "Metric",
-    "PosteriorPrediction",
-    "count_folds",
-    "cross_validate",
-    "gain_of",
-    "improvement",
-    "metrics_of",
-    "select_without",
-]
 
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"

@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from receptance.diagnosis.by_mode import Curve, curve_of
-from receptance.diagnosis.causes import IndescribableError, transfer
+from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.held_out import PosteriorPrediction, without
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import IndescribableError, Model
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import InfeasibleError
@@ -18,8 +18,6 @@ from receptance.identification.problem import InfeasibleError
 if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation
     from receptance.diagnosis.verdict import Verdict
-
-__all__ = ["held_out_curves"]
 
 
 def held_out_curves(verdict: Verdict, most: int = 4) -> list[tuple[Curve, Curve | None]]:

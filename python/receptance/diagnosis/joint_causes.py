@@ -8,8 +8,16 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from receptance.diagnosis.causes import Cause, IndescribableError, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Anatomy, Model, named_elements, part_of, require_beams
+from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.model import (
+    Anatomy,
+    IndescribableError,
+    Model,
+    UndecidableError,
+    named_elements,
+    part_of,
+    require_beams,
+)
 from receptance.diagnosis.thresholds import (
     COLLET_GYRATION,
     COLLET_SHAPE,
@@ -24,8 +32,6 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
-
-__all__ = ["JOINT_CAUSES", "overhang_of"]
 
 _Placed = TypeVar("_Placed", bound=Coordinate | PointMass | GroundSpring | Resonator)
 _STIFFNESSES = ("k_y", "k_theta")

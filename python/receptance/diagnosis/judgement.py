@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from receptance.diagnosis.held_out import Gain
     from receptance.diagnosis.verdict import Answer
 
-__all__ = ["Judgement", "conclude", "doubt_prediction"]
-
 
 @dataclass(frozen=True, eq=False)
 class Judgement:

@@ -13,9 +13,6 @@ from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISI
 from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.model.coordinates import Coordinate
 
-__all__ = ["on_few_lines", "select_lines", "thin"]
-
-
 _Key = tuple[str, Coordinate, Coordinate, bytes]
 """Configuration, response, excitation and lines of a receptance."""
 

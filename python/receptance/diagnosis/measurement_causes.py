@@ -11,8 +11,8 @@ from typing import Literal, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
-from receptance.diagnosis.model import Model, require_beams, require_no_table, with_points
+from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.model import Model, UndecidableError, require_beams, require_no_table, with_points
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
@@ -32,8 +32,6 @@ from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
 from receptance.units import FORMS
-
-__all__ = ["MEASUREMENT_CAUSES", "truncation_time"]
 
 _NOT_COMPLEX = "which has no values at the complex frequencies of a window: describe that part by modes"
 _TIMES = {1: "once", 2: "twice"}

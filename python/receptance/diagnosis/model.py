@@ -18,21 +18,6 @@ from receptance.model.beams import Part, SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import Terminal
 
-__all__ = [
-    "DATA_HOLDER",
-    "TABLE",
-    "Anatomy",
-    "IndescribableError",
-    "Model",
-    "UndecidableError",
-    "named_elements",
-    "part_of",
-    "places_on",
-    "require_beams",
-    "require_no_table",
-    "with_points",
-]
-
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 

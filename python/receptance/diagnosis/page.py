@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from receptance.diagnosis import Verdict
     from receptance.report.table import Cell
 
-__all__ = ["diagnosis_page"]
-
 _RECORDS = 12
 """Number of records that are drawn, those with the largest residuals first: a page of about 1 MB at most."""
 

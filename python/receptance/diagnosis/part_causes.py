@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
-from receptance.diagnosis.causes import Cause, Parameter, UndecidableError, Variant
+from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.joint_causes import overhang_of
-from receptance.diagnosis.model import Model, places_on, require_beams
+from receptance.diagnosis.model import Model, UndecidableError, places_on, require_beams
 from receptance.diagnosis.thresholds import (
     DRAWING,
     FLUTE_ROOM,
@@ -29,8 +29,6 @@ from receptance.model.addresses import edges_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import PointMass
-
-__all__ = ["PART_CAUSES", "TOOL_MATERIALS", "ToolMaterial"]
 
 
 def _parts(model: Model, side: str) -> tuple[str, ...]:

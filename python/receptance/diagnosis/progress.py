@@ -6,8 +6,6 @@ from collections import deque
 from collections.abc import Callable
 from time import perf_counter
 
-__all__ = ["Progress"]
-
 _EXPECTED = {"base": 1, "causes": 60, "together": 18, "alternatives": 25, "held out": 0}
 """Steps of each stage until their number is known."""
 _RECENT = 15

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.diagnosis.adequacy import judge
-from receptance.diagnosis.causes import Cause, Parameter, Step, UndecidableError, Variant, parameters_of
+from receptance.diagnosis.causes import Cause, Parameter, Step, Variant, parameters_of
 from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import (
     CHANCE_DRAWS,
@@ -28,8 +29,6 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.identification.covariance import square_root
 from receptance.identification.observations import MeasuredFRF
-
-__all__ = ["Direction", "detection_threshold", "directions", "in_common_basis", "list_variants", "look_alike", "rank"]
 
 
 @dataclass(frozen=True, eq=False)

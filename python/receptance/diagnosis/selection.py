@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
-from receptance.diagnosis.causes import Cause, Step, UndecidableError, extend
+from receptance.diagnosis.causes import Cause, Step, extend
 from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import (
@@ -24,7 +24,7 @@ from receptance.diagnosis.fitting import (
     refit,
     with_null,
 )
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import (
     Direction,
@@ -54,8 +54,6 @@ from receptance.diagnosis.thresholds import (
     VARIANTS_AGAIN,
 )
 from receptance.errors import ReceptanceError
-
-__all__ = ["Search", "select"]
 
 _T = TypeVar("_T")
 

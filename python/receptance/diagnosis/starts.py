@@ -20,8 +20,6 @@ from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEV
 from receptance.identification.observations import Observation
 from receptance.identification.unknowns import Law
 
-__all__ = ["fit_again", "fit_levels", "has_levels", "starts_from_singles", "starts_of"]
-
 
 def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
     """Return starting values for fits of a cause: null and the linear estimate, then large sizes of either sign.

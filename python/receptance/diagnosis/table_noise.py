@@ -33,8 +33,6 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.terminals import RESIDUALS, MeasuredPart
 
-__all__ = ["with_table_noise"]
-
 
 def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
     """Return the model with records whose variance includes the errors of their table, and notes.

@@ -25,8 +25,6 @@ from receptance.identification.observations import Observation
 from receptance.identification.problem import InfeasibleError, Observed, slopes_at
 from receptance.model.assembly import Assembly
 
-__all__ = ["slopes_of"]
-
 _ROUNDING = 1e-12
 """Relative difference of two values of a parameter that are the same."""
 

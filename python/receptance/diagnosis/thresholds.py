@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-__all__: list[str] = []
-
 # Lines of measured receptances.
 
 NOISIEST_LINE = 0.12

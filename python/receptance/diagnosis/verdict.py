@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
-__all__ = ["Answer", "CandidateCause", "ProposedMeasurement", "Verdict"]
-
 _SHOWN = 6
 """Natural frequencies in the table; `to_dict` has all of them."""
 

@@ -14,24 +14,6 @@ if TYPE_CHECKING:
     from receptance.diagnosis.held_out import Gain
     from receptance.diagnosis.verdict import CandidateCause, Verdict
 
-__all__ = [
-    "capital",
-    "deviation_factor",
-    "implausible",
-    "improvement_interval",
-    "metric",
-    "names",
-    "odds",
-    "place",
-    "residual",
-    "sentence",
-    "share",
-    "sizes",
-    "title_of",
-    "veto",
-    "where",
-]
-
 SENTENCE = {
     "adequate": "Noise, floor and tolerances explain the residuals.",
     "undecided": "The model cannot be judged: too few degrees of freedom are left.",
