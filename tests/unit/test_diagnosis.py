@@ -448,7 +448,7 @@ def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
 
 
 def test_invalid_input_is_an_error() -> None:
-    with pytest.raises(ValueError, match="no cause 'gremlins'"):
+    with pytest.raises(ValueError, match='no cause "gremlins"'):
         diagnose(make_observations(), JOINT, causes=["gremlins"])
     bare = MeasuredFRF(
         assembly=make_assembly(0.05), frequency_hz=LINES, receptance=make_assembly(0.05).receptance(LINES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
+from receptance._text import instead_of, shown
 from receptance.diagnosis.boundary_causes import BOUNDARY_CAUSES
 from receptance.diagnosis.causes import Cause
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
@@ -30,7 +31,7 @@ def resolve_causes(causes: Iterable[Cause | str] | None) -> tuple[Cause, ...]:
     found: dict[str, Cause] = {}
     for one in [causes] if isinstance(causes, (Cause, str)) else causes:
         if isinstance(one, str) and one not in CATALOGUE:
-            raise ValueError(f"there is no cause {one!r}; the catalogue has {', '.join(CATALOGUE)}")
+            raise ValueError(f"there is no cause {shown(one)}{instead_of(one, CATALOGUE)}")
         cause = CATALOGUE[one] if isinstance(one, str) else one
         if not isinstance(cause, Cause):
             raise TypeError(f"causes has {one!r}, expected a Cause or the id of one")

@@ -101,7 +101,7 @@ def curve_figure(before: Curve, after: Curve | None) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     _draw_receptance(upper, before, after)
     upper.set_xlabel("")
-    set_up(lower, "", "frequency [Hz]", "model / measured [dB]")
+    set_up(lower, "", "frequency (Hz)", "model / measured (dB)")
     for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
         if curve is not None:
             ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
@@ -125,7 +125,7 @@ def evidence_figure(verdict: Verdict) -> Figure:
 
 
 def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
-    set_up(axes, before.label or before.configuration, "frequency [Hz]", "receptance [m/N]")
+    set_up(axes, before.label or before.configuration, "frequency (Hz)", "receptance (m/N)")
     axes.plot(*_with_gaps(before.frequency_hz, before.measured), color=PALE, lw=3.0, label="measured")
     given = _with_gaps(before.frequency_hz, before.modelled)
     axes.plot(*given, color=COLOURS[1], lw=1.0, ls="--", label="model before" if after is not None else "model")
@@ -146,7 +146,7 @@ def _with_gaps(
 
 
 def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve]) -> None:
-    set_up(axes, "Natural frequencies", "measured [Hz]", "modelled less measured [%]")
+    set_up(axes, "Natural frequencies", "measured (Hz)", "modelled less measured (%)")
     for curves, colour, marker, label in (
         (before, COLOURS[1], "o", "before" if after else "model"),
         (after, COLOURS[2], "s", "after"),
