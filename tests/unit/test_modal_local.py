@@ -153,6 +153,14 @@ def test_circle_warns_of_a_short_arc():
         circle_fit(frf)
 
 
+def test_circle_refuses_a_straight_line():
+    f = np.arange(700.0, 900.0, 4.0)
+    undamped = 1.0 / ((2.0 * np.pi * 801.0) ** 2 - (2.0 * np.pi * f) ** 2)
+    for turn in (1.0, np.exp(0.3j)):
+        with pytest.raises(ValueError, match="straight line in the complex plane"):
+            circle_fit(FRF(frequency_hz=f, values=turn * undamped + 0j))
+
+
 def test_peaks_between_lines_and_of_several_modes():
     f = np.arange(10.0, 1000.0, 2.0)
     modes = [101.1, 333.4, 700.7]

@@ -26,7 +26,7 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import diagnose
-from receptance.diagnosis.by_mode import curves, residuals_by_mode
+from receptance.diagnosis.by_mode import Curve, curves, modes_of, residuals_by_mode
 from receptance.report.table import amount
 
 SEED = 20261122
@@ -93,6 +93,29 @@ def test_mode_deviation_by_the_sensor(verdict: Any) -> None:
 def test_curves_are_those_of_the_fitted_models(verdict: Any) -> None:
     for one, assembly in zip(curves(verdict.selection.base)[:3], verdict.base.assemblies, strict=False):
         np.testing.assert_allclose(one.modelled, assembly.receptance(one.frequency_hz), rtol=1e-6)
+
+
+def test_noise_in_an_antiresonance_is_no_mode() -> None:
+    lines = np.arange(200.0, 6400.0, 4.0)
+    bar = Assembly([Part([Segment(length=0.15, outer_diameter=0.012, material=CARBIDE)], name="bar")])
+    clean = bar.receptance(lines)
+    dip = int(np.argmin(np.abs(clean)))
+    noisy = clean.copy()
+    noisy[dip] *= 30.0
+    deviation = 0.002 * np.median(np.abs(clean)) / np.abs(clean)
+    for values, spread in ((noisy, 0.05), (noisy, 1.0), (clean, 0.05)):
+        one = MeasuredFRF(
+            assembly=bar,
+            frequency_hz=lines,
+            receptance=values,
+            standard_deviation=np.where(np.arange(lines.size) == dip, spread, np.minimum(deviation, 0.05)),
+        )
+        curve = Curve("bar", "bar", lines, values, clean, np.zeros((2, lines.size)))
+        measured = [mode.measured_hz for mode in modes_of(one, curve)]
+        near = [hz for hz in measured if abs(hz - lines[dip]) < 20.0]
+        # A clear peak with little noise is a mode that the model does not have.
+        assert bool(near) == (values is noisy and spread < 0.1)
+        assert len(measured) - len(near) == 1
 
 
 def test_page_is_complete(page: str, verdict: Any) -> None:

@@ -13,7 +13,14 @@ import numpy as np
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.thresholds import BIAS_CHANCE, BIAS_CONFIGURATIONS, CIRCLE_WIDTHS, LEAST_BIAS, SAME_MODE
+from receptance.diagnosis.thresholds import (
+    BIAS_CHANCE,
+    BIAS_CONFIGURATIONS,
+    CIRCLE_WIDTHS,
+    LEAST_BIAS,
+    NOISIEST_LINE,
+    SAME_MODE,
+)
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
@@ -160,7 +167,7 @@ class _Record:
     standard_deviation: NDArray[np.float64] | None
 
     def modes(self) -> tuple[ModeEstimate, ...]:
-        """Return its modes."""
+        """Return its modes, without peaks of noise."""
         with warnings.catch_warnings():
             # Warnings on drive points were given when the data were read.
             warnings.simplefilter("ignore", ReceptanceWarning)
@@ -170,7 +177,12 @@ class _Record:
                 decay_rate=self.decay_rate,
                 log_variance=None if self.standard_deviation is None else np.square(self.standard_deviation),
             )
-            return _modes(frf)
+            found = _modes(frf)
+        if self.standard_deviation is None:
+            return found
+        # In an antiresonance peaks are noise.
+        noise = np.interp([one.frequency_hz for one in found], self.frequency_hz, self.standard_deviation)
+        return tuple(one for one, own in zip(found, noise, strict=True) if own <= NOISIEST_LINE)
 
     @cached_property
     def _key(self) -> tuple[float, tuple[bytes, ...]]:

@@ -549,7 +549,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     Raises
     ------
     TypeError, ValueError
-        Several responses or excitations, fewer than five lines, or no peak inside the band.
+        Several responses or excitations, fewer than five lines, no peak inside the band, or no damping.
 
     References
     ----------
@@ -576,6 +576,11 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         raise ValueError(
             f"{owner}: the variance of fewer than {_FEWEST} lines around the peak at "
             f"{lines.frequency_hz[peak]:g} Hz is finite"
+        )
+    if _is_straight(mobility[part]):
+        raise ValueError(
+            f"{owner}: the lines around the peak at {lines.frequency_hz[peak]:g} Hz are on a straight line in the "
+            "complex plane, as without damping, expected an arc of a circle; find_peaks estimates the frequency"
         )
     centre, _ = _taubin(mobility[part])
     start = _first_pole(lines.frequency_hz[part], mobility[part], centre) + frf.decay_rate
@@ -640,6 +645,13 @@ def _first_pole(f: NDArray[np.float64], z: NDArray[np.complex128], centre: compl
     ratio = complex(a / b)
     least = float(np.min(np.diff(w)))
     return complex(-max(abs(ratio.imag), 1e-3 * least), middle - ratio.real)
+
+
+def _is_straight(z: NDArray[np.complex128]) -> bool:
+    """Return whether points are on a straight line."""
+    points = z - z.mean()
+    long, short = np.linalg.svd(np.stack([points.real, points.imag]), compute_uv=False)
+    return bool(short <= 1e-12 * long)
 
 
 def _taubin(z: NDArray[np.complex128]) -> tuple[complex, float]:
