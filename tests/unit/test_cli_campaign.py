@@ -243,7 +243,7 @@ def test_campaign_without_unknowns_is_predicted_from_given_values(monkeypatch: p
 @pytest.mark.parametrize(
     ("edit", "arguments", "words"),
     [
-        (None, ["identify", "campain.toml"], "there is no campaign file campain.toml; did you mean campaign.toml?"),
+        (None, ["identify", "campain.toml"], "file or folder campain.toml; did you mean campaign.toml?"),
         (None, ["identify"], "CAMPAIGN"),
         (None, ["identify", "campaign.toml", "--jsn", "a"], "--jsn"),
         (None, ["identify", ".", "--json", "campaign.toml"], "--json names campaign.toml, which is the campaign"),
@@ -256,7 +256,7 @@ def test_campaign_without_unknowns_is_predicted_from_given_values(monkeypatch: p
         (('"10000 Hz"]', '"10000 Hz"]\nmodes = [1]'), ["identify", "."], "there are 1 modes for 2 frequencies"),
         (('["2500 Hz", "10000 Hz"]', '["2500 Hz"]'), ["identify", "."], "2 unknowns but only 1 observed"),
         (('standard_deviation = "2 Hz"', 'role = "hold out"'), ["identify", "."], "no measurement for identification"),
-        (None, ["example", "er33"], "there is no example 'er33', expected one of er32"),
+        (None, ["example", "er33"], 'there is no example "er33", expected one of "er32"'),
         (None, ["example", "er32", "campaign.toml"], "cannot write to campaign.toml: it is a file"),
         (None, ["example", "er32", "."], "campaign.toml exists already; choose another folder"),
         (None, ["example"], "no example given, expected one of er32"),

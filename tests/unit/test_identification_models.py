@@ -214,7 +214,7 @@ def test_records_of_one_model_share_its_evaluation(monkeypatch):
 def test_subsets_of_lines():
     task = everything()
     lines = [np.arange(0, LINES.size, 3), None, np.arange(100), None]
-    some = task.problem(lines)
+    some = task.problem([one.select(own) for one, own in zip(task.observed, lines, strict=True)])
     whole, x = task.problem(), near(task)
     kept = [np.r_[chosen, LINES.size + chosen] for chosen in (lines[0], np.arange(LINES.size), lines[2])]
     begins = np.cumsum([0, *whole.sizes, len(TOLERANCES) + 1 + 4])
