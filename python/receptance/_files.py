@@ -32,7 +32,10 @@ def not_found(what: str, path: Path, otherwise: str = "") -> FileNotFoundError:
     folder = path.parent
     if not folder.is_dir():
         return FileNotFoundError(f"there is no folder {folder}")
-    near = difflib.get_close_matches(path.name, [one.name for one in folder.iterdir()], n=1)
+    names: list[str] = []
+    with contextlib.suppress(OSError):  # a folder whose names may not be read
+        names = [one.name for one in folder.iterdir() if one.name != path.name]
+    near = difflib.get_close_matches(path.name, names, n=1)
     hint = f"did you mean {folder / near[0]}?" if near else otherwise
     return FileNotFoundError(f"there is no {what} {path}{'; ' if hint else ''}{hint}")
 

@@ -180,7 +180,7 @@ def test_tolerances_of_an_assembly(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "is empty, expected a campaign; `receptance new DIR FILES` writes one"),
+        (b"# a comment\n", "no tables in the file, expected a campaign; `receptance new DIR FILES` writes one"),
         (b"a = [\n", "is not TOML"),
         (b"a = 1\na = 2\n", "line 2: is not TOML: Cannot overwrite a value"),
         (b"a = \xff\n", "byte 4 is not UTF-8"),

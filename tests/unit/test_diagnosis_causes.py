@@ -275,13 +275,13 @@ def test_results_are_in_the_order_of_the_fits() -> None:
 
 def test_fits_in_the_background_end_after_an_interrupt() -> None:
     """Signals reach the main thread alone, so that fits in other threads need a flag of their own."""
-    problem, begun, ended = MODEL.problem, threading.Event(), threading.Event()
+    problem, begun, ended, enough = MODEL.problem, threading.Event(), threading.Event(), threading.Event()
     start = problem.variables.start + 0.3
 
     def endless() -> None:
         begun.set()
         try:
-            while True:
+            while not enough.is_set():
                 problem.fit_one(start)
         finally:
             ended.set()
@@ -292,7 +292,9 @@ def test_fits_in_the_background_end_after_an_interrupt() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         list(in_parallel([interrupted, endless], 2))
-    assert ended.wait(10.0), "the fit goes on"
+    went_on = not ended.wait(10.0)
+    enough.set()
+    assert not went_on, "the fit goes on"
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,9 @@ from receptance import (
 )
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import Curve, curves, modes_of, residuals_by_mode
+from receptance.diagnosis.discrepancy import Discrepancy
+from receptance.diagnosis.fitting import evaluate
+from receptance.diagnosis.model import Model
 from receptance.report.table import amount
 
 SEED = 20261122
@@ -116,6 +119,22 @@ def test_noise_in_an_antiresonance_is_no_mode() -> None:
         # A clear peak with little noise is a mode that the model does not have.
         assert bool(near) == (values is noisy and spread < 0.1)
         assert len(measured) - len(near) == 1
+
+
+def test_modes_are_listed_beside_a_discrepancy() -> None:
+    """A discrepancy enlarges the deviations of lines at resonances, which are modes nevertheless."""
+    lines = np.arange(200.0, 6400.0, 4.0)
+    bar = Assembly([Part([Segment(length=0.15, outer_diameter=0.012, material=CARBIDE)], name="bar")])
+    one = MeasuredFRF(
+        assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines), standard_deviation=0.01, label="bar"
+    )
+    loss = Unknown(address="bar.segment[0].loss_factor", lower=1e-6, upper=0.3, start=1e-3)
+    model = Model((one,), (loss,), ())
+    allowed = Discrepancy(frequency=0.01, relative=0.05).allow(model)
+    assert np.max(allowed.observations[0].standard_deviations) > 0.5
+    found = [[mode.measured_hz for mode in residuals_by_mode(evaluate(each, {}))] for each in (model, allowed)]
+    assert len(found[0]) == 1
+    assert found[0] == pytest.approx(found[1], rel=1e-4)
 
 
 def test_page_is_complete(page: str, verdict: Any) -> None:

@@ -180,7 +180,7 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         what = str(error).partition(" (at line")[0]
         where = f" (column {match[2]})" if match else ""
         text = f"is not TOML: {what}{where}"
-        if "Illegal character '\\n'" in what:
+        if "'\\n'" in what or what.startswith('Expected "\'"'):
             text += "; the closing quotation mark is missing"
         if file.suffix.lower() != ".toml":
             text += f"; expected a campaign, such as {FILE}. `receptance show {file}` shows a measurement file"
@@ -192,7 +192,8 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         raise CampaignError.about(file, f"the file cannot be read: {str(error).partition(';')[0]}") from None
     if not data:
         raise CampaignError.about(
-            file, "the file is empty, expected a campaign; `receptance new DIR FILES` writes one for measurement files"
+            file,
+            "no tables in the file, expected a campaign; `receptance new DIR FILES` writes one for measurement files",
         )
     try:
         lines = lines_of(text)

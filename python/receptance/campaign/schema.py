@@ -74,7 +74,7 @@ class SchemaTable(BaseModel):
 
     @classmethod
     def model_json_schema(cls, *given: Any, **options: Any) -> dict[str, Any]:
-        """Return the JSON schema; before version 2.12 pydantic does not build the tables that are defaults in it."""
+        """Return the JSON schema. All tables are built first, which pydantic before version 2.12 does not do."""
         cls.model_rebuild()
         _build(SchemaTable)
         return super().model_json_schema(*given, **options)
@@ -832,7 +832,7 @@ class CatalogueTable(SchemaTable):
     """file with the receptances of a spindle behind the machine: from `write_spindle`, or FRFs"""
     joint: Annotated[str, name_of("joints")] | None = None
     """name of the joint between tool and holder, for rows that name none"""
-    tolerance: CatalogueSpread = CatalogueSpread()
+    tolerance: CatalogueSpread = CatalogueSpread.default()
     """standard deviations of the dimensions of tools"""
 
 

@@ -118,7 +118,8 @@ class Catalogue:
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
         inherited = self.campaign.inherited_tolerances(assembly, parts)
-        return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), (*inherited, *self.errors))
+        by_name = {one.name: one for one in (*inherited, *self.errors)}
+        return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), tuple(by_name.values()))
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
         """Return the fluted part and the shank of a tool, and the standard deviations of their dimensions."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.diagnosis.discrepancy import in_antiresonance
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model
@@ -180,9 +181,11 @@ class _Record:
             found = _modes(frf)
         if self.standard_deviation is None:
             return found
-        # In an antiresonance peaks are noise.
-        noise = np.interp([one.frequency_hz for one in found], self.frequency_hz, self.standard_deviation)
-        return tuple(one for one, own in zip(found, noise, strict=True) if own <= NOISIEST_LINE)
+        # A peak within an antiresonance may be noise. At a resonance a large deviation is that of a discrepancy.
+        is_noisy = self.standard_deviation > NOISIEST_LINE
+        is_noise = is_noisy & in_antiresonance(self.frequency_hz, np.abs(self.values))
+        nearest = [int(np.argmin(np.abs(self.frequency_hz - one.frequency_hz))) for one in found]
+        return tuple(one for one, line in zip(found, nearest, strict=True) if not is_noise[line])
 
     @cached_property
     def _key(self) -> tuple[float, tuple[bytes, ...]]:

@@ -137,14 +137,15 @@ def resonant(model: Model) -> Model:
     """Return the model on few lines of each receptance, without those of antiresonances."""
 
     def select(one: Observation) -> Observation:
-        return one.select(~_in_dip(one)) if isinstance(one, MeasuredFRF) else one
+        if not isinstance(one, MeasuredFRF):
+            return one
+        return one.select(~in_antiresonance(one.frequency_hz.real, np.abs(one.receptance)))
 
     return thin(model.map(select), DISCREPANCY_LINES)
 
 
-def _in_dip(one: MeasuredFRF) -> NDArray[np.bool_]:
-    """Return the lines with much larger receptances on both sides nearby."""
-    lines, size = one.frequency_hz.real, np.abs(one.receptance)
+def in_antiresonance(lines: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether lines in Hz have much larger receptances on both sides nearby, from their magnitudes."""
     low, high = (np.searchsorted(lines, lines * (1.0 + width)) for width in (-DIP_WIDTH, DIP_WIDTH))
     deep = [
         min(size[i : k + 1].max(), size[k:j].max()) > DIP_RATIO * own

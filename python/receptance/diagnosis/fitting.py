@@ -289,8 +289,7 @@ def explore(model: Model, starts: Sequence[Sequence[Mapping[str, float]]]) -> Ex
     model : Model
         The model.
     starts : sequence of sequence of mapping of str to float
-        Groups of starts, each as in `refit`. The fits from a group are not needed where one from those before is
-        adequate.
+        Groups of starts, each as in `refit`. A group is fitted only if no fit of the groups before it is adequate.
     """
     problem = _problem_on_few_lines(model)
     adequate = 0.5 * MISFIT_LIMIT * _expected_on_few_lines(model)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,13 +108,10 @@ def on_few_lines(model: Model, lines: int = EXPLORING_LINES) -> tuple[Observatio
     # Models that differ in their unknowns share them.
     while model.shorter is not None and model.shorter.observations is model.observations:
         model = model.shorter
-    return _on_few_lines(model, lines)
-
-
-@lru_cache(maxsize=16)
-def _on_few_lines(model: Model, lines: int) -> tuple[Observation, ...]:
-    chosen = _informative_lines(model, lines)
-    return tuple(one.select(own) for one, own in zip(model.observations, chosen, strict=True))
+    if lines not in model.on_few_lines:
+        pairs = zip(model.observations, _informative_lines(model, lines), strict=True)
+        model.on_few_lines[lines] = tuple(one.select(own) for one, own in pairs)
+    return model.on_few_lines[lines]
 
 
 def thin(model: Model, lines: int = EXPLORING_LINES) -> Model:

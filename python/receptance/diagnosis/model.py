@@ -116,6 +116,11 @@ class Model:
         return self.task.problem()
 
     @cached_property
+    def on_few_lines(self) -> dict[int, tuple[Observation, ...]]:
+        """Observations on the most informative lines, by their number; `line_selection.on_few_lines` adds them."""
+        return {}
+
+    @cached_property
     def _places_in_laws(self) -> list[Site]:
         return [one.site(i) for i, one in enumerate(self.observations)]
 
