@@ -67,6 +67,15 @@ def test_mistakes_of_tools(tmp_path: Path, old: str, new: str, words: str) -> No
     assert words in str(error.value)
 
 
+def test_a_given_error_replaces_that_of_the_campaign(machine: Any) -> None:
+    plain = Catalogue(machine)
+    stated = plain.assemble(plain.tools[0]).tolerances
+    wider = replace(stated[0], moves={address: 2.0 * size for address, size in stated[0].moves.items()})
+    found = Catalogue(machine, errors=[wider]).assemble(plain.tools[0]).tolerances
+    assert [one.name for one in found] == [one.name for one in stated]
+    assert found[0] == wider
+
+
 def test_several_mistakes_come_together(tmp_path: Path) -> None:
     text = TOOLS.replace("T1,er32", "T1,er23").replace("T3,er32", "T3,er33")
     with pytest.raises(CampaignError, match="2 mistakes"):
