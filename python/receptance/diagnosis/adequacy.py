@@ -236,9 +236,12 @@ def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _worst(one: MeasuredFRF, pair: NDArray[np.float64]) -> MisfitBand:
-    lines = np.array_split(np.arange(pair.shape[1]), min(MISFIT_BANDS, pair.shape[1]))
-    expected = 1.0 / one.correlated_lines
-    sizes = [float(np.mean(pair[:, own] ** 2) / np.mean(expected[own])) for own in lines]
+    count = pair.shape[1]
+    bands = np.arange(min(MISFIT_BANDS, count) + 1)
+    length, longer = divmod(count, len(bands) - 1)
+    edges = length * bands + np.minimum(bands, longer)
+    squares = np.add.reduceat(np.sum(pair**2, axis=0), edges[:-1])
+    sizes = squares / (2.0 * np.add.reduceat(1.0 / one.correlated_lines, edges[:-1]))
     at = int(np.argmax(sizes))
-    frequency = one.frequency_hz.real[lines[at]]
-    return MisfitBand(one.label or one.configuration, float(frequency[0]), float(frequency[-1]), sizes[at])
+    low, high = one.frequency_hz.real[[edges[at], edges[at + 1] - 1]]
+    return MisfitBand(one.label or one.configuration, float(low), float(high), float(sizes[at]))
