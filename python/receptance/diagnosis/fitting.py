@@ -237,40 +237,67 @@ def with_null(model: Model, fit: Fit) -> Fit:
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """End points of the starts of a model on few lines, the best one first.
+    """Ends of fits of a model to few lines, the best one first.
 
     Attributes
     ----------
     model : Model
         The model.
-    ends : tuple of (float, dict of str to float)
-        Chi-square and values of each different end point.
-    evaluations : int
-        Number of evaluations of all observations.
+    problem : Problem
+        Its residuals on few lines.
+    ends : tuple of End
+        The ends.
     """
 
     model: Model
-    ends: tuple[tuple[float, dict[str, float]], ...]
-    evaluations: int
+    problem: Problem
+    ends: tuple[End, ...]
+
+    @property
+    def evaluations(self) -> int:
+        """Number of evaluations of all observations."""
+        return self.problem.evaluations
 
     @property
     def chi_square(self) -> float:
         """Smallest chi-square on few lines."""
-        return self.ends[0][0] if self.ends else np.inf
+        return 2.0 * self.ends[0].cost if self.ends else np.inf
 
     @property
     def misfit(self) -> float:
         """Smallest chi-square on few lines divided by its expectation from noise and floor."""
         return self.chi_square / _expected_on_few_lines(self.model)
 
+    def go_on(self, starts: Sequence[Mapping[str, float]]) -> Exploration:
+        """Return it with the best ends fitted on, as far as they differ.
+
+        Further starts, each as in `refit`, are fitted first if no end is adequate.
+        """
+        adequate = 0.5 * MISFIT_LIMIT * _expected_on_few_lines(self.model)
+        short = list(self.ends)
+        if starts and not any(end.cost <= adequate for end in short):
+            short += _short_fits(self.model, self.problem, starts)
+        found: list[End] = []
+        for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
+            # A start that is far behind an adequate end is not needed.
+            is_behind = bool(found) and found[0].cost <= min(adequate, end.cost - 0.5 * BEHIND)
+            if not (end.converged or is_behind):
+                end = self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
+            found.append(end)
+        different: list[End] = []
+        for end in sorted(found, key=lambda end: end.cost):
+            if all(_differ(end.x, other.x, self.model.task) for other in different):
+                different.append(end)
+        return replace(self, ends=tuple(different))
+
     def finish(self) -> Fit | None:
         """Return the fit on all lines, the better one from the best end point and from another one nearly as good.
 
         None is returned where the model has no value on all lines.
         """
-        near = [values for cost, values in self.ends if cost < self.chi_square + SAME_END][:2]
+        near = [end for end in self.ends if 2.0 * end.cost < self.chi_square + SAME_END][:2]
         try:
-            fits = [refit(self.model, values) for values in near]
+            fits = [refit(self.model, self.problem.named(end.x)) for end in near]
         except ReceptanceError:
             return None
         evaluations = self.evaluations + sum(fit.evaluations for fit in fits)
@@ -278,40 +305,20 @@ class Exploration:
 
     def evaluate(self) -> Fit:
         """Return the model on all lines at the best end point of few lines, without a further fit."""
-        return evaluate(self.model, self.ends[0][1], evaluations=self.evaluations)
+        return evaluate(self.model, self.problem.named(self.ends[0].x), evaluations=self.evaluations)
 
 
-def explore(model: Model, starts: Sequence[Sequence[Mapping[str, float]]]) -> Exploration:
-    """Return the end points of fits on few lines.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    starts : sequence of sequence of mapping of str to float
-        Groups of starts, each as in `refit`. A group is fitted only if no fit of the groups before it is adequate.
-    """
+def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
+    """Return the ends of short fits to few lines from starts, each as in `refit`."""
     problem = _problem_on_few_lines(model)
-    adequate = 0.5 * MISFIT_LIMIT * _expected_on_few_lines(model)
-    short: list[End] = []
-    for group in starts:
-        vectors = np.array([_vector(model.task, values) for values in group]).reshape(len(group), -1)
-        short += [end for end in problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED) if np.isfinite(end.cost)]
-        if any(end.cost <= adequate for end in short):
-            break
-    found: list[tuple[float, NDArray[np.float64]]] = []
-    for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
-        # A start that is far behind an adequate end is not needed.
-        is_behind = bool(found) and found[0][0] <= 2.0 * min(adequate, end.cost - 0.5 * BEHIND)
-        if not (end.converged or is_behind):
-            end = problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
-        found.append((2.0 * end.cost, end.x))
-    found.sort(key=lambda pair: pair[0])
-    different: list[tuple[float, NDArray[np.float64]]] = []
-    for cost, x in found:
-        if all(_differ(x, other, model.task) for _, other in different):
-            different.append((cost, x))
-    return Exploration(model, tuple((cost, problem.named(x)) for cost, x in different), problem.evaluations)
+    ends = sorted(_short_fits(model, problem, starts), key=lambda end: end.cost)
+    return Exploration(model, problem, tuple(ends))
+
+
+def _short_fits(model: Model, problem: Problem, starts: Sequence[Mapping[str, float]]) -> list[End]:
+    vectors = np.array([_vector(model.task, values) for values in starts]).reshape(len(starts), -1)
+    ends = problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED)
+    return [end for end in ends if np.isfinite(end.cost)]
 
 
 _T = TypeVar("_T")

@@ -65,6 +65,11 @@ class Direction:
         """Number of its parameters; a secondary one with a prior is no more free than an error of a tolerance."""
         return sum(not (one.secondary and one.prior) for one in self.parameters.values())
 
+    @property
+    def proportional(self) -> bool:
+        """Whether a small effect is proportional to the parameters: none of them is secondary."""
+        return bool(self.parameters) and not any(one.secondary for one in self.parameters.values())
+
     @cached_property
     def basis(self) -> NDArray[np.float64]:
         """Orthonormal columns that span the slopes."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import TypeVar
 
 from receptance import _checks
+from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, extend
 from receptance.diagnosis.discrepancy import Discrepancy
@@ -177,8 +178,19 @@ class Search:
             seed=base.model.seed,
         )
         own.evaluations = base.evaluations + len(own.directions)
-        for one in self._fit((), base, rank(own.directions, own.penalty)):
-            own.add(one)
+        ranked = rank(own.directions, own.penalty)
+        # Effects on an adequate model are small, so that the linear prediction of an effect in proportion to the
+        # parameters is reliable.
+        least = own.threshold - MARGIN if judge(base).passed and beside is None else -math.inf
+        leading = _first_of_each(ranked)[:LEADING_CAUSES]
+        fitted = []
+        for one in ranked:
+            if one.proportional and one not in leading and one.predicted_evidence(own.penalty) < least:
+                own.add(self._predict((), base, one))
+            else:
+                fitted.append(one)
+        for explanation in self._fit((), base, fitted):
+            own.add(explanation)
 
     def refit_base(self) -> None:
         """Fit the base from the best explanation, and replace it if that fit is better."""
@@ -240,9 +252,9 @@ class Search:
                 groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
         titles = [_title((), one) for one in chosen]
-        explored = list(self._explore("causes", titles, chosen, starts))
-        near = [pair for pair in explored if pair[1].misfit <= SCREENING_LIMIT]
-        finished = list(_leading_causes(sorted(near, key=lambda pair: pair[1].chi_square)))
+        explored = dict(self._explore("causes", titles, chosen, starts, own.base.chi_square_on_few_lines))
+        near = [pair for pair in explored.items() if pair[1].misfit <= SCREENING_LIMIT]
+        finished = _first_causes(near, EVALUATED_ON_INTERRUPT)
         self._report.plan("causes", len(finished))
         titles = [f"{_title((), one)}, on all lines" for one, _ in finished]
         fits = [few.finish for _, few in finished]
@@ -389,8 +401,8 @@ class Search:
             # The joint of the best explanation is closer to the solution than that of an inadequate base.
             groups[-1] += [{**start, **best.fit.values} for start in groups[-1]]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
-        explored = list(self._explore("alternatives", titles, chosen, starts))
-        explored.sort(key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
+        found = dict(self._explore("alternatives", titles, chosen, starts, base.chi_square_on_few_lines))
+        explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
         leaders: dict[str, tuple[Direction, Exploration]] = {}
         for pair in explored:
@@ -440,23 +452,22 @@ class Search:
             for one in others:
                 yield self._predict(steps, root, one)
             return
-        explored: list[tuple[Direction, Exploration]] = []
+        explored: dict[Direction, Exploration] = {}
         try:
             singles = [[one.fit for one in own.singles if steps and one.steps[0] == each.step] for each in others]
             starts = [starts_of(each, root) for each in others]
             for groups, fits in zip(starts, singles, strict=True):
                 groups[0] += starts_from_singles(own.base, fits, root)
-            for pair in self._explore(stage, [_title(steps, each) for each in others], others, starts):
-                explored.append(pair)
-                leading, _ = min(explored, key=lambda pair: pair[1].chi_square)
+            titles = [_title(steps, each) for each in others]
+            for direction, few in self._explore(stage, titles, others, starts, root.chi_square_on_few_lines):
+                explored[direction] = few
+                leading = min(explored, key=lambda one: explored[one].chi_square)
                 self._report.leading = _title(steps, leading, variant=False)
         except KeyboardInterrupt:
-            explored.sort(key=lambda pair: pair[1].chi_square)
-            for direction, few in _leading_causes(explored):
+            for direction, few in _first_causes(explored.items(), EVALUATED_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
-        explored.sort(key=lambda pair: pair[1].chi_square)
-        yield from self._finish(steps, root, explored)
+        yield from self._finish(steps, root, sorted(explored.items(), key=lambda pair: pair[1].chi_square))
 
     def _explore(
         self,
@@ -464,13 +475,33 @@ class Search:
         titles: Sequence[str],
         chosen: Sequence[Direction],
         starts: Sequence[list[list[dict[str, float]]]],
+        without: float,
     ) -> Iterator[tuple[Direction, Exploration]]:
-        """Yield the variants with their fits on few lines, except those that have no value at any start."""
-        fits = [partial(explore, one.variant.model, own) for one, own in zip(chosen, starts, strict=True)]
+        """Yield the variants with their fits on few lines, except those that have no value at any start.
+
+        Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
+        unless it has fallen far behind an adequate one. `without` is chi-square on few lines without a cause; a fit
+        that is still above it has begun far from there.
+        """
+        found: list[tuple[Direction, Exploration]] = []
+        fits = [partial(explore, one.variant.model, own[0]) for one, own in zip(chosen, starts, strict=True)]
         for direction, few in zip(chosen, self._each(stage, titles, fits), strict=True):
             self.selection.evaluations += few.evaluations
+            found.append((direction, few))
             if few.ends:
                 yield direction, few
+        limit = math.inf
+        if any(few.misfit <= MISFIT_LIMIT for _, few in found):
+            limit = behind_limit(without, (few.chi_square for _, few in found))
+        leading = {direction for direction, _ in _first_causes(found, LEADING_CAUSES)}
+        near = [i for i, (one, few) in enumerate(found) if one in leading or not limit < few.chi_square <= without]
+        self._report.plan(stage, len(near))
+        fits = [partial(found[i][1].go_on, [one for group in starts[i][1:] for one in group]) for i in near]
+        before = [found[i][1].evaluations for i in near]
+        for i, count, few in zip(near, before, self._each(stage, [titles[i] for i in near], fits), strict=True):
+            self.selection.evaluations += few.evaluations - count
+            if few.ends:
+                yield found[i][0], few
 
     def _each(self, stage: str, titles: Sequence[str], fits: Sequence[Callable[[], _T]]) -> Iterator[_T]:
         """Yield the results of fits in their order, after a report of each."""
@@ -522,7 +553,9 @@ class Search:
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
         except KeyboardInterrupt:
-            for direction, few in _leading_causes(finished, done):
+            known = {direction.cause.id for direction, _ in finished[:done]}
+            rest = [pair for pair in finished[done:] if pair[0].cause.id not in known]
+            for direction, few in _first_causes(rest, EVALUATED_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 
@@ -552,16 +585,12 @@ def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
     return list(found.values())
 
 
-def _leading_causes(
-    explored: Sequence[tuple[Direction, Exploration]], done: int = 0
-) -> list[tuple[Direction, Exploration]]:
-    """Return the first variant of each cause that is not among the first `done` ones, and of few causes."""
-    known = {direction.cause.id for direction, _ in explored[:done]}
+def _first_causes(explored: Iterable[tuple[Direction, Exploration]], most: int) -> list[tuple[Direction, Exploration]]:
+    """Return the variants of the smallest chi-square on few lines, one of each cause, of at most so many causes."""
     found: dict[str, tuple[Direction, Exploration]] = {}
-    for pair in explored[done:]:
-        if pair[0].cause.id not in known:
-            found.setdefault(pair[0].cause.id, pair)
-    return list(found.values())[:EVALUATED_ON_INTERRUPT]
+    for pair in sorted(explored, key=lambda pair: pair[1].chi_square):
+        found.setdefault(pair[0].cause.id, pair)
+    return list(found.values())[:most]
 
 
 def _changes_data(model: Model, steps: Sequence[Step]) -> bool:
