@@ -105,6 +105,7 @@ POINTS = np.array([[0.0, 0.0], [3.0, 1.0]])
 TIP = np.zeros((2, 2))
 RATES = np.array([[1.0, 0.0, 2.0], [1.0, 0.0, 3.0], [0.0, 0.0, 2.0]])
 MEASURED = np.full(11, 1e-7 - 1e-8j)
+TWO = np.array([7.0, 5.0])
 VALUES = np.array([[1e8, 1e5], [1e7, 1e4], [1e9, 1e6]])
 
 
@@ -159,10 +160,10 @@ def calls() -> dict[str, Call]:
         found.add_joint_receptance(**{name: more.get(name, value) for name, value in added.items()})
         return found
 
-    def of_function(function: Any) -> Any:
+    def of_function(function: Any, x: Any = TWO) -> Any:
         found = problem()
         found.add_function(function)
-        found.normal_matrix(start)
+        found.normal_matrix(x)
         return found.fit(**fit)
 
     def both() -> Any:
@@ -180,7 +181,6 @@ def calls() -> dict[str, Call]:
     }  # fmt: skip
     receptance = {"lines": LINES, "excitations": POINTS, "responses": TIP, "parameters": RATES, "threads": 1}
     tip = {"lines": LINES, "excitations": TIP[:1], "responses": TIP[:1], "parameters": RATES, "threads": 1}
-    start = np.array([7.0, 5.0])
     ended = model.with_terminals(end, modes)
     slipping = model.with_slips(slips)
     beyond, force = np.tile(MEASURED, 3), np.ones(11)
@@ -200,7 +200,7 @@ def calls() -> dict[str, Call]:
     def in_problem(name: str, **given: Any) -> Any:
         changed = problem()
         getattr(changed, name)(**given)
-        return changed.normal_matrix(start)
+        return changed.normal_matrix(TWO)
 
     found: dict[str, Call] = {
         "Lines": (_core.Lines, {"angular_frequency": LINES - 10j, "scale": 1.0}),
@@ -260,13 +260,13 @@ def calls() -> dict[str, Call]:
         "Problem.add_joint_receptance": (
             lambda **given: in_problem("add_joint_receptance", **given), {"model": reduction, **added}
         ),
-        "Problem.normal_matrix": (lambda x, **more: filled(**more).normal_matrix(x), {"x": start, **added}),
-        "Problem.rows": (lambda x, free: filled().rows(x, free), {"x": start, "free": np.array([True, False])}),
+        "Problem.normal_matrix": (lambda x, **more: filled(**more).normal_matrix(x), {"x": TWO, **added}),
+        "Problem.rows": (lambda x, free: filled().rows(x, free), {"x": TWO, "free": np.array([True, False])}),
         "Problem.fit": (lambda **given: filled().fit(**given), fit),
         "Halt": (_core.Halt, {}),
         "Halt.join": (lambda **given: halted(filled(), before=False, **given), fit),
         "Halt.set": (lambda **given: halted(filled(), before=True, **given), fit),
-        "Problem.add_function": (of_function, {"function": lambda x: (x, np.eye(2))}),
+        "Problem.add_function": (of_function, {"function": lambda x: (x, np.eye(2)), "x": TWO}),
         "Problem.add_function of given rows": (
             lambda residual, jacobian: of_function(lambda x: (residual, jacobian)),
             {"residual": np.ones(3), "jacobian": np.ones((3, 2))},
@@ -313,7 +313,7 @@ def calls() -> dict[str, Call]:
         "Problem.add_linear": (
             lambda **given: in_problem("add_linear", **given), {"matrix": np.ones((3, 2)), "centre": np.ones(2)}
         ),
-        "Problem.reason": (lambda x: both().reason(x), {"x": start}),
+        "Problem.reason": (lambda x: both().reason(x), {"x": TWO}),
         "Problem.fit of both": (lambda **given: both().fit(**given), fit),
         "instruction_set": (lambda: _core.instruction_set(), {}),
     }  # fmt: skip
