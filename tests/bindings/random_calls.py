@@ -4,14 +4,19 @@ Every call takes arguments that work and damages one to three of them: a number 
 length, a scalar, or an object of another kind. The answer must be C-contiguous arrays or an ordinary exception with a
 text. A panic, any other exception, a text about internals or a call of more than twenty seconds is a failure; it is
 printed with the number of the call, which reproduces it (``--first N --calls 1``).
+
+Each function has an entry of its name in `calls`, such as "Model.receptance", and perhaps others with further words,
+"Model.receptance with slips". `exported` lists the functions of the extension, so that a test finds one without entry.
 """
 
 from __future__ import annotations
 
 import argparse
+import inspect
 import os
 import resource
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -34,6 +39,45 @@ ANSWERS = ("<f8", "<c16", "<i8")
 TYPES = ["f8", "f4", "c16", "c8", "i8", "i4", "u1", "?", "O", "S3", "U2", "M8[s]", ">f8", "f2"]
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
+
+
+def exported() -> dict[str, set[str]]:
+    """Return the functions of the extension by name, "joint_stiffness" or "Model.receptance", with their arguments."""
+    found: dict[str, Any] = {}
+    for name in _core.__all__:
+        one = getattr(_core, name)
+        if not inspect.isclass(one):
+            found[name] = one
+        elif not issubclass(one, Exception):
+            if "__new__" in vars(one):
+                found[name] = one
+            methods = {own: method for own, method in vars(one).items() if own == "__len__" or own[0] != "_"}
+            found |= {f"{name}.{own}": method for own, method in methods.items() if callable(method)}
+    return {name: set(inspect.signature(one).parameters) - {"self"} for name, one in found.items()}
+
+
+def halted(problem: Any, before: Any, **given: Any) -> Any:
+    """Return the ends of a fit in a thread that ends its calls on a flag; None if the flag was set before the fit."""
+    halt, answers = _core.Halt(), []
+    if before:
+        halt.set()
+
+    def fit() -> None:
+        halt.join()
+        try:
+            answers.append(problem.fit(**given))
+        except BaseException as error:  # raised again in the thread of the caller
+            answers.append(error)
+
+    thread = threading.Thread(target=fit)
+    thread.start()
+    thread.join()
+    (answer,) = answers
+    if isinstance(answer, KeyboardInterrupt) and before:
+        return None
+    if isinstance(answer, BaseException):
+        raise answer
+    return answer
 
 
 def tables() -> dict[str, Any]:
@@ -61,6 +105,7 @@ POINTS = np.array([[0.0, 0.0], [3.0, 1.0]])
 TIP = np.zeros((2, 2))
 RATES = np.array([[1.0, 0.0, 2.0], [1.0, 0.0, 3.0], [0.0, 0.0, 2.0]])
 MEASURED = np.full(11, 1e-7 - 1e-8j)
+TWO = np.array([7.0, 5.0])
 VALUES = np.array([[1e8, 1e5], [1e7, 1e4], [1e9, 1e6]])
 
 
@@ -115,6 +160,12 @@ def calls() -> dict[str, Call]:
         found.add_joint_receptance(**{name: more.get(name, value) for name, value in added.items()})
         return found
 
+    def of_function(function: Any, x: Any = TWO) -> Any:
+        found = problem()
+        found.add_function(function)
+        found.normal_matrix(x)
+        return found.fit(**fit)
+
     def both() -> Any:
         found = problem()
         found.add_receptance(tied, lines, TIP, _core.Records(**records))
@@ -129,6 +180,10 @@ def calls() -> dict[str, Call]:
         "damping_ratio": np.array([0.01, np.nan]), "damping_weights": np.ones(2),
     }  # fmt: skip
     receptance = {"lines": LINES, "excitations": POINTS, "responses": TIP, "parameters": RATES, "threads": 1}
+    tip = {"lines": LINES, "excitations": TIP[:1], "responses": TIP[:1], "parameters": RATES, "threads": 1}
+    ended = model.with_terminals(end, modes)
+    slipping = model.with_slips(slips)
+    beyond, force = np.tile(MEASURED, 3), np.ones(11)
 
     def of_lines(method: Callable[..., Any]) -> Callable[..., Any]:
         def call(lines: Any, **others: Any) -> Any:
@@ -136,71 +191,131 @@ def calls() -> dict[str, Call]:
 
         return call
 
+    def by_line(method: Callable[..., Any]) -> Callable[..., Any]:
+        def call(lines: Any, beyond: Any = None, force: Any = None, **others: Any) -> Any:
+            return method(lines=_core.Lines(lines), by_line=_core.ByLine(beyond, force), **others)
+
+        return call
+
+    def in_problem(name: str, **given: Any) -> Any:
+        changed = problem()
+        getattr(changed, name)(**given)
+        return changed.normal_matrix(TWO)
+
     found: dict[str, Call] = {
         "Lines": (_core.Lines, {"angular_frequency": LINES - 10j, "scale": 1.0}),
+        "Lines.__len__": (lambda **given: len(_core.Lines(**given)), {"angular_frequency": LINES, "scale": 1.0}),
         "ByLine": (_core.ByLine, {"beyond": np.tile(MEASURED, 3), "force": np.ones(11)}),
         "Model": (_core.Model, {"motion": 0, **tables()}),
         "Model with overlap": (
             _core.Model, {"motion": 0, **tables(), "joints": np.empty((0, 9)), "overlaps": overlap()}
         ),
-        "with_terminals": (model.with_terminals, {"terminals": end, "modes": modes}),
-        "with_slips": (model.with_slips, {"slips": slips}),
-        "receptance": (of_lines(model.receptance), receptance),
-        "natural_frequencies": (model.natural_frequencies, {"upper": 1e5, "most": 20, "parameters": RATES}),
-        "complex_frequencies": (
+        "Model.with_terminals": (model.with_terminals, {"terminals": end, "modes": modes}),
+        "Model.with_slips": (model.with_slips, {"slips": slips}),
+        "Model.receptance": (of_lines(model.receptance), receptance),
+        "Model.receptance with terminals": (by_line(ended.receptance), {**tip, "beyond": beyond}),
+        "Model.receptance with slips": (by_line(slipping.receptance), {**tip, "force": force}),
+        "Model.receptance with handles": (model.receptance, {**receptance, "lines": lines, "by_line": None}),
+        "Model.natural_frequencies": (model.natural_frequencies, {"upper": 1e5, "most": 20, "parameters": RATES}),
+        "Model.complex_frequencies": (
             model.complex_frequencies,
             {"undamped": model.natural_frequencies(1e5, 20, RATES)[0], "parameters": RATES},
         ),
-        "poles": (model.poles, {"starts": LINES + 1j, "radii": (1e3, 1e5), "angles": (-0.5, 1.1)}),
-        "reduced_to_joint": (
+        "Model.poles": (model.poles, {"starts": LINES + 1j, "radii": (1e3, 1e5), "angles": (-0.5, 1.1)}),
+        "Model.reduced_to_joint": (
             of_lines(model.reduced_to_joint), {"lines": LINES, "joint": 0, "points": TIP, "threads": 1}
         ),
-        "fill": (
+        "Model.reduced_to_joint with handles": (
+            model.reduced_to_joint,
+            {"lines": lines, "joint": 0, "points": TIP, "threads": 1, "by_line": None, "planes": True},
+        ),
+        "Model.reduced_to_joint with terminals": (
+            by_line(ended.reduced_to_joint), {"lines": LINES, "joint": 0, "points": TIP, "threads": 1, "beyond": beyond}
+        ),
+        "JointReduction.planes": (
+            of_lines(lambda **given: model.reduced_to_joint(**given).planes()),
+            {"lines": LINES, "joint": 0, "points": TIP, "threads": 1, "planes": True},
+        ),
+        "JointReduction.__len__": (
+            of_lines(lambda **given: len(model.reduced_to_joint(**given))),
+            {"lines": LINES, "joint": 0, "points": TIP, "threads": 1},
+        ),
+        "JointReduction.fill": (
             reduction.fill, {"joints": np.tile(joint, (3, 1)), "out": np.empty((3, 11)), "threads": 1}
         ),
-        "misfit": (
+        "JointReduction.misfit": (
             reduction.misfit,
             {
                 "joints": np.tile(joint, (3, 1)), "measured": MEASURED, "weights": np.ones(11), "logarithmic": True,
                 "threads": 1,
             },
         ),
-        "Problem": (problem, {"bounds": np.array([[5.0, 3.0], [10.0, 8.0]]), "priors": np.ones((1, 3)), "threads": 1}),
-        "add_joint_receptance": (lambda **given: problem().add_joint_receptance(model=reduction, **given), added),
-        "normal_matrix": (lambda x, **more: filled(**more).normal_matrix(x), {"x": np.array([7.0, 5.0]), **added}),
-        "rows": (lambda x, free: filled().rows(x, free), {"x": np.array([7.0, 5.0]), "free": np.array([True, False])}),
-        "fit": (lambda **given: filled().fit(**given), fit),
-        "thinned": (lambda lines: filled().thinned(lines), {"lines": 5}),
+        "Problem": (
+            problem,
+            {
+                "logarithmic": np.ones(2, np.bool_), "bounds": np.array([[5.0, 3.0], [10.0, 8.0]]),
+                "priors": np.ones((1, 3)), "threads": 1, "smoothing": 1.5,
+            },
+        ),
+        "Problem.add_joint_receptance": (
+            lambda **given: in_problem("add_joint_receptance", **given), {"model": reduction, **added}
+        ),
+        "Problem.normal_matrix": (lambda x, **more: filled(**more).normal_matrix(x), {"x": TWO, **added}),
+        "Problem.rows": (lambda x, free: filled().rows(x, free), {"x": TWO, "free": np.array([True, False])}),
+        "Problem.fit": (lambda **given: filled().fit(**given), fit),
+        "Halt": (_core.Halt, {}),
+        "Halt.join": (lambda **given: halted(filled(), before=False, **given), fit),
+        "Halt.set": (lambda **given: halted(filled(), before=True, **given), fit),
+        "Problem.add_function": (of_function, {"function": lambda x: (x, np.eye(2)), "x": TWO}),
+        "Problem.add_function of given rows": (
+            lambda residual, jacobian: of_function(lambda x: (residual, jacobian)),
+            {"residual": np.ones(3), "jacobian": np.ones((3, 2))},
+        ),
+        "Problem.thinned": (lambda lines: filled().thinned(lines), {"lines": 5}),
         "modal_receptance": (
             of_lines(_core.modal_receptance), {"lines": LINES, "modes": np.ascontiguousarray(modes[:, 1:])}
         ),
         "joint_stiffness": (
             of_lines(_core.joint_stiffness), {"joint": tables()["joints"][0, 2:].copy(), "lines": LINES}
         ),
-        "tied": (model.tied, ties()),
-        "sweep": (of_lines(tied.sweep), {"lines": LINES, "points": TIP}),
-        "sweep.fill": (sweep.fill, {"values": VALUES, "out": np.empty((3, 11), np.complex128), "threads": 1}),
-        "sweep.misfit": (
+        "Model.tied": (model.tied, ties()),
+        "TiedModel.sweep": (of_lines(tied.sweep), {"lines": LINES, "points": TIP}),
+        "TiedModel.sweep with handles": (tied.sweep, {"lines": lines, "points": TIP, "by_line": None}),
+        "TiedModel.sweep with terminals": (
+            by_line(ended.tied(**ties()).sweep), {"lines": LINES, "points": TIP, "beyond": beyond}
+        ),
+        "ModelSweep.__len__": (
+            of_lines(lambda **given: len(tied.sweep(**given))), {"lines": LINES, "points": TIP}
+        ),
+        "ModelSweep.fill": (sweep.fill, {"values": VALUES, "out": np.empty((3, 11), np.complex128), "threads": 1}),
+        "ModelSweep.misfit": (
             sweep.misfit,
             {"values": VALUES, "measured": MEASURED, "weights": np.ones(11), "logarithmic": False, "threads": 1},
         ),
         "Records": (_core.Records, {**records, "percent": False, "end": 0.01}),
-        "evaluated": (
+        "Records.evaluated": (
             of_lines(lambda lines, end: _core.Records(**records, end=end).evaluated(lines)),
             {"lines": LINES, "end": 0.01},
         ),
-        "add_receptance": (
+        "Problem.add_receptance of given records": (
             of_lines(
                 lambda lines, points, **given: problem().add_receptance(tied, lines, points, _core.Records(**given))
             ),
             {"lines": LINES, "points": TIP, **records, "percent": False, "end": 0.01},
         ),
-        "add_frequencies": (lambda **given: problem().add_frequencies(model=tied, **given), frequencies),
-        "add_linear": (
-            lambda **given: problem().add_linear(**given), {"matrix": np.ones((3, 2)), "centre": np.ones(2)}
+        "Problem.add_receptance": (
+            lambda **given: in_problem("add_receptance", **given),
+            {"model": tied, "lines": lines, "points": TIP, "records": _core.Records(**records), "by_line": None},
         ),
-        "reason": (lambda x: both().reason(x), {"x": np.array([7.0, 5.0])}),
-        "fit of both": (lambda **given: both().fit(**given), fit),
+        "Problem.add_frequencies": (
+            lambda **given: in_problem("add_frequencies", **given), {"model": tied, **frequencies}
+        ),
+        "Problem.add_linear": (
+            lambda **given: in_problem("add_linear", **given), {"matrix": np.ones((3, 2)), "centre": np.ones(2)}
+        ),
+        "Problem.reason": (lambda x: both().reason(x), {"x": TWO}),
+        "Problem.fit of both": (lambda **given: both().fit(**given), fit),
+        "instruction_set": (lambda: _core.instruction_set(), {}),
     }  # fmt: skip
     return found
 
@@ -231,6 +346,9 @@ def damaged(value: Any, rng: np.random.Generator) -> Any:
 
 def wrong(answer: Any) -> str:
     """Return the deviation of result arrays from their declared type or layout."""
+    if type(answer).__module__ == _core.__name__:
+        names = [name for name, one in vars(type(answer)).items() if name[0] != "_" and not callable(one)]
+        answer = tuple(getattr(answer, name) for name in names)
     for array in answer if isinstance(answer, tuple) else (answer,):
         if isinstance(array, np.ndarray) and not (array.flags.c_contiguous and array.dtype.str in ANSWERS):
             return f"an array of {array.dtype} with strides {array.strides}"
@@ -244,7 +362,7 @@ def one_call(seed: int, number: int) -> tuple[str, str, float]:
     name = list(known)[rng.integers(len(known))]
     function, good = known[name]
     arguments = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in good.items()}
-    for _ in range(rng.integers(1, 4)):
+    for _ in range(rng.integers(1, 4) if arguments else 0):
         key = list(arguments)[rng.integers(len(arguments))]
         arguments[key] = damaged(arguments[key], rng)
     if arguments.get("threads") in (7, 2**31, 2**40):
@@ -310,7 +428,7 @@ def main() -> int:
     print(f"{given.jobs} processes; the longest call took {longest:.2f} s")
     for name in calls():
         row = [counts[name, outcome] for outcome in ("answered", "refused", "failed")]
-        print(f"  {name:<24} {row[0]:>8} answered {row[1]:>8} refused {row[2]:>4} failed")
+        print(f"  {name:<40} {row[0]:>8} answered {row[1]:>8} refused {row[2]:>4} failed")
     print("\n".join(failures[:20]))
     return 1 if failures else 0
 

@@ -50,9 +50,9 @@ def test_fits_take_real_and_complex_lines() -> None:
     both = []
     for kind in (LINES, LINES + 0j):
         one = problem()
-        _, added = known()["add_joint_receptance"]
-        one.add_joint_receptance(model=model.reduced_to_joint(0, _core.Lines(kind), TIP, 1), **added)
-        _, given = known()["fit"]
+        _, added = known()["Problem.add_joint_receptance"]
+        one.add_joint_receptance(**{**added, "model": model.reduced_to_joint(0, _core.Lines(kind), TIP, 1)})
+        _, given = known()["Problem.fit"]
         ends = one.fit(**given)
         both.append((one.normal_matrix(np.array([7.0, 5.0])), ends.x, ends.cost, ends.evaluations, ends.status))
     for one, other in zip(*both, strict=True):

@@ -8,6 +8,7 @@ import io
 import json
 import random
 import re
+import tomllib
 import zipfile
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +17,7 @@ import h5py
 import numpy as np
 import scipy.io
 
+from properties.damaged_campaigns import damaged_contents, dumped
 from properties.good_files import Base, items_of, nested
 
 __all__ = ["damaged"]
@@ -181,6 +183,9 @@ def damaged(base: Base, others: list[Base], rng: random.Random) -> bytes:
     """Return the contents of a file, damaged once or several times."""
     content = base.content
     kind = base.format
+    if kind == "campaign" and rng.random() < 0.6:
+        contents = tomllib.loads(content.decode())
+        return dumped(damaged_contents(contents, np.random.default_rng(rng.randrange(2**32)))).encode()
     if kind == "gz" and rng.random() < 0.8:
         inner = Base(base.name.split(".")[-2], base.name, gzip.decompress(content))
         return gzip.compress(_damaged_text(inner.content, rng), 1, mtime=0)
@@ -191,7 +196,7 @@ def damaged(base: Base, others: list[Base], rng: random.Random) -> bytes:
             if rng.random() < 0.7:
                 return content
     for _ in range(rng.choice((1, 1, 1, 2, 3, 6))):
-        if kind in ("uff", "ufb", "csv", "cutpro", "dataphysics") and rng.random() < 0.75:
+        if kind in ("uff", "ufb", "csv", "cutpro", "dataphysics", "campaign") and rng.random() < 0.75:
             content = _damaged_text(content, rng)
         else:
             content = _damaged_bytes(content, rng.choice(others).content, rng)

@@ -15,7 +15,8 @@ import h5py
 import numpy as np
 import scipy.io
 
-from receptance import FRF, Coordinate
+from campaign_text import TEXT
+from receptance import FRF, Coordinate, examples
 from receptance.io import Coherence, TimeSeries, write
 
 UNIT = {"unit": "m/s^2/N"}
@@ -99,6 +100,8 @@ def good_files(seed: int) -> list[Base]:
         for base in found
         if base.format in ("uff", "csv", "cutpro", "dataphysics")
     )
+    for text in (TEXT, examples.EXAMPLES["er32"].campaign):
+        found.append(Base("campaign", "campaign.toml", text.encode(), ({},)))
     arrays = {base.name.split(".")[0]: base.content for base in found if base.format == "npz"}
     return [
         replace(base, arrays=arrays[stem]) if (stem := base.name.split(".")[0]) in arrays else base for base in found

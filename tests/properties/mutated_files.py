@@ -1,7 +1,8 @@
-"""Damages files of every format and reads them: each read ends soon, with a result or a FileFormatError.
+"""Damages files of every format and campaign files and reads them: each read ends soon, with a result or an error.
 
     python tests/properties/mutated_files.py --count 100000 --seed 1
 
+A `FileFormatError` or, for a campaign, a `CampaignError` names the file. `--formats campaign` takes campaigns alone.
 Run it under `ulimit -v 8000000`. A file whose reading takes longer than a second is read again, and its processor time
 counts then, so that a busy machine is not taken for a hang; files that fail are kept in the folder for temporary files.
 """
@@ -17,7 +18,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from properties.damage import damaged
 from properties.good_files import Base, good_files
+from receptance import campaign
+from receptance.campaign import CampaignError
 from receptance.io import FileFormatError, read_all
 
 SECONDS_AT_MOST = 1.0
@@ -51,12 +54,13 @@ class Report:
         return "\n".join([*lines, *self.failures[:20]])
 
 
-def run(count: int, seed: int, *, say: Callable[[str], None] = lambda _: None) -> Report:
-    """Read that many damaged files and return what became of them."""
+def run(count: int, seed: int, formats: Sequence[str] = (), *, say: Callable[[str], None] = lambda _: None) -> Report:
+    """Read that many damaged files, of some formats or of all, and return what became of them."""
     rng = random.Random(seed)
-    files = good_files(seed)
     by_format: dict[str, list[Base]] = {}
-    for base in files:
+    for base in good_files(seed):
+        if formats and base.format not in formats:
+            continue
         by_format.setdefault(base.format, []).append(base)
     report = Report(seed)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
@@ -68,9 +72,11 @@ def run(count: int, seed: int, *, say: Callable[[str], None] = lambda _: None) -
             options = rng.choice(base.options)
             path = Path(folder) / base.name
             path.write_bytes(content)
-            outcome, seconds = _outcome(path, options)
+            outcome, seconds = _outcome(path, kind, options)
             if seconds > SECONDS_AT_MOST:
-                seconds = min(seconds, *(_outcome(path, options)[1] for _ in range(2)), _processor_time(path, options))
+                seconds = min(
+                    seconds, *(_outcome(path, kind, options)[1] for _ in range(2)), _processor_time(path, kind, options)
+                )
             report.count += 1
             report.outcomes[f"{kind}:{'read' if outcome == 'read' else 'refused'}"] += 1
             if seconds > report.slowest[0]:
@@ -84,20 +90,23 @@ def run(count: int, seed: int, *, say: Callable[[str], None] = lambda _: None) -
     return report
 
 
-def _processor_time(path: Path, options: dict[str, Any]) -> float:
+def _processor_time(path: Path, kind: str, options: dict[str, Any]) -> float:
     """Return the processor time of reading a file, that of a second process that ended over it included."""
     began = os.times()
-    _outcome(path, options)
+    _outcome(path, kind, options)
     ended = os.times()
     return sum(ended[:4]) - sum(began[:4])
 
 
-def _outcome(path: Path, options: dict[str, Any]) -> tuple[str, float]:
+def _outcome(path: Path, kind: str, options: dict[str, Any]) -> tuple[str, float]:
     began = time.perf_counter()
     try:
-        read_all(path, **options)
+        if kind == "campaign":
+            campaign.load(path)
+        else:
+            read_all(path, **options)
         outcome = "read"
-    except FileFormatError as error:
+    except (FileFormatError, CampaignError) as error:
         outcome = "refused" if str(error) and path.name in str(error) else f"a message without the file: {error}"
     except Exception:
         outcome = "".join(traceback.format_exc().splitlines(keepends=True)[-7:])
@@ -109,9 +118,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=int(os.environ.get("RECEPTANCE_TEST_SEED", "1")))
+    parser.add_argument("--formats", nargs="+", default=(), help="by default all")
     arguments = parser.parse_args()
     began = time.perf_counter()
-    report = run(arguments.count, arguments.seed, say=lambda text: print(text, file=sys.stderr, flush=True))
+    report = run(
+        arguments.count, arguments.seed, arguments.formats, say=lambda text: print(text, file=sys.stderr, flush=True)
+    )
     print(report)
     print(f"  {time.perf_counter() - began:.0f} s in all")
     return 1 if report.failures else 0

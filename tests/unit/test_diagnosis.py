@@ -218,7 +218,30 @@ def test_no_cause_is_named_from_one_configuration() -> None:
     ]
     verdict = diagnose(stiffer, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
     assert verdict.verdict != "named"
-    assert any("one configuration" in note for note in verdict.notes)
+    assert any("one configuration does not distinguish the joint from the parts" in note for note in verdict.notes)
+    assert verdict.next_measurement is not None
+    assert verdict.next_measurement.action == "measure another overhang"
+
+
+def test_notes_on_one_configuration_mention_a_joint_only_if_there_is_one() -> None:
+    """A free bar that is heavier than its material implies."""
+    bar = Assembly([Part([Segment(length=0.3, outer_diameter=0.02, material=STEEL)], name="bar")])
+    noise = np.random.default_rng(7).normal(size=(2, LINES.size))
+    heavier = bar.replace({"bar.segment[0].density": 1.1 * STEEL.density}).receptance(LINES)
+    measured = MeasuredFRF(
+        assembly=bar,
+        frequency_hz=LINES,
+        receptance=heavier * np.exp(0.01 * (noise[0] + 1j * noise[1])),
+        standard_deviation=0.01,
+        label="bar",
+    )
+    unknowns = [Unknown(address="bar.segment[0].loss_factor", lower=1e-5, upper=0.1)]
+    verdict = diagnose(measured, unknowns, causes=["tool_density", "tool_modulus"], most=1)
+    assert verdict.verdict == "suspected"
+    assert any("one configuration does not distinguish one error of the parts" in note for note in verdict.notes)
+    assert verdict.next_measurement is not None
+    assert verdict.next_measurement.action == "measure another configuration"
+    assert not any("joint" in text for text in (*verdict.notes, verdict.next_measurement.reason))
 
 
 @pytest.mark.parametrize("listed", [False, True])

@@ -18,7 +18,7 @@ from receptance.diagnosis.explanation import Explanation, Selection, behind_limi
 from receptance.diagnosis.fitting import explore, fit_base, in_parallel
 from receptance.diagnosis.model import IndescribableError
 from receptance.diagnosis.selection import Search
-from receptance.diagnosis.thresholds import COLLET_GYRATION
+from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START
 from receptance.identification import Law, Move, Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -174,6 +174,18 @@ def test_later_starts_are_not_needed_where_a_fit_is_adequate() -> None:
     both = explore(MODEL, [[far], [near]])
     assert both.evaluations > alone.evaluations
     assert both.misfit < 1e-3
+
+
+def test_a_start_far_behind_an_adequate_one_is_not_continued() -> None:
+    near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
+    adequate, behind = explore(MODEL, [[near]]), explore(MODEL, [[far]])
+    # Alone, the second start is continued after its first evaluations.
+    assert behind.evaluations > EVALUATIONS_OF_START
+    assert behind.chi_square > adequate.chi_square + BEHIND
+    both = explore(MODEL, [[near, far]])
+    assert both.chi_square == adequate.chi_square
+    assert len(both.ends) == 2
+    assert both.evaluations == adequate.evaluations + EVALUATIONS_OF_START
 
 
 def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_insertion() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -194,3 +196,21 @@ def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
     )
     start = twice.task.variables.start
     assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))
+
+
+@pytest.mark.parametrize("difference", [1e-4, 1e-6, 1e-7])
+def test_look_alikes_of_a_cause_with_two_nearly_equal_effects(difference: float) -> None:
+    """Products of derivatives do not resolve differences of 1e-6, which then have no direction in any basis."""
+    fit = refit(make_model(), {})
+    causes = [CATALOGUE[id] for id in ("sensor_mass", "hammer_offset", "calibration_gain", "time_delay")]
+    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
+    rng = np.random.default_rng(21)
+    first, *others = found
+    own = first.slopes[:, :1] / np.linalg.norm(first.slopes[:, 0])
+    other = rng.normal(size=own.shape) / np.sqrt(own.size)
+    doubled = replace(first, slopes=np.hstack([own, own + difference * other]))
+    alone = replace(first, slopes=other)
+    small = in_common_basis([doubled, alone, *others])
+    for one, same in zip([doubled, alone, *others], small, strict=True):
+        assert look_alike(small[0], same) == pytest.approx(look_alike(doubled, one), abs=1e-3)
+    assert (look_alike(doubled, alone) > 0.99) == (difference > 1e-5)

@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -205,10 +206,10 @@ def errors_about(file: Path | str, prefix: str = "") -> Iterator[None]:
 
 
 class Problems:
-    """Collects mistakes and finds their lines, from those of tables, keys and list items; see `lines_of`."""
+    """Collects mistakes and finds their lines in the text of the file, which is searched at the first mistake."""
 
-    def __init__(self, lines: Mapping[KeyPath, int]) -> None:
-        self._lines = dict(lines)
+    def __init__(self, text: str = "") -> None:
+        self._text = text
         self.found: list[Issue] = []
         self.templates: dict[KeyPath, KeyPath] = {}
         """Section and name of expanded tables, and of the tables of the file they come from; see `expand_series`."""
@@ -220,6 +221,13 @@ class Problems:
         problem = Issue(path, text, line_of(self._in_file(path), self._lines))
         if problem not in self.found:
             self.found.append(problem)
+
+    @cached_property
+    def _lines(self) -> dict[KeyPath, int]:
+        try:
+            return lines_of(self._text)
+        except (ValueError, IndexError, RecursionError):  # the values are known; messages then have no lines
+            return {}
 
     def in_file(self) -> list[Issue]:
         """Return the mistakes at their places in the file; one that occurs at all levels of a series is listed once."""

@@ -16,7 +16,7 @@ from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.measurements import Measurement, MeasurementReader
-from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, lines_of, translate
+from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, translate
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.campaign.values import OWNERS, References
@@ -61,14 +61,14 @@ def read_campaign(
 ) -> dict[str, Any]:
     """Return the fields of the campaign in a file, see `receptance.campaign.Campaign.load`."""
     file = _find(Path(path))
-    data, lines = _read(file)
-    return campaign_fields(file, data, lines, called=path, threads=threads, progress=progress)
+    data, text = _read(file)
+    return campaign_fields(file, data, text, called=path, threads=threads, progress=progress)
 
 
 def campaign_fields(
     file: Path,
     data: dict[str, Any],
-    lines: dict[KeyPath, int] | None = None,
+    text: str = "",
     *,
     called: str | Path | None = None,
     threads: int | None = None,
@@ -76,11 +76,11 @@ def campaign_fields(
 ) -> dict[str, Any]:
     """Return the fields of the campaign of the contents of a file, which need not exist.
 
-    The folder of `file` is that of the data files, `lines` are from `lines_of`, and `called` is the name in messages.
+    The folder of `file` is that of the data files, `text` is that of `data`, and `called` is the name in messages.
     """
     _checks.thread_count(threads)
     say = progress or silent
-    problems = Problems(lines or {})
+    problems = Problems(text)
     data = expand_series(data, problems)
     table, builder, built = _build(data, problems, file.parent)
     tolerances = {name: tolerances_of_assembly(name, table, built, builder) for name in built.assemblies}
@@ -133,7 +133,7 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     Data files are not read, so that they can be simulated. `text` is that of the campaign file.
     """
     data = tomllib.loads(text)
-    problems = Problems(lines_of(text))
+    problems = Problems(text)
     table, builder, _ = _build(expand_series(data, problems), problems, None)
     found = {}
     for name, measurement in table.measurements.items():
@@ -168,7 +168,8 @@ def _find(path: Path) -> Path:
     )
 
 
-def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+def _read(file: Path) -> tuple[dict[str, Any], str]:
+    """Return the contents of a file and its text."""
     try:
         text = read_whole(file).decode("utf-8-sig")
         data = tomllib.loads(text)
@@ -195,15 +196,11 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
             file,
             "no tables in the file, expected a campaign; `receptance new DIR FILES` writes one for measurement files",
         )
-    try:
-        lines = lines_of(text)
-    except (ValueError, IndexError, RecursionError):  # the values are known; messages then have no lines
-        lines = {}
-    problems = Problems(lines)
+    problems = Problems(text)
     _check_values(data, problems)
     if problems.found:
         raise CampaignError(file, problems.in_file())
-    return data, lines
+    return data, text
 
 
 def _check_values(data: dict[str, Any], problems: Problems) -> None:

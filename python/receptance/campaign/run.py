@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from receptance.campaign.comparison import Comparison
     from receptance.campaign.prediction import Prediction
-    from receptance.campaign.problems import KeyPath
     from receptance.campaign.schema import CampaignTable
     from receptance.campaign.stability import CampaignCut
     from receptance.diagnosis import Cause, Metric, Verdict
@@ -182,7 +181,7 @@ class Campaign(Renderable):
         return cls(**read_campaign(path, threads=threads, progress=progress))
 
     @classmethod
-    def from_contents(cls, file: Path, data: dict[str, Any], lines: dict[KeyPath, int] | None = None) -> Campaign:
+    def from_contents(cls, file: Path, data: dict[str, Any], text: str = "") -> Campaign:
         """Return the campaign of the contents of a file, which need not exist.
 
         Parameters
@@ -191,10 +190,10 @@ class Campaign(Renderable):
             The file; its folder is that of the data files.
         data : dict
             Contents of the TOML file.
-        lines : dict, optional
-            Lines of its values, for messages.
+        text : str, optional
+            Its text, for the lines in messages.
         """
-        return cls(**campaign_fields(file, data, lines))
+        return cls(**campaign_fields(file, data, text))
 
     def base_model(self, seen: Mapping[str, Measurement] | None = None) -> tuple[Model, list[str]]:
         """Return the model for a diagnosis, and notes on unknowns that are left out.

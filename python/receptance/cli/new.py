@@ -674,12 +674,11 @@ def _data(target: Path, draft: Draft, notes: Sequence[str], step: str) -> dict[s
 def _write(draft: Draft, target: Path) -> tuple[str, ...]:
     """Write the campaign if it can be read, and return the notes on its data."""
     from receptance.campaign import Campaign
-    from receptance.campaign.problems import lines_of
 
     text = draft.text()
     with created_folder(target.parent):
         check_target(target)
         # Read before it is written, so that no campaign with mistakes is left behind.
-        found = Campaign.from_contents(target, tomllib.loads(text), lines_of(text))
+        found = Campaign.from_contents(target, tomllib.loads(text), text)
         write_whole({target: text.encode()})
     return found.notes

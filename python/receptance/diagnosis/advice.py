@@ -472,8 +472,9 @@ def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | 
             reason="the data have too few degrees of freedom to test the model",
         )
     if len(selection.base.model.configurations) == 1:
+        sources, another = selection.base.model.separable
         return ProposedMeasurement(
-            action="measure another overhang", reason="one configuration cannot separate the joint from the parts"
+            action=f"measure {another}", reason=f"one configuration does not distinguish {sources}"
         )
     if selection.base.one_mode:
         return ProposedMeasurement(

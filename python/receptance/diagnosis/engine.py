@@ -354,7 +354,8 @@ def _data_notes(selection: Selection) -> list[str]:
             "there are no tolerances: an ordinary deviation of a dimension or a material may be mistaken for a cause"
         )
     if len(model.configurations) == 1:
-        notes.append("there is one configuration: measure another overhang to distinguish the joint from the parts")
+        sources, another = model.separable
+        notes.append(f"there is one configuration: measure {another} to distinguish {sources}")
     if selection.base.one_mode:
         notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
     for words, remedy in (

@@ -201,10 +201,8 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
     structure = any(cause.group == "structure" for cause, _ in one.steps)
     one_configuration = len(base.model.configurations) == 1 and structure
     if one_configuration:
-        yield (
-            f"{name} is suspected only: one configuration does not distinguish the joint from the parts; measure "
-            "another overhang"
-        )
+        sources, another = base.model.separable
+        yield f"{name} is suspected only: one configuration does not distinguish {sources}; measure {another}"
     if structure and base.one_mode:
         yield (
             f"{name} is suspected only: one mode does not distinguish the joint from the parts; measure up to a "

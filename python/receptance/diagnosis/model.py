@@ -154,6 +154,13 @@ class Model:
         """Names of the joints between tool and holder."""
         return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
 
+    @property
+    def separable(self) -> tuple[str, str]:
+        """Sources of misfit that several configurations distinguish, and the one to measure where there is one."""
+        if self.joints:
+            return "the joint from the parts", "another overhang"
+        return "one error of the parts from another", "another configuration"
+
     def joint_addresses(self, field: str) -> tuple[str, ...]:
         """Return the addresses of a field of all joints, and of parameters that are multiples of these."""
         own = [address for name in self.joints for address in self.addresses_of(name, field)]

@@ -23,6 +23,7 @@ from receptance.diagnosis.thresholds import (
     CHANCE_DRAWS,
     CHANCE_LEVEL,
     COLUMNS_TOGETHER,
+    DEPENDENT,
     INVISIBLE,
     OTHER_QUANTITY,
     VARIANTS_FITTED,
@@ -72,8 +73,10 @@ class Direction:
 
     @cached_property
     def basis(self) -> NDArray[np.float64]:
-        """Orthonormal columns that span the slopes."""
-        return np.linalg.qr(self.slopes)[0]
+        """Orthonormal columns that span the slopes, without the smallest differences between them."""
+        vectors, sizes, _ = np.linalg.svd(self.slopes / np.linalg.norm(self.slopes, axis=0), full_matrices=False)
+        basis: NDArray[np.float64] = vectors[:, sizes > DEPENDENT * sizes[0]]
+        return basis
 
     @property
     def typical_gain(self) -> float | None:
@@ -278,7 +281,7 @@ def detection_threshold(
         own = slice(begin, begin + one.slopes.shape[1])
         begin = own.stop
         projected = noise[own]
-        gain = np.sum(np.linalg.pinv(gram[own, own], rcond=1e-10) @ projected * projected, axis=0)
+        gain = np.sum(np.linalg.pinv(gram[own, own], rcond=DEPENDENT**2) @ projected * projected, axis=0)
         if one.one_sided:
             gain[projected[0] <= 0.0] = 0.0
         if deviance is not None:

@@ -87,6 +87,9 @@ COLUMNS_TOGETHER = 64
 """Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
 """Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
+DEPENDENT = 1e-5
+"""Singular value of the derivatives of a variant, in units of their norms and relative to the largest one, below which
+they have the same effect: products of derivatives do not resolve smaller differences."""
 
 # Selection.
 
