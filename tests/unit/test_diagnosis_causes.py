@@ -17,6 +17,7 @@ from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
 from receptance.diagnosis.fitting import explore, fit_base, in_parallel
 from receptance.diagnosis.model import IndescribableError
+from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START
 from receptance.identification import Law, Move, Tolerance
@@ -158,7 +159,7 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
         return replace(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
 
     (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
-    few = explore(collet.model, [[{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]])
+    few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
     fit = few.finish()
     assert fit is not None
     assert fit.misfit < 0.01
@@ -168,21 +169,21 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
 
 def test_later_starts_are_not_needed_where_a_fit_is_adequate() -> None:
     near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
-    alone = explore(MODEL, [[near]])
+    alone = explore(MODEL, [near]).go_on([])
     assert alone.misfit < 1e-3
-    assert explore(MODEL, [[near], [far]]).evaluations == alone.evaluations
-    both = explore(MODEL, [[far], [near]])
+    assert explore(MODEL, [near]).go_on([far]).evaluations == alone.evaluations
+    both = explore(MODEL, [far]).go_on([near])
     assert both.evaluations > alone.evaluations
     assert both.misfit < 1e-3
 
 
 def test_a_start_far_behind_an_adequate_one_is_not_continued() -> None:
     near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
-    adequate, behind = explore(MODEL, [[near]]), explore(MODEL, [[far]])
+    adequate, behind = (explore(MODEL, [start]).go_on([]) for start in (near, far))
     # Alone, the second start is continued after its first evaluations.
     assert behind.evaluations > EVALUATIONS_OF_START
     assert behind.chi_square > adequate.chi_square + BEHIND
-    both = explore(MODEL, [[near, far]])
+    both = explore(MODEL, [near, far]).go_on([])
     assert both.chi_square == adequate.chi_square
     assert len(both.ends) == 2
     assert both.evaluations == adequate.evaluations + EVALUATIONS_OF_START
@@ -352,3 +353,62 @@ def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_mis
     found = list(Search(Selection(root, 7.0), of_cause)._finish((), root, pairs))
     assert done == fitted
     assert [one.fit.chi_square for one in found] == list(sizes)
+
+
+@pytest.mark.parametrize(
+    ("misfits", "continued"),
+    [
+        # Nothing is adequate: every variant is continued.
+        ([2.0, 2.1, 2.2, 2.3, 7.0, 9.0], [0, 1, 2, 3, 4, 5]),
+        # Variant 4 is beyond the limit of 100 + 60 + 0.3 * 900 = 430, variant 5 is still worse than without a cause.
+        ([1.0, 2.0, 3.0, 4.2, 7.0, 11.0], [0, 1, 2, 3, 5]),
+    ],
+)
+def test_which_short_fits_are_continued(
+    monkeypatch: pytest.MonkeyPatch, misfits: list[float], continued: list[int]
+) -> None:
+    done: list[int] = []
+    of_cause = list(CATALOGUE.values())
+
+    def start(number: int, starts: list[dict[str, float]]) -> Any:
+        def go_on(further: list[dict[str, float]]) -> Any:
+            assert further == [{"large": 1.0}, {"larger": 2.0}]
+            done.append(number)
+            return SimpleNamespace(chi_square=50.0, misfit=0.5, evaluations=25, ends=[0])
+
+        assert starts == [{"near": 0.0}]
+        misfit = misfits[number]
+        return SimpleNamespace(chi_square=100.0 * misfit, misfit=misfit, evaluations=8, ends=[0], go_on=go_on)
+
+    monkeypatch.setattr("receptance.diagnosis.selection.explore", start)
+    (variant, *_) = CATALOGUE["sensor_mass"].variants(MODEL)
+    template: Any = Direction(CATALOGUE["sensor_mass"], variant, {}, np.zeros((0, 0)), False, 0.0, {})
+    chosen: list[Any] = [
+        replace(template, cause=cause, variant=replace(template.variant, model=number))
+        for number, cause in zip(range(len(misfits)), of_cause, strict=False)
+    ]
+    base: Any = SimpleNamespace(chi_square=1000.0)
+    search = Search(Selection(base, 7.0), of_cause)
+    starts = [[[{"near": 0.0}], [{"large": 1.0}, {"larger": 2.0}]]] * len(chosen)
+    found = list(search._explore("causes", [""] * len(chosen), chosen, starts, 1000.0))
+    assert [chosen.index(one) for one, _ in found] == [*range(len(chosen)), *continued]
+    assert done == continued
+    assert search.selection.evaluations == 8 * len(chosen) + 17 * len(continued)
+
+
+def test_an_adequate_model_needs_no_fits_of_causes_without_effect() -> None:
+    rng = np.random.default_rng(5)
+    noise = 0.01 * (rng.normal(size=(2, LINES.size)) + 1j * rng.normal(size=(2, LINES.size)))
+    observations = [
+        replace(one, receptance=one.receptance * np.exp(own))
+        for one, own in zip(MODEL.observations, noise, strict=True)
+    ]
+    base = fit_base(replace(MODEL, observations=tuple(observations)))
+    selection = Selection(base, 6.0)
+    Search(selection, list(CATALOGUE.values())).fit_singles()
+    fitted = [one for one in selection.singles if one.fit.evaluations]
+    predicted = [one for one in selection.singles if not one.fit.evaluations]
+    assert len(predicted) > len(fitted) >= 4
+    # A frequency of its own makes the effect of a resonance depend on where the fit began.
+    assert "missing_mode" in {id for one in fitted for id in one.ids}
+    assert max(one.evidence for one in predicted) < selection.threshold - 10.0

@@ -247,16 +247,14 @@ class Exploration:
         Its residuals on few lines.
     ends : tuple of End
         The ends.
+    evaluations : int
+        Number of evaluations of all observations.
     """
 
     model: Model
     problem: Problem
     ends: tuple[End, ...]
-
-    @property
-    def evaluations(self) -> int:
-        """Number of evaluations of all observations."""
-        return self.problem.evaluations
+    evaluations: int
 
     @property
     def chi_square(self) -> float:
@@ -288,7 +286,7 @@ class Exploration:
         for end in sorted(found, key=lambda end: end.cost):
             if all(_differ(end.x, other.x, self.model.task) for other in different):
                 different.append(end)
-        return replace(self, ends=tuple(different))
+        return replace(self, ends=tuple(different), evaluations=self.problem.evaluations)
 
     def finish(self) -> Fit | None:
         """Return the fit on all lines, the better one from the best end point and from another one nearly as good.
@@ -312,7 +310,7 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
     """Return the ends of short fits to few lines from starts, each as in `refit`."""
     problem = _problem_on_few_lines(model)
     ends = sorted(_short_fits(model, problem, starts), key=lambda end: end.cost)
-    return Exploration(model, problem, tuple(ends))
+    return Exploration(model, problem, tuple(ends), problem.evaluations)
 
 
 def _short_fits(model: Model, problem: Problem, starts: Sequence[Mapping[str, float]]) -> list[End]:

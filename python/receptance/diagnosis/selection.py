@@ -497,11 +497,11 @@ class Search:
         near = [i for i, (one, few) in enumerate(found) if one in leading or not limit < few.chi_square <= without]
         self._report.plan(stage, len(near))
         fits = [partial(found[i][1].go_on, [one for group in starts[i][1:] for one in group]) for i in near]
-        before = [found[i][1].evaluations for i in near]
-        for i, count, few in zip(near, before, self._each(stage, [titles[i] for i in near], fits), strict=True):
-            self.selection.evaluations += few.evaluations - count
+        for i, few in zip(near, self._each(stage, [titles[i] for i in near], fits), strict=True):
+            direction, before = found[i]
+            self.selection.evaluations += few.evaluations - before.evaluations
             if few.ends:
-                yield found[i][0], few
+                yield direction, few
 
     def _each(self, stage: str, titles: Sequence[str], fits: Sequence[Callable[[], _T]]) -> Iterator[_T]:
         """Yield the results of fits in their order, after a report of each."""
