@@ -63,10 +63,10 @@ def test_columns_are_those_of_the_core(element: Element, names: tuple[str, ...],
 # A mode's frequency goes to the core in rad/s.
 @pytest.mark.parametrize("element", ELEMENTS[:-1], ids=NAMES[:-1])
 def test_an_address_leads_to_its_column(element: Element) -> None:
-    columns = element.columns()
+    columns = element.columns
     assert len(columns) == len(element.layout)
-    for address, index in element.places().items():
-        changed = element.with_values({address: 1.01 * columns[index]}).columns()
+    for address, index in element.places.items():
+        changed = element.with_values({address: 1.01 * columns[index]}).columns
         assert [i for i, (new, old) in enumerate(zip(changed, columns, strict=True)) if new != old] in ([index], [])
 
 

@@ -134,4 +134,4 @@ def test_objects_are_frozen_equal_and_portable(element: Any) -> None:
     assert hash(element) == hash(replace(element, name="other"))
     with pytest.raises(FrozenInstanceError):
         element.name = "other"
-    assert len(element.columns()) == len(element.columns_of)
+    assert len(element.columns) == len(element.columns_of)

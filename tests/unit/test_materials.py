@@ -53,7 +53,7 @@ def test_values_and_shear_modulus() -> None:
     material = Material(youngs_modulus=200_000_000, density=3, poisson_ratio=0.25)
     assert material.shear_modulus == 80e6
     assert isinstance(material.youngs_modulus, float)
-    assert material.columns() == (200e6, 3.0, 0.25, 0.0)
+    assert material.columns == (200e6, 3.0, 0.25, 0.0)
     assert STEEL.loss_factor == CARBIDE.loss_factor == 0.0
 
 

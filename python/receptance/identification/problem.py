@@ -511,7 +511,7 @@ class _CoreObservations:
         measured = np.ascontiguousarray(frf.receptance)
         numbers = np.full(len(PointJoint.columns_of), -1.0)
         numbers[columns] = item.mapping.base
-        self._core.add_joint_receptance(reduction, np.array(stiff.columns()), numbers, measured, weights)
+        self._core.add_joint_receptance(reduction, np.array(stiff.columns), numbers, measured, weights)
         self._order.append(index)
         self.assemblies.append(frf.assembly)
         self.reduced += 1

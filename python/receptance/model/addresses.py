@@ -91,7 +91,7 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     known = [column.address for column in Segment.layout if column.address]
     if name not in known:
         raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
-    pairs = [(i, name) for i in indices if name in part.segments[i].places()]
+    pairs = [(i, name) for i in indices if name in part.segments[i].places]
     if not pairs:
         raise ValueError(f"there is no parameter {address!r}: the segment has no core")
     return pairs

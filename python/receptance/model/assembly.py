@@ -467,7 +467,7 @@ class Assembly(Renderable):
             model = flat.model
             if at is not None:
                 joints = flat.tables.joints.copy()
-                joints[row, 2:] = at.columns()
+                joints[row, 2:] = at.columns
                 model = flat.tables._replace(joints=joints).model()
             return model.reduced_to_joint(row, _core.Lines(lines, tau), points, count, flat.by_line(lines), planes)
 

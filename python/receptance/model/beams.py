@@ -222,7 +222,7 @@ class Part(Renderable):
         start = 0.0
         flat.nodes[name, start] = node
         pieces: list[list[int]] = []
-        rows = [segment.columns() for segment in self.segments]
+        rows = [segment.columns for segment in self.segments]
         for segment, row in zip(self.segments, rows, strict=True):
             end = start + segment.length
             inside = [x for x in flat.positions.get(name, ()) if start < x < end]
@@ -236,7 +236,7 @@ class Part(Renderable):
                 flat.nodes[name, right] = node = far
             start = end
         for i, segment in enumerate(self.segments):
-            for address, column in segment.places().items():
+            for address, column in segment.places.items():
                 entries = [(SEGMENTS, row, 2 + column, 1.0) for row in pieces[i]]
                 if address == "length":
                     # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
@@ -251,7 +251,7 @@ class Part(Renderable):
 
     def segment_rows(self) -> NDArray[np.float64]:
         """Return the segments in the form of the core, `(n_segments, 14)`, with nodes numbered along x."""
-        rows = [(float(i), float(i + 1), *segment.columns()) for i, segment in enumerate(self.segments)]
+        rows = [(float(i), float(i + 1), *segment.columns) for i, segment in enumerate(self.segments)]
         return np.array(rows)
 
     def receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
@@ -446,6 +446,6 @@ class SpreadJoint(Element):
     def add_to(self, flat: Flat, name: str, node: int) -> int:
         """Add the row of the two beams and the layer."""
         far = flat.new_node()
-        columns = {f"{name}.{address}": column for address, column in self.places().items()}
-        flat.titles["overlap", flat.add("overlaps", (node, far), self.columns(), columns)] = name
+        columns = {f"{name}.{address}": column for address, column in self.places.items()}
+        flat.titles["overlap", flat.add("overlaps", (node, far), self.columns, columns)] = name
         return far

@@ -11,6 +11,7 @@ import inspect
 import textwrap
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
 
 import numpy as np
@@ -189,12 +190,14 @@ class Element:
         if not field.least <= value <= field.most:
             raise ValueError(f"{self.owner}: {name} is {value}, expected {expected}")
 
+    @cached_property
     def columns(self) -> tuple[float, ...]:
-        """Return the row of the element in the tables of the core, without nodes."""
+        """Row of the element in the tables of the core, without nodes."""
         return tuple(column.number(self) for column in self.layout)
 
+    @cached_property
     def places(self) -> dict[str, int]:
-        """Return the addresses of the parameters of the element with their columns."""
+        """Addresses of the parameters of the element with their columns."""
         return {
             column.address: index
             for index, column in enumerate(self.layout)
@@ -221,7 +224,7 @@ class Element:
         for column in self.layout:
             if column.address == address and _is_present(self, column.path):
                 return column.path
-        raise ValueError(f"{self.owner} has no parameter {address!r}, expected one of {', '.join(self.places())}")
+        raise ValueError(f"{self.owner} has no parameter {address!r}, expected one of {', '.join(self.places)}")
 
 
 def _is_present(element: Any, path: tuple[str, ...]) -> bool:

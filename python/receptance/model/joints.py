@@ -43,7 +43,7 @@ class _Spring(Element):
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the dynamic stiffness K = (1 + i loss_factor) k + i w c, `(n, 2, 2)` over (y, theta)."""
         lines = _core.Lines(_checks.frequencies(frequency_hz), math.tau)
-        columns = np.array(self.columns()[: len(_Spring.columns_of)])
+        columns = np.array(self.columns[: len(_Spring.columns_of)])
         return _core.joint_stiffness(columns, lines)[:, [[0, 2], [2, 1]]]
 
 
@@ -56,7 +56,7 @@ class _Interface(_Spring):
         """Add the row of the joint."""
         far = flat.new_node()
         columns = {f"{name}.{quantity}": i for i, quantity in enumerate(_Spring.columns_of)}
-        row = flat.add("joints", (node, far), self.columns()[: len(columns)], columns)
+        row = flat.add("joints", (node, far), self.columns[: len(columns)], columns)
         flat.titles["joint", row] = name
         return far
 
@@ -182,7 +182,7 @@ class GroundSpring(_Spring):
         columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
         for node, share in zip(nodes, self.shares, strict=True):
             rates = [1.0 if quantity is units.LOSS_FACTOR else share for quantity in self.quantities.values()]
-            flat.add("grounds", (node,), self.columns(), columns, rates)
+            flat.add("grounds", (node,), self.columns, columns, rates)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +214,7 @@ class PointMass(Element):
     def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
         """Add the row of the mass."""
         columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
-        flat.add("masses", nodes, self.columns(), columns)
+        flat.add("masses", nodes, self.columns, columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,7 +258,7 @@ class Resonator(Element):
         joint = PointJoint(k_y=self.k_y, k_theta=1.0, c_y=self.c_y)
         far = flat.new_node()
         columns = {f"{name}.{quantity}": PointJoint.columns_of.index(quantity) for quantity in ("k_y", "c_y")}
-        flat.titles["joint", flat.add("joints", (*nodes, far), joint.columns(), columns)] = name
+        flat.titles["joint", flat.add("joints", (*nodes, far), joint.columns, columns)] = name
         flat.add("masses", (far,), (self.mass, 0.0), {f"{name}.mass": 0})
 
 

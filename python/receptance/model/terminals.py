@@ -390,8 +390,9 @@ class Mode(Element):
                 "not oscillate, expected a shape without imaginary parts"
             )
 
+    @cached_property
     def columns(self) -> tuple[float, ...]:
-        """Return the row of the table of modes: the frequency in rad/s, then the other parameters."""
+        """Row of the table of modes: the frequency in rad/s, then the other parameters."""
         return tau * self.frequency_hz, *(getattr(self, quantity) for quantity in self.columns_of[1:])
 
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
@@ -402,7 +403,7 @@ class Mode(Element):
 def modal_entries(modes: Iterable[Mode], lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
     """Return y/F, theta/M and y/M of a sum of modes on lines in Hz, `(n, 3)`."""
     return _core.modal_receptance(
-        _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns() for mode in modes])
+        _core.Lines(np.ascontiguousarray(lines), tau), np.array([mode.columns for mode in modes])
     )
 
 
