@@ -13,6 +13,7 @@ from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
+from receptance.identification.observations import altered
 from receptance.identification.unknowns import Power
 
 LINES = np.linspace(200.0, 6000.0, 60)
@@ -194,3 +195,16 @@ def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
     )
     start = twice.task.variables.start
     assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))
+
+
+def test_equal_assemblies_become_one_and_stay_one_in_every_variant() -> None:
+    model = make_model()
+    apart = model.map(lambda one: altered(one, assembly=make_assembly(one.assembly.elements["tool"].length)))
+    assert len({id(one.assembly) for one in apart.observations}) == len(apart.observations)
+    shared = apart.with_shared_assemblies()
+    assert len({id(one.assembly) for one in shared.observations}) == len(OVERHANGS)
+    for own, one in zip(shared.observations, apart.observations, strict=True):
+        assert own.assembly == one.assembly
+        assert own.label == one.label
+    for cause, variant in every_variant(shared):
+        assert len({id(one.assembly) for one in variant.model.observations}) == len(OVERHANGS), cause
