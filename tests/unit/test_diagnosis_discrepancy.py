@@ -26,7 +26,16 @@ from receptance import (
 )
 from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
 from receptance.diagnosis.adequacy import Strain
-from receptance.diagnosis.discrepancy import Discrepancy, fit_discrepancy, resonant
+from receptance.diagnosis.discrepancy import (
+    DAMPING,
+    FREQUENCY,
+    LEVEL,
+    Discrepancy,
+    _Errors,
+    _Expectation,
+    fit_discrepancy,
+    resonant,
+)
 from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
@@ -328,3 +337,32 @@ def test_an_interruption_keeps_the_answer_without_a_discrepancy(monkeypatch, nam
 
 def test_only_a_missing_mode_is_too_unspecific():
     assert [one.id for one in CATALOGUE.values() if one.unspecific] == ["missing_mode"]
+
+
+def test_expected_squares_are_those_of_the_whole_covariance() -> None:
+    rng = np.random.default_rng(SEED)
+    sizes = np.array([7, 1, 4, 9, 3, 1, 1, 5])
+    errors = _Errors(
+        values=0.1 * rng.normal(size=sizes.sum()),
+        noise=rng.uniform(1e-4, 1e-2, sizes.sum()),
+        slopes=np.where(np.repeat(np.arange(8), sizes) < 5, rng.normal(size=sizes.sum()), 0.0),
+        sizes=sizes,
+        kinds=np.array([LEVEL] * 5 + [FREQUENCY, DAMPING, LEVEL]),
+        # The last groups have no error of frequency; the first ones share two.
+        modes=np.array([0, 1, 1, 0, 1, 2, 2, 2]),
+        count=2,
+        has_remainder=np.array([True] * 5 + [False, False, True]),
+    )
+    variances = np.array([3e-3, 2e-2, 5e-3, 1e-2])
+    group, line = np.repeat(np.arange(8), sizes), np.arange(sizes.sum())
+    # Columns: effects of the groups, errors of frequency, and a remainder of each error.
+    effects = np.zeros((line.size, 10 + line.size))
+    effects[line, group] = 1.0
+    effects[line, np.minimum(8 + errors.modes[group], 9)] += errors.slopes
+    effects[line, 10 + line] = 1.0
+    remainder = np.where(errors.has_remainder[group], variances[3], 0.0)
+    prior = np.concatenate([variances[errors.kinds], [variances[0]] * 2, remainder])
+    gain = prior[:, None] * effects.T @ np.linalg.inv((effects * prior) @ effects.T + np.diag(errors.noise))
+    expected = np.square(gain @ errors.values) + prior - np.diag(gain @ effects) * prior
+    kinds = np.concatenate([errors.kinds, [FREQUENCY] * 2, np.full(line.size, 3)])
+    assert _Expectation(errors).squares(variances) == pytest.approx(np.bincount(kinds, expected), rel=1e-9)

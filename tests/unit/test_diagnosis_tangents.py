@@ -15,6 +15,7 @@ from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
 from receptance.identification import Law, Move, Tolerance
 from receptance.identification.mapping import Parameters
+from receptance.identification.observations import altered
 from receptance.identification.unknowns import Power
 
 LINES = np.linspace(200.0, 6000.0, 60)
@@ -214,3 +215,16 @@ def test_look_alikes_of_a_cause_with_two_nearly_equal_effects(difference: float)
     for one, same in zip([doubled, alone, *others], small, strict=True):
         assert look_alike(small[0], same) == pytest.approx(look_alike(doubled, one), abs=1e-3)
     assert (look_alike(doubled, alone) > 0.99) == (difference > 1e-5)
+
+
+def test_equal_assemblies_become_one_and_stay_one_in_every_variant() -> None:
+    model = make_model()
+    apart = model.map(lambda one: altered(one, assembly=make_assembly(one.assembly.elements["tool"].length)))
+    assert len({id(one.assembly) for one in apart.observations}) == len(apart.observations)
+    shared = apart.with_shared_assemblies()
+    assert len({id(one.assembly) for one in shared.observations}) == len(OVERHANGS)
+    for own, one in zip(shared.observations, apart.observations, strict=True):
+        assert own.assembly == one.assembly
+        assert own.label == one.label
+    for cause, variant in every_variant(shared):
+        assert len({id(one.assembly) for one in variant.model.observations}) == len(OVERHANGS), cause

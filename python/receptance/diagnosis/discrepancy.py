@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -201,7 +202,10 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Errors of the records of a configuration, with effects that are common to several of them.
+    """Errors in groups: those of a mode in one part of a record, or a single error of a measured frequency.
+
+    The errors of a group have one effect in common, and a multiple each of an error of frequency. Several groups share
+    an error of frequency, and no group has two, so that the effects are correlated in pairs only.
 
     Attributes
     ----------
@@ -209,19 +213,28 @@ class _Errors:
         `(n,)` errors, of real and imaginary parts of logarithms, or relative ones.
     noise : ndarray
         `(n,)` variances of the noise, and of the part that is not linear in the effects.
-    effects : ndarray
-        `(n, q)` errors by a unit of each effect.
+    slopes : ndarray
+        `(n,)` errors by a unit of the error of frequency.
+    sizes : ndarray
+        `(g,)` number of errors of each group.
     kinds : ndarray
-        `(q,)` kind of each effect.
-    has_remainder : bool
-        Whether each error has a part of its own beside the effects and the noise.
+        `(g,)` kind of the effect of each group.
+    modes : ndarray
+        `(g,)` number of the error of frequency of each group; that after the last one has no effect.
+    count : int
+        Number of errors of frequency that groups share.
+    has_remainder : ndarray
+        `(g,)` whether each error has a part of its own beside the effects and the noise.
     """
 
     values: NDArray[np.float64]
     noise: NDArray[np.float64]
-    effects: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    sizes: NDArray[np.intp]
     kinds: NDArray[np.intp]
-    has_remainder: bool
+    modes: NDArray[np.intp]
+    count: int
+    has_remainder: NDArray[np.bool_]
 
 
 def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, float]:
@@ -229,20 +242,16 @@ def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, flo
 
     The effect of an error of frequency is the secant over plus and minus `shift`, a relative error.
     """
-    errors = _errors(model, fit, shift)
-    numbers = np.bincount(np.concatenate([one.kinds for one in errors]), minlength=REMAINDER)
+    errors = _join(_errors(model, fit, shift))
+    numbers = np.bincount(errors.kinds, minlength=REMAINDER)
+    numbers[FREQUENCY] += errors.count
+    remainders = np.sum(errors.sizes[errors.has_remainder])
     smallest, largest = np.square(DISCREPANCIES)
     # Of the three kinds, and of the remainder.
     variances = np.array([1e-6, 1e-2, 1e-2, 1e-2])
+    expectation = _Expectation(errors)
     for _ in range(MIXED_MODEL_STEPS):
-        sums, counts = np.zeros(4), np.zeros(4)
-        for one in errors:
-            of_effects, of_remainder = _expected_squares(one, variances)
-            np.add.at(sums, one.kinds, of_effects)
-            np.add.at(counts, one.kinds, 1.0)
-            sums[REMAINDER] += np.sum(of_remainder)
-            counts[REMAINDER] += of_remainder.size
-        squares = sums / np.maximum(counts, 1.0)
+        squares = expectation.squares(variances) / np.maximum([*numbers, remainders], 1)
         before, variances = variances, np.clip(squares, smallest, largest)
         if np.all(np.abs(np.log(variances / before)) < MIXED_MODEL_CHANGE):
             break
@@ -255,20 +264,48 @@ def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, flo
     return found, float(numbers @ (np.log(own) + squares / own))
 
 
-def _expected_squares(one: _Errors, variances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the expected squares of the effects and of the remainders, given the errors and the variances."""
-    own = variances[REMAINDER] if one.has_remainder else 0.0
-    variance = one.noise + own
-    weighted = one.effects / variance[:, None]
-    covariance = np.linalg.inv(weighted.T @ one.effects + np.diag(1.0 / variances[one.kinds]))
-    mean = covariance @ (weighted.T @ one.values)
-    squares = np.square(mean) + np.diag(covariance)
-    if not one.has_remainder:
-        return squares, np.empty(0)
-    left = one.values - one.effects @ mean
-    spread = np.sum((one.effects @ covariance) * one.effects, axis=1)
-    share = own / variance
-    return squares, np.square(share) * (np.square(left) + spread) + own * (1.0 - share)
+class _Expectation:
+    """Expected squares of effects and remainders, given the errors and the variances."""
+
+    def __init__(self, errors: _Errors) -> None:
+        self._errors = errors
+        self._first = np.cumsum(errors.sizes) - errors.sizes
+        self._remainder = np.repeat(errors.has_remainder, errors.sizes)
+        one, s, y = np.ones(errors.values.size), errors.slopes, errors.values
+        self._products = np.array([one, s, s * s, y, s * y, y * y])
+        self._weighted = np.empty_like(self._products)
+
+    def squares(self, variances: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums of the expected squares of each kind of effects, and of the remainders, `(4,)`."""
+        errors = self._errors
+        own = variances[REMAINDER]
+        weight = 1.0 / (errors.noise + own * self._remainder)
+        ones, s, ss, y, sy, _ = self._sums(self._products, weight)
+        # The errors of frequency follow after an elimination of the effects of their groups, which are independent.
+        precision = ones + 1.0 / variances[errors.kinds]
+        ratio = s / precision
+        of_modes = errors.count + 1
+        variance = 1.0 / (1.0 / variances[FREQUENCY] + np.bincount(errors.modes, ss - ratio * s, of_modes))
+        shift = variance * np.bincount(errors.modes, sy - ratio * y, of_modes)
+        of_shift, shift_variance = shift[errors.modes], variance[errors.modes]
+        effect = (y - s * of_shift) / precision
+        square = np.square(effect) + 1.0 / precision + np.square(ratio) * shift_variance
+        square_of_shift = np.square(of_shift) + shift_variance
+        sums = np.asarray(np.bincount(errors.kinds, square, REMAINDER + 1), dtype=np.float64)
+        sums[FREQUENCY] += np.sum((np.square(shift) + variance)[: errors.count])
+        both = effect * of_shift - ratio * shift_variance
+        coefficients = np.array(
+            [square, 2.0 * both, square_of_shift, -2.0 * effect, -2.0 * of_shift, np.ones(square.size)]
+        )
+        # Of the squares of what the effects leave, each divided by the square of its variance.
+        left = np.sum(coefficients * self._sums(self._weighted, weight), axis=0)
+        sums[REMAINDER] = own * np.sum((errors.sizes - own * ones + own * left)[errors.has_remainder])
+        return sums
+
+    def _sums(self, products: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums over each group of weighted products, which are kept, `(6, g)`."""
+        np.multiply(products, weight, out=self._weighted)
+        return np.add.reduceat(self._weighted, self._first, axis=1)
 
 
 def _errors(model: Model, fit: Fit, shift: float) -> list[_Errors]:
@@ -286,6 +323,16 @@ def _errors(model: Model, fit: Fit, shift: float) -> list[_Errors]:
     return [*found, *(_errors_of_records(own, shift) for own in records.values())]
 
 
+def _join(errors: Sequence[_Errors]) -> _Errors:
+    """Return all errors together."""
+    count = sum(one.count for one in errors)
+    before = np.cumsum([0, *(one.count for one in errors)])
+    modes = [np.where(one.modes < one.count, i + one.modes, count) for i, one in zip(before, errors, strict=False)]
+    names = ("values", "noise", "slopes", "sizes", "kinds", "has_remainder")
+    joined: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in errors]) for name in names}
+    return _Errors(**joined, modes=np.concatenate(modes), count=count)
+
+
 def _errors_of_frequencies(
     one: MeasuredFrequencies, fitted: MeasuredFrequencies, residual: NDArray[np.float64]
 ) -> Iterator[_Errors]:
@@ -300,7 +347,17 @@ def _errors_of_frequencies(
 
 
 def _separate(values: NDArray[np.float64], spread: NDArray[np.float64], kind: int) -> _Errors:
-    return _Errors(values, np.square(spread), np.eye(values.size), np.full(values.size, kind), False)
+    none = np.zeros(values.size, dtype=np.intp)
+    return _Errors(
+        values=values,
+        noise=np.square(spread),
+        slopes=np.zeros(values.size),
+        sizes=none + 1,
+        kinds=none + kind,
+        modes=none,
+        count=0,
+        has_remainder=none > 0,
+    )
 
 
 def _errors_of_records(records: Sequence[tuple[MeasuredFRF, NDArray[np.float64]]], shift: float) -> _Errors:
@@ -309,42 +366,40 @@ def _errors_of_records(records: Sequence[tuple[MeasuredFRF, NDArray[np.float64]]
     every = np.sort(np.concatenate(peaks))
     # Peaks of several records close to each other are one mode of the configuration.
     first = every[np.concatenate([[True], np.diff(np.log(every)) > SAME_MODE])] if every.size else every
-    starts = np.cumsum([0, *(one.frequency_hz.size for one, _ in records)])
-    levels, slopes, noise = [], np.zeros((starts[-1], first.size), dtype=np.complex128), []
-    for start, own, (one, _) in zip(starts, peaks, records, strict=False):
-        down, at_rest, up = (_moved(one, way * shift) for way in (-1.0, 0.0, 1.0))
+    slopes, noise, sizes, modes = [], [], [], []
+    for own, (one, _) in zip(peaks, records, strict=True):
+        down, at_rest, up = _moved(one, shift)
         # The square of a normal error has a mean square of 3; each part has half of what the secant does not describe.
         curved = 3.0 / 8.0 * np.square(np.abs(up - 2.0 * at_rest + down))
         noise.append(np.square(one.standard_deviations.reshape(2, -1)[0]) / one.correlated_lines + curved)
-        number, slope = nearest_peak(one.frequency_hz.real, own), (up - down) / (2.0 * shift)
-        for k in range(max(own.size, 1)):
-            at = start + np.flatnonzero(number == k)
-            level = np.zeros(starts[-1])
-            level[at] = 1.0
-            levels.append(level)
-            if own.size:
-                slopes[at, np.searchsorted(first, own[k], side="right") - 1] += slope[at - start]
-    level, none = np.array(levels).T, np.zeros((starts[-1], len(levels)))
+        slopes.append((up - down) / (2.0 * shift))
+        # The lines of a mode are neighbours. A record without a peak has no error of frequency.
+        sizes.append(np.bincount(nearest_peak(one.frequency_hz.real, own)))
+        modes.append(np.searchsorted(first, own, side="right") - 1 if own.size else np.array([first.size]))
+    slope, size, mode = np.concatenate(slopes), np.concatenate(sizes), np.concatenate(modes)
     return _Errors(
         values=np.concatenate([part for row in (0, 1) for part in (error[row] for _, error in records)]),
         noise=np.concatenate([*noise, *noise]),
-        effects=np.block([[level, none, slopes.real], [none, level, slopes.imag]]),
-        kinds=np.repeat([LEVEL, FREQUENCY], [2 * len(levels), first.size]),
-        has_remainder=True,
+        slopes=np.concatenate([slope.real, slope.imag]) * np.tile(np.repeat(mode < first.size, size), 2),
+        sizes=np.tile(size, 2),
+        kinds=np.full(2 * size.size, LEVEL),
+        modes=np.tile(mode, 2),
+        count=first.size,
+        has_remainder=np.ones(2 * size.size, dtype=np.bool_),
     )
 
 
 def _variance_of_shift(one: MeasuredFRF, frequency: float) -> NDArray[np.float64]:
     """Return the variance of the logarithm by an error of frequency, for the real and the imaginary part each."""
-    at = _moved(one, 0.0)
-    return np.asarray(sum(np.square(np.abs(_moved(one, way * frequency) - at)) for way in (1.0, -1.0)) / 4.0)
+    down, at_rest, up = _moved(one, frequency)
+    return np.asarray((np.square(np.abs(up - at_rest)) + np.square(np.abs(down - at_rest))) / 4.0)
 
 
-def _moved(one: MeasuredFRF, shift: float) -> NDArray[np.complex128]:
-    """Return the logarithm of the receptance at frequencies that are larger by a share."""
+def _moved(one: MeasuredFRF, shift: float) -> list[NDArray[np.complex128]]:
+    """Return the logarithm of the receptance at frequencies that are smaller by a share, the same, and larger."""
     lines = one.frequency_hz.real
     logarithm = np.log(np.abs(one.receptance)) + 1j * np.unwrap(np.angle(one.receptance))
-    return np.asarray(np.interp(lines * (1.0 + shift), lines, logarithm))
+    return [np.asarray(np.interp(lines * (1.0 + way * shift), lines, logarithm)) for way in (-1.0, 0.0, 1.0)]
 
 
 def _records(model: Model) -> list[int]:

@@ -150,7 +150,7 @@ def diagnose(
     model, table_notes = with_table_noise(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
     model, line_notes = select_lines(model)
     line_notes = (*table_notes, *line_notes)
-    model = model.with_witnesses()
+    model = model.with_shared_assemblies().with_witnesses()
     report = Progress(progress)
     held_out = held_out and not fast
     report.plan("held out", count_folds(model) if held_out else 0)

@@ -73,7 +73,7 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     assert declared.plausible is not None
     largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
     mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
-    changed = model.map(change)
+    changed = model.map(change).with_shared_assemblies()
     for name in _each(model):
         yield Variant(name or "all", changed.plus(mass.unknown("cause_sensor.mass", configurations=name)))
 

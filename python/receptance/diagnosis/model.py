@@ -90,6 +90,19 @@ class Model:
     threads: int | None = None
     shorter: Model | None = field(default=None, init=False)
 
+    def with_shared_assemblies(self) -> Model:
+        """Return the model in which observations of equal assemblies have the same one, so that it is prepared once."""
+        different: list[Assembly] = []
+
+        def share(one: Observation) -> Observation:
+            for own in different:
+                if own == one.assembly:
+                    return altered(one, assembly=own)
+            different.append(one.assembly)
+            return one
+
+        return self.map(share)
+
     def with_witnesses(self) -> Model:
         """Return the model with one observation for each set of places as its witnesses."""
         kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
@@ -326,7 +339,7 @@ class Model:
             assembly = _divide(one.assembly, part, index, _segment_at(own, place(own))[1])
             return altered(one, assembly=assembly, conditions={**values, **one.conditions})
 
-        changed = self.map(change)
+        changed = self.map(change).with_shared_assemblies()
         single = all(len(one.segments) == 1 for one in self.parts(part))
         unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
         tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)

@@ -165,7 +165,7 @@ def _after_a_refit(
             size = len(together)
             projected = -(basis @ (basis[:size].T @ together))
             projected[:size] += together
-            norms, products = np.linalg.norm(projected, axis=0), rest @ projected
+            norms, products = np.sqrt(np.einsum("ij,ij->j", projected, projected)), rest @ projected
         begin = 0
         for one in some:
             if one is None:
@@ -187,7 +187,8 @@ def _direction(
     if effect is None:
         return empty
     is_visible = effect.norms > INVISIBLE * max(float(effect.norms.max(initial=0.0)), 1e-300)
-    slopes, products = effect.slopes[:, is_visible], effect.products[is_visible]
+    slopes = effect.slopes if is_visible.all() else effect.slopes[:, is_visible]
+    products = effect.products[is_visible]
     if not slopes.shape[1]:
         return empty
     solution: NDArray[np.floating[Any]]

@@ -207,7 +207,10 @@ class _VariantGroup:
         pairs = list(zip(self._maps, further.of(sites), strict=True))
         found: dict[tuple[ParameterMap, ParameterMap], _Place] = {}
         for pair in pairs:
-            if pair not in found:
+            if not pair[1].addresses:
+                # Most observations, where the unknowns are of one configuration.
+                found[pair] = _Place((), np.zeros(0), np.zeros((0, values.size)))
+            elif pair not in found:
                 own, shifts = pair[0].around(pair[1], self._parts[pair[0]])
                 found[pair] = _Place(own.addresses, own.values(values) + shifts, own.jacobian(values))
         return [found[pair] for pair in pairs]
@@ -226,6 +229,8 @@ class _VariantGroup:
 
     def _is_same(self, number: int, place: _Place) -> bool:
         """Return whether an observation has the same parameters as in the model without the variant's own unknowns."""
+        if not place.addresses:
+            return True
         own, site = self._maps[number], self._base.observations[number].site(number)
         before = own.numbers
         for address, value in zip(place.addresses, place.values.tolist(), strict=True):

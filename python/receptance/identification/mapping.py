@@ -16,7 +16,7 @@ import copy
 import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -420,6 +420,8 @@ class Parameters:
                     for address in sorted(site.covered(pattern)):
                         rows.add(address, error(tolerance.name), deviation)
         addresses = tuple(dict.fromkeys([*bases, *exponents.rows, *shifts.rows]))
+        if not addresses:
+            return _nothing(len(index))
         first = [bases[address][0] if address in bases else (-1, 1.0) for address in addresses]
         second = [bases[address][1] if len(bases.get(address, ())) == 2 else (-1, 0.0) for address in addresses]
         return ParameterMap(
@@ -523,6 +525,12 @@ class Parameters:
             # Assemblies that are held out or predicted may have it.
             notes += [f"{title}: no observation's assembly has {one}; it affects predictions only" for one in missing]
         return notes
+
+
+@cache
+def _nothing(count: int) -> ParameterMap:
+    """Return the map of a site without parameters, which most sites have of an unknown of one configuration."""
+    return ParameterMap.linear((), np.zeros(0), np.zeros((0, count)))
 
 
 def _key(site: Site, named: Collection[str]) -> tuple[Hashable, ...]:
