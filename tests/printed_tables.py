@@ -6,6 +6,7 @@ import html
 import json
 import re
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -27,10 +28,12 @@ def assert_no_number_is_cut(
     report: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
+    widths: Sequence[str | None] = ("40", "80", "100", "120", None),
 ) -> None:
     """Run a command at several widths: what it prints without a limit is printed at any, and is in the report.
 
-    `code` is its exit code, and `report` the options that write `report.html`, none where it has no report.
+    `code` is its exit code, and `report` the options that write `report.html`, none where it has no report. `widths`
+    are values of COLUMNS, None where it is not set.
     """
     monkeypatch.setenv("COLUMNS", str(_WIDE))
     assert call(monkeypatch, *arguments, "--json", "results.json", *report) == code, capsys.readouterr().err
@@ -46,7 +49,7 @@ def assert_no_number_is_cut(
             re.sub(r"<(style|svg).*?</\1>|<[^>]*>", " ", Path("report.html").read_text("utf-8"), flags=re.S)
         )
         assert not (lost := wide - _numbers(page)), f"these numbers are not in the report: {dict(lost)}"
-    for columns in ("40", "80", "100", "120", None):
+    for columns in widths:
         if columns is None:
             monkeypatch.delenv("COLUMNS")
         else:

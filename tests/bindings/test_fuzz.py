@@ -128,7 +128,7 @@ def test_undamaged_call_succeeds() -> None:
 TABLES = ["segments", "joints", "masses", "grounds", "excitations", "responses", "parameters"]
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(data=st.data())
 def test_any_number_in_any_place(data: st.DataObject) -> None:
     arguments = good()
@@ -150,7 +150,7 @@ def test_any_number_in_any_place(data: st.DataObject) -> None:
     check(calls.natural_frequencies, modes(arguments))
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(upper=st.floats() | st.sampled_from(ODD), most=st.integers(-2, 2**66), motion=st.integers(-1, 3))
 def test_any_limit_of_natural_frequencies(upper: float, most: int, motion: int) -> None:
     # A limit far above every wave asks for as many modes as there are; a few will do here.
@@ -158,7 +158,7 @@ def test_any_limit_of_natural_frequencies(upper: float, most: int, motion: int) 
     check(calls.natural_frequencies, arguments)
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(data=st.data())
 def test_any_shape_and_type(data: st.DataObject) -> None:
     arguments = good()

@@ -40,7 +40,7 @@ def test_undamaged_call_succeeds(points: int) -> None:
     assert check(calls.natural_frequencies, overlap_modes(arguments)) is None
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_any_number_in_any_place(data: st.DataObject) -> None:
     arguments = overlap_receptance()
@@ -57,7 +57,7 @@ def test_any_number_in_any_place(data: st.DataObject) -> None:
     check(calls.natural_frequencies, overlap_modes(arguments))
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_any_scale_of_any_column(data: st.DataObject) -> None:
     """Each number multiplied by anything, which stays in the range of meaning more often than a number does."""
@@ -69,7 +69,7 @@ def test_any_scale_of_any_column(data: st.DataObject) -> None:
     check(calls.natural_frequencies, overlap_modes(arguments))
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_any_shape_and_type(data: st.DataObject) -> None:
     shape = tuple(data.draw(st.lists(st.integers(0, 33), min_size=0, max_size=3)))

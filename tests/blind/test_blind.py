@@ -99,7 +99,8 @@ def test_indistinguishable_effects_count_as_the_same():
     assert same_answer(case, truth, "time_delay", tries=2)
 
 
-def test_failed_engine_is_scored_as_failure():
+def test_failed_engine_is_scored_as_failure(monkeypatch):
+    monkeypatch.setattr("blind.outcome.draw_case", DRAWN)
     plan = [("nothing", ()), ("single", ("time_delay",)), ("outside", ("tip_absorber",))]
     for verdict, reported, bad in (
         ("adequate", (), "one effect, large enough: in the reported set"),

@@ -97,6 +97,7 @@ def test_ordinary_cases_are_unchanged():
     assert (ordinary.knowledge, ordinary.known, truth.within) == ("", None, ())
 
 
+@pytest.mark.slow
 def test_data_contain_errors_of_the_holder_and_not_later_changes():
     hidden, truth = draw_case(SEED, 5, "single", ("holder_modulus",), u=0.9, quick=True)
     case, contained = draw_case(SEED, 5, "single", ("holder_modulus",), u=0.9, quick=True, knowledge="measured")

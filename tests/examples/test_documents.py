@@ -23,10 +23,16 @@ def _named(document: Path) -> str:
     return str(document.relative_to(ROOT))
 
 
-WITH_PYTHON = [document for document in DOCUMENTS if any(block.language == "python" for block in blocks(document))]
+WITH_PYTHON = [
+    # The blocks of these documents take three seconds each.
+    pytest.param(document, marks=pytest.mark.slow if document.name in ("spindle.md", "stability.md") else ())
+    for document in DOCUMENTS
+    if any(block.language == "python" for block in blocks(document))
+]
+LONG = ("README.md", "CONTRIBUTING.md", "campaign.md", "lobes.md", "sweeps.md", "taper.md")
+"""Documents whose commands take more than a few seconds, or repeat those of another document."""
 SHELL = [
-    # The commands of these documents take more than ten seconds.
-    pytest.param(document, marks=pytest.mark.slow if document.name in ("taper.md", "sweeps.md") else ())
+    pytest.param(document, marks=pytest.mark.slow if document.name in LONG else ())
     for document in DOCUMENTS
     if any(commands(block) for block in blocks(document))
 ]

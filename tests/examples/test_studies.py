@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 import study_scripts
 from examples.documents import ROOT
 
@@ -19,5 +21,6 @@ def test_every_script_is_run() -> None:
         assert f'study_scripts.run("{name}", ' in tests.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_script(tmp_path: Path) -> None:
     study_scripts.run("clamped_rods", tmp_path)

@@ -51,7 +51,7 @@ def test_every_address_against_differences(address: str) -> None:
 
 
 @given(assembly=assemblies(lossy=True), f=frequencies(), which=st.integers(0, 10**6))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_random_addresses_against_differences(assembly: Assembly, f: np.ndarray, which: int) -> None:
     address = assembly.parameters[which % len(assembly.parameters)]
     value = assembly.get(address)

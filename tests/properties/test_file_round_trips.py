@@ -158,7 +158,7 @@ def test_several_in_one_file(things: list[Any], ending: str) -> None:
 
 
 @pytest.mark.parametrize("binary", [False, True])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(frf=frfs(text_file=True))
 @pytest.mark.filterwarnings("ignore::receptance.errors.ReceptanceWarning")
 def test_frfs_in_universal_files(frf: FRF, binary: bool) -> None:

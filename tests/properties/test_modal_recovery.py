@@ -47,7 +47,7 @@ def check(fit, system):
     np.testing.assert_array_less(np.abs(fit.modal_constant[:, :, 0] - constants) / largest, ACCURACY_CONSTANT)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(systems())
 @pytest.mark.parametrize("given", ["count", "frequencies"])
 def test_poles_are_recovered(given, system):
@@ -56,14 +56,14 @@ def test_poles_are_recovered(given, system):
     check(fit_modes(frf, places.size if given == "count" else list(places)), system)
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(systems(closest=1.0))
 def test_number_of_modes_is_recovered(system):
     f, places, damping, constants, decay_rate, form = system
     check(fit_modes(frf_of(f, places, damping, constants, decay_rate=decay_rate, form=form)), system)
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(systems(), st.floats(0.5, 3.0))
 def test_window_leaves_poles_unchanged(system, windows):
     """The FRF of the same structure under a stronger window: another set of numbers, the same poles."""

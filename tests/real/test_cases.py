@@ -175,11 +175,11 @@ def test_every_planned_effect_is_in_the_records_and_not_in_the_text(structure, e
 
 @pytest.mark.usefixtures("made")
 def test_setups_vary():
-    drawn = [draw(1, i, "modelab", "", plain_fit).case for i in range(40)]
+    drawn = [draw(1, i, "modelab", "", plain_fit).case for i in range(24)]
     assert {len({r.configuration for r in case.records}) for case in drawn} == {1, 2, 3}
     assert {round(float(case.records[0].frequency_hz[-1]), -2) for case in drawn} == {400.0, 700.0, 1000.0}
     with_drive = sum(case.records[0].hit_place == 0.5 for case in drawn)
-    assert 10 < with_drive < 30
+    assert 5 < with_drive < 19
 
 
 def test_plan():

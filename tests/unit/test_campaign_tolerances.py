@@ -253,7 +253,7 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
     place = replace(campaign.site("long"), assembly=found["long"].observation.assembly)
     forecast = forecast_of(campaign, identified, place, campaign.tolerances["long"], "long", [])
-    drawn = [one for one in forecast.drawn(1500, SEED) if one is not None]
+    drawn = [one for one in forecast.drawn(700, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])
     away = logs.real.std(axis=0) < 0.03  # in the linear range
     assert away.mean() > 0.5

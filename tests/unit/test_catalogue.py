@@ -324,8 +324,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     assert call(monkeypatch, "catalogue", ".", "--depths", "e.csv") == 2
     assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(
-        '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\n[cuts.a]\nkind = "milling"\nteeth = 2\nk_t = "800 MPa"\n'
-        'k_n = "300 MPa"\ntolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'
+        '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\nstep = "1000 rpm"\n[cuts.a]\n'
+        'kind = "milling"\nteeth = 2\nk_t = "800 MPa"\nk_n = "300 MPa"\n'
+        'tolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'
     )
     assert call(monkeypatch, "stability", "cut.toml", "--json", "s.json") == 0
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200

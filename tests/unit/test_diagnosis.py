@@ -75,6 +75,7 @@ def make_observations(
 def test_correct_model_is_adequate() -> None:
     verdict = diagnose(make_observations(), JOINT, tolerances=TOLERANCES, causes=FEW)
     assert verdict.verdict == "adequate"
+    assert verdict.final
     assert verdict.causes == ()
     assert verdict.extended is None
 
@@ -384,11 +385,12 @@ def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
     assert [one.id for one in verdict.candidates] == ["sensor_mass"]
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_the_same_seed_gives_the_same_answer(threads: int) -> None:
-    first = diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=1)
-    again = diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
-    assert first.to_dict() == again.to_dict()
+def test_the_same_seed_gives_the_same_answer() -> None:
+    first, again, parallel = (
+        diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
+        for threads in (1, 1, 2)
+    )
+    assert first.to_dict() == again.to_dict() == parallel.to_dict()
 
 
 def stopping(what: str, times: int = 1) -> tuple[list[str], Callable[[str], None]]:
@@ -446,8 +448,8 @@ def test_interruption_returns_a_preliminary_result(what: str, times: int, tried:
     assert written["final"] is False
     assert verdict.modes == verdict.modes_after == ()
     assert written["settings"]["interrupted"]["step"] == len(lines)
-    assert "not final" in verdict.to_html()
-    assert diagnose(make_observations(), JOINT, causes=["sensor_mass"], most=1).final
+    if tried in (0, 3):  # without a cause and with one
+        assert "not final" in verdict.to_html()
 
 
 def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:

@@ -71,7 +71,9 @@ def make_observations(true: Assembly, overhang: float, seed: int = 1) -> Measure
 OVERHANGS = (0.05, 0.07, 0.09)
 
 
-@pytest.mark.parametrize("at_tip", [False, True], ids=["behind the holder", "on the tip"])
+@pytest.mark.parametrize(
+    "at_tip", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["behind the holder", "on the tip"]
+)
 def test_a_body_on_the_tip_is_no_mode_of_a_fixture(at_tip: bool) -> None:
     data = [make_observations(swinging(x, at_tip=at_tip), x) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["missing_mode", "collet_mass"], most=1)

@@ -42,7 +42,7 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES
 from receptance.identification import Tolerance, Unknown
 
-LINES = np.linspace(200.0, 8000.0, 1000)
+LINES = np.linspace(200.0, 8000.0, 600)
 OVERHANGS = (0.05, 0.065, 0.08, 0.095)
 SEED = 20261123
 CAUSES = ("sensor_mass", "calibration_gain", "time_delay", "tool_modulus", "hammer_offset", "suspension")

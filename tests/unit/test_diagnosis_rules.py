@@ -195,7 +195,7 @@ def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> N
     [
         ("density", 0.88, "holder_inertia", "named"),
         ("youngs_modulus", 1.18, "holder_modulus", "named"),
-        ("density", 0.65, "holder_inertia", "suspected"),
+        pytest.param("density", 0.65, "holder_inertia", "suspected", marks=pytest.mark.slow),
     ],
 )
 def test_a_simplified_holder_is_off_by_a_quarter_at_most(field: str, factor: float, cause: str, answer: str) -> None:

@@ -74,10 +74,10 @@ def count_alarms(cases, seed, *, all_forms):
 
 def test_false_alarms_are_rare():
     print(f"seed {SEED}")
-    alarms, clear = count_alarms(150, SEED, all_forms=True)
-    # Three conventions of one record fail together: at most one record in 150 (measured: none in 9000 conventions).
+    alarms, clear = count_alarms(80, SEED, all_forms=True)
+    # Three conventions of one record fail together: at most one record in 80 (measured: none in 9000 conventions).
     assert alarms <= 3
-    assert clear > 0.85 * 450
+    assert clear > 0.85 * 240
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ def test_every_convention_against_every_declared_form():
     rng = np.random.default_rng(SEED)
     found = dict.fromkeys(((convention, form) for convention in EVERY for form in FORMS), 0)
     clear = 0
-    for _ in range(20):
+    for _ in range(10):
         lines, _, accelerance = draw_drive_point(rng)
         for convention in EVERY:
             values = as_read(lines, accelerance, convention)
@@ -107,11 +107,11 @@ def test_every_convention_against_every_declared_form():
                     assert convention in verdict.conventions, (convention, verdict)
                     assert verdict.declared == Convention(form)
                 found[convention, form] += verdict.contradicted
-    assert clear > 0.85 * 20 * 12
+    assert clear > 0.85 * 10 * 12
     for (convention, form), alarms in found.items():
         declared = Convention(form)
         expected = convention != declared and twin(convention) != declared
-        assert (alarms > 15) if expected else (alarms == 0), (convention, form, alarms)
+        assert (alarms > 7) if expected else (alarms == 0), (convention, form, alarms)
 
 
 def test_indistinguishable_conventions_are_both_reported():
@@ -186,7 +186,7 @@ def test_noise_and_hum_rarely_contradict():
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     alarms = 0
-    for _ in range(100):
+    for _ in range(40):
         n = int(rng.choice([100, 400, 1600]))
         f = np.linspace(5.0, rng.choice([500.0, 5000.0]), n)
         s = 2j * np.pi * f
@@ -196,8 +196,8 @@ def test_noise_and_hum_rarely_contradict():
         for accelerance in (1.0 + level * noise, s**2 * (1.0 + level * noise), 1.0 + 0.01 * noise + hum, noise):
             for form in FORMS:
                 alarms += check_drive_point(f, as_read(f, accelerance, Convention(form)), form).contradicted
-    # Measured: 1 of 9600.
-    assert alarms <= 2
+    # Measured: 1 of 9600; here are 480.
+    assert alarms <= 1
 
 
 def test_nonproportional_damping_and_close_modes():

@@ -341,7 +341,7 @@ def test_highly_compressed_arrays_are_read(tmp_path: Path) -> None:
     for name in ("a.mat", "a.npz", "a.h5", "fill.h5"):
         assert (tmp_path / name).stat().st_size < still.nbytes / 400
         assert isinstance(series := read(tmp_path / name, **options), TimeSeries)
-        assert series.values.shape == (4_000_000, 1)
+        assert series.values.shape == (*still.shape, 1)
 
 
 def test_expanded_size_of_mat_files_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

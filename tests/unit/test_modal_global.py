@@ -98,7 +98,7 @@ def test_an_unstated_window_adds_damping():
 
 def test_number_of_modes_is_found():
     print(f"seed {SEED}")
-    for number in range(12):
+    for number in range(8):
         frf = frf_of(
             F,
             [180.0, 200.0, 203.0],
@@ -196,7 +196,7 @@ def test_intervals_of_a_broad_mode_near_an_outside_mode(runs):
 
 @pytest.mark.parametrize("kind", ["force", "response", "separate"])
 @pytest.mark.parametrize("correlated", [1.0, 6.0])
-@pytest.mark.parametrize("runs", [8, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [5, pytest.param(60, marks=pytest.mark.slow)])
 def test_noise_common_to_several_responses(runs, correlated, kind):
     """Noise of the force is the same in all responses relative to the FRF, also between lines; noise of a response not.
 
@@ -309,7 +309,7 @@ def test_excess_residuals_enlarge_the_errors():
     assert careful.damping_standard_error[0] == pytest.approx(3.0 * honest.damping_standard_error[0], rel=0.1)
 
 
-@pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [4, pytest.param(40, marks=pytest.mark.slow)])
 def test_inconsistent_entries_enlarge_the_errors(runs):
     """A natural frequency that drifts from hit to hit, as with temperature, is the larger part of the uncertainty."""
     rng = np.random.default_rng(SEED)
@@ -345,7 +345,7 @@ def test_correlated_residuals_enlarge_the_errors():
 
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
-@pytest.mark.parametrize("runs", [6, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [4, pytest.param(50, marks=pytest.mark.slow)])
 def test_noise_under_an_exponential_window(runs, width, stated):
     """Noise exp(-sigma t) correlates lines; intervals cover, be that over less or more than a half-power band.
 

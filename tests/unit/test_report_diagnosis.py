@@ -210,9 +210,8 @@ def test_page_has_no_external_links(page: str) -> None:
     assert "default-src 'none'" in page
 
 
-@pytest.mark.parametrize(
-    ("kind", "least"), [("diagnosis", 9.0), pytest.param("identification", 4.5, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "least"), [("diagnosis", 9.0), ("identification", 4.5)])
 def test_page_in_a_browser(tmp_path: Path, verdict: Any, kind: str, least: float) -> None:
     """On a phone, a desktop and paper, light and dark: nothing is cut, text is large enough, nothing is loaded."""
     path = tmp_path / "report.html"

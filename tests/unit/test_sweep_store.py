@@ -86,7 +86,8 @@ def test_killed_run_is_resumed(tmp_path: Path) -> None:
         import sys, time
         sys.path.insert(0, sys.argv[1])
         import unit.test_sweep_store as module
-        from receptance.sweep import sweep
+        from receptance.sweep import disk, sweep
+        disk._FLUSH_INTERVAL_S = 0.2
         sweep(module.pair(), module.draw(600), module.measure(), store=sys.argv[2], block=7,
               progress=lambda told: (print(told.done, flush=True), time.sleep(0.05)))
     """
@@ -97,7 +98,7 @@ def test_killed_run_is_resumed(tmp_path: Path) -> None:
     for line in process.stdout:
         # Long enough for the first finished blocks.
         begun = begun or time.monotonic()
-        if int(line) >= 14 and time.monotonic() - begun > 2.6:
+        if int(line) >= 14 and time.monotonic() - begun > 0.5:
             break
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
@@ -272,7 +273,7 @@ def test_remains_of_a_killed_creation_are_removed(tmp_path: Path) -> None:
         import unit.test_sweep_store as module
         import zarr
         zarr.consolidate_metadata = lambda path: os.kill(os.getpid(), signal.SIGKILL)
-        module.sweep(module.pair(), module.draw(600), module.measure(), store=sys.argv[2])
+        module.sweep(module.pair(), module.draw(20), module.measure(), store=sys.argv[2])
     """
     command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL

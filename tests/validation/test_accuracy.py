@@ -15,8 +15,8 @@ from receptance import _core
 from validation import accuracy, plain_formulations
 from validation.accuracy import DRIVE, INNER, TRANSFER, Report
 
-FRESH_CASES = 100
-QUICK_CASES = 200
+FRESH_CASES = 40
+QUICK_CASES = 100
 SLOW_CASES = 1000
 """Models of the fast part: enough for every kind and every column; all models are part of the slow tests."""
 BOUNDS = {TRANSFER: 1e-6, INNER: 1e-5}
@@ -165,7 +165,7 @@ def test_whole_branches_by_their_series(summarise: Summarise) -> None:
     seed = accuracy.base_seed()
     alone = np.array([[0.0, 0.0]])
     shares = []
-    for number in range(320):
+    for number in range(160):
         rng = np.random.default_rng([seed, number])
         case = draw.case(rng)
         ends = np.array([[0.0, 0.0], [0.0, 1.0]])
@@ -188,7 +188,7 @@ def test_whole_branches_by_their_series(summarise: Summarise) -> None:
     summarise("branches", text, {"lines": len(shares), "largest_share": max(shares)})
 
 
-@pytest.mark.parametrize("chains", [20, pytest.param(plain_formulations.DEFAULT_CHAINS, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("chains", [10, pytest.param(plain_formulations.DEFAULT_CHAINS, marks=pytest.mark.slow)])
 def test_core_is_more_accurate_than_textbook_formulations(chains: int, summarise: Summarise) -> None:
     """Evidence for the pivoted impedance of the core, with a check of the comparison."""
     found = plain_formulations.compare(accuracy.base_seed(), chains)

@@ -262,6 +262,7 @@ def test_inconsistencies_of_the_paper(form: dict[str, Any], published: er32.Publ
     assert overhang_scatter(published) == pytest.approx(math.sqrt((0.04 + 0.01 + 0.09 + 0.09) / 9.0 / 2.0))
 
 
+@pytest.mark.slow
 def test_same_seed_same_result(form: dict[str, Any]) -> None:
     assert json.loads(json.dumps(er32.run(er32.ER32Settings(draws=DRAWS)))) == form
     other = er32.run(er32.ER32Settings(draws=DRAWS, seed=1))["long_first_mode_bias"]

@@ -87,7 +87,7 @@ def draw_model(seed: int, number: int) -> Drawn:
     return Drawn(model, min(low, 200e3), f"seed {seed}, model {number}: {case.label}, to {min(low, 200e3):.6g} Hz")
 
 
-@pytest.mark.parametrize("part", [0, 1, *(pytest.param(part, marks=pytest.mark.slow) for part in (2, 3, 4))])
+@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in (1, 2, 3, 4))])
 def test_all_natural_frequencies_of_random_models_are_found(part: int, summarise: Summarise) -> None:
     seed, counted, worst, faults = accuracy.base_seed(), 0, 0.0, []
     for number in range(part * MODELS // 5, (part + 1) * MODELS // 5):

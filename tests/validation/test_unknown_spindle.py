@@ -14,7 +14,8 @@ from five_points import MEASURED, measured, simulated
 from receptance.spindle.unknown_modes import bounds_of_modes, start_modes
 
 
-@pytest.mark.parametrize("seed", [100, pytest.param(103, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [100, 103])
 def test_held_out_points_are_predicted(tmp_path: Path, seed: int) -> None:
     machine = simulated(seed)
     loaded = machine.write(tmp_path, 9)
