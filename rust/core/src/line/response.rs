@@ -101,6 +101,7 @@ impl<'a, const D: usize> Job<'a, D> {
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
+                job.prepared.differentiated[row] = true;
             }
             if let Some((row, requested)) = gradient.overlap() {
                 job.prepared.request(row, &requested);
