@@ -31,6 +31,8 @@ pub struct Prepared<const D: usize> {
     pub branches: Vec<Branch<D>>,
     /// Segments that are taken one by one.
     pub active: Vec<bool>,
+    /// Segments whose coefficients or length are differentiated.
+    pub differentiated: Vec<bool>,
     /// Overlaps.
     pub overlaps: Vec<Beside>,
     /// Terminals.
@@ -127,6 +129,7 @@ impl<const D: usize> Prepared<D> {
             points,
             branches: Vec::new(),
             active: vec![true; model.segments.len()],
+            differentiated: vec![false; model.segments.len()],
             overlaps: model.overlaps.iter().map(Beside::new).collect(),
             terminals: model.terminals.clone(),
             modes: model.modes.clone(),
@@ -185,7 +188,8 @@ impl<const D: usize> Prepared<D> {
             if self.active[row] {
                 let square = segment.wave_number_square(into.most);
                 into.weights[row] = segment.weights(square);
-                segment.evaluate(w, into.w2, square, pieces_only, &mut into.kernels[row]);
+                let differentiated = self.differentiated[row];
+                segment.evaluate(w, into.w2, square, pieces_only, differentiated, &mut into.kernels[row]);
             }
         }
         into.compliances.clear();

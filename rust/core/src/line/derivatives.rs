@@ -7,7 +7,7 @@
 //! series; for waves it is taken in closed form. The density of the length is constant along a segment.
 
 use crate::line::block::{Block, Prepared};
-use crate::line::exponential;
+use crate::line::exponential::{self, SumsWithDerivatives};
 use crate::line::kernel::{Kernel, Wave, Way, parity};
 use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
@@ -299,7 +299,7 @@ pub fn segment<S: Simd, const D: usize>(
                     rod_piece(segment, l, terms, w2, &left[piece + 1], &right[piece], &mut out);
                 }
             } else if let (Some(left), Some(right)) = (left.get(1..=count), right.get(..count)) {
-                bending(segment, l, terms, w2, left, right, &mut out);
+                bending(segment, l, w2, &kernel.sums, left, right, &mut out);
             }
         }
         Way::Skipped => {}
@@ -411,8 +411,8 @@ fn symplectic<S: Simd>(x: &Four<S>, y: &Four<S>) -> C<S> {
 fn bending<S: Simd, const D: usize>(
     segment: &Segment<D>,
     l: f64,
-    terms: usize,
     w2: C<S>,
+    sums: &SumsWithDerivatives<S>,
     left: &[State<S, D>],
     right: &[State<S, D>],
     out: &mut Sensitivity<S, D>,
@@ -446,8 +446,8 @@ fn bending<S: Simd, const D: usize>(
             products[2][i] = r2[i].mul_add(s0[i], sum);
         }
     }
-    let [z1, z2] = segment.symmetric_sums(simd, l, w2);
-    let ([e2, e3, e4, e5], [d2, d3, d4, d5, d6, d7]) = exponential::sums_with_derivatives(z1, z2, terms);
+    let [_, z2] = segment.symmetric_sums(simd, l, w2);
+    let ([e2, e3, e4, e5], [d2, d3, d4, d5, d6, d7]) = *sums;
     // Derivatives of c_0 .. c_3 by s = z1/l^2 and p = z2/l^4, those of the sums by z2 being -d_(k+2).
     let (l2, l4) = (l * l, l.powi(4));
     let by_s = [-(z2 * d4).scale(l2), -(z2 * d5).scale(l * l2), d2.scale(l4), d3.scale(l * l4)];

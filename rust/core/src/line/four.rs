@@ -99,25 +99,23 @@ fn pivot<S: Simd, const N: usize>(
     among: &Candidates<'_, S>,
     taken: &Taken,
 ) -> Option<(usize, usize)> {
-    let simd = rows[0][0].simd;
     let used = used(taken);
-    let mut shares = [[R::splat(simd, 0.0); 4]; 8];
-    let mut most = R::splat(simd, 0.0);
-    for (i, scale) in among.scale.iter().enumerate() {
+    // The shares are not kept: they are rarely needed again, and room for all of them would have to be cleared first.
+    let mut most = R::splat(rows[0][0].simd, 0.0);
+    for i in 0..among.scale.len() {
         if taken[i % among.groups].is_some() {
             continue;
         }
         for j in 0..4 {
             if !used[j] {
-                shares[i][j] = (rows[i][j].norm_sqr() * among.columns[j]).scale(*scale);
-                most = most.max(shares[i][j]);
+                most = most.max(share(rows, among, i, j));
             }
         }
     }
     let most = most.recip();
     for (group, expected) in among.expected.iter().enumerate() {
         if let (Some(row), None, false) = (expected, taken[group], used[group])
-            && (shares[*row][group] * most).least() >= EXPECTED
+            && (share(rows, among, *row, group) * most).least() >= EXPECTED
         {
             return Some((*row, group));
         }
@@ -126,7 +124,7 @@ fn pivot<S: Simd, const N: usize>(
     for i in 0..among.scale.len() {
         for j in 0..4 {
             if taken[i % among.groups].is_none() && !used[j] {
-                let least = (shares[i][j] * most).least();
+                let least = (share(rows, among, i, j) * most).least();
                 // A NaN is chosen only if there is nothing else.
                 if least > found || at.is_none() {
                     (found, at) = (least, Some((i, j)));
@@ -135,6 +133,12 @@ fn pivot<S: Simd, const N: usize>(
         }
     }
     at.filter(|_| found >= ALIKE || S::F64_LANES == 1)
+}
+
+/// The square of an entry as a share of the largest one of its column, rows being made comparable.
+#[inline(always)]
+fn share<S: Simd, const N: usize>(rows: &Rows<S, N>, among: &Candidates<'_, S>, i: usize, j: usize) -> R<S> {
+    (rows[i][j].norm_sqr() * among.columns[j]).scale(among.scale[i])
 }
 
 /// One pivot: its row becomes one of the identity.

@@ -6,7 +6,7 @@
 //! e^{-lambda x} and e^{-lambda (L - x)} with Re(lambda) >= 0, which neither overflow nor cancel. Close to the
 //! cut-off one pair of waves degenerates; there the pieces serve, however many they are.
 
-use crate::line::exponential;
+use crate::line::exponential::{self, SumsWithDerivatives};
 use crate::model::section::Segment;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
@@ -72,6 +72,8 @@ pub struct Kernel<S: Simd, const D: usize> {
     pub way: Way,
     /// Transfer matrix of a piece, if it is passed in pieces.
     pub transfer: Transfer<S, D>,
+    /// The sums of its series and their derivatives, if it bends in pieces and is differentiated.
+    pub sums: SumsWithDerivatives<S>,
     /// Its waves, if it is passed by waves.
     pub wave: Wave<S, D>,
 }
@@ -84,6 +86,7 @@ impl<S: Simd, const D: usize> Kernel<S, D> {
         Self {
             way: Way::Skipped,
             transfer: Transfer { uu: matrix, uf: matrix, fu: matrix, ff: matrix },
+            sums: ([C::zero(simd); 4], [C::zero(simd); 6]),
             wave: Wave { lambda: vector, u: matrix, f: matrix, decay: vector },
         }
     }
@@ -143,7 +146,7 @@ impl<const D: usize> Segment<D> {
         })
     }
 
-    /// Evaluates the kernel for the lines `w` as in `way`.
+    /// Evaluates the kernel for the lines `w` as in `way`, with data for derivatives if it is `differentiated`.
     #[inline(always)]
     pub fn evaluate<S: Simd>(
         &self,
@@ -151,12 +154,24 @@ impl<const D: usize> Segment<D> {
         w2: C<S>,
         square: f64,
         pieces_only: bool,
+        differentiated: bool,
         into: &mut Kernel<S, D>,
     ) {
         into.way = self.way(w, square, pieces_only);
         match into.way {
             Way::Pieces { count, terms } => {
-                into.transfer = self.transfer(w2.simd, self.length / count as f64, terms, w2);
+                let l = self.length / count as f64;
+                let z = self.symmetric_sums(w2.simd, l, w2);
+                if D == 1 {
+                    into.transfer = self.transfer_of_rod(l, terms, w2, z[0]);
+                    return;
+                }
+                into.transfer = if differentiated {
+                    into.sums = exponential::sums_with_derivatives(z[0], z[1], terms);
+                    self.transfer(l, w2, z[1], &into.sums.0)
+                } else {
+                    self.transfer(l, w2, z[1], &exponential::sums(z[0], z[1], terms))
+                };
             }
             Way::Waves => into.wave = self.waves(w2.simd, w, w2),
             Way::Skipped => {}
@@ -189,22 +204,27 @@ impl<const D: usize> Segment<D> {
         [z1, w2 * C::splat(simd, bending) * inner]
     }
 
-    /// Transfer matrix of a piece of length l.
+    /// Transfer matrix of a piece of a rod of length l.
     #[inline(always)]
-    fn transfer<S: Simd>(&self, simd: S, l: f64, terms: usize, w2: C<S>) -> Transfer<S, D> {
-        let [z1, z2] = self.symmetric_sums(simd, l, w2);
+    fn transfer_of_rod<S: Simd>(&self, l: f64, terms: usize, w2: C<S>, z: C<S>) -> Transfer<S, D> {
+        let zero = small::zeros(w2.simd);
+        let mut out = Transfer { uu: zero, uf: zero, fu: zero, ff: zero };
+        let (compliance, inertia) = self.coefficients(w2.simd, w2);
+        let [c, s] = exponential::rod(z, terms);
+        out.uu[0][0] = c[0];
+        out.uf[0][0] = compliance[0] * s[0].scale(l);
+        out.fu[0][0] = -(inertia[0] * s[0].scale(l));
+        out.ff[0][0] = c[0];
+        out
+    }
+
+    /// Transfer matrix of a piece of a beam of length l from the sums e_2 to e_5.
+    #[inline(always)]
+    fn transfer<S: Simd>(&self, l: f64, w2: C<S>, z2: C<S>, e: &[C<S>; 4]) -> Transfer<S, D> {
+        let simd = w2.simd;
         let zero = small::zeros(simd);
         let mut out = Transfer { uu: zero, uf: zero, fu: zero, ff: zero };
         let (compliance, inertia) = self.coefficients(simd, w2);
-        if D == 1 {
-            let [c, s] = exponential::rod(z1, terms);
-            out.uu[0][0] = c[0];
-            out.uf[0][0] = compliance[0] * s[0].scale(l);
-            out.fu[0][0] = -(inertia[0] * s[0].scale(l));
-            out.ff[0][0] = c[0];
-            return out;
-        }
-        let e = exponential::sums(z1, z2, terms);
         let one = C::real(simd, 1.0);
         let c0 = z2.neg_mul_add(e[2], one);
         let c1 = z2.neg_mul_add(e[3], one).scale(l);

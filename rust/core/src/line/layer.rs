@@ -8,7 +8,8 @@
 //! Derivatives of deflections and moments contain slopes and forces only, and conversely: over the two halves of the
 //! state the equations are z' = [[0, P], [Q, 0]] z, so that with X = P Q
 //!     exp(A l) = [[cosh(sqrt X l), S P], [Q S, cosh(sqrt(Q P) l)]],  S = sinh(sqrt X l) / sqrt X,
-//! power series in 4 x 4 matrices. The second cosine is the transposed first one, since the equations are reciprocal.
+//! power series in 4 x 4 matrices. The second cosine is the transposed first one, and each of the odd parts is its own
+//! transpose up to signs, since the equations are reciprocal.
 //!
 //! Derivatives by the coefficients follow from the states under two loads: as for a segment, dH = -int r^T J dA s dx.
 //! From the middle of a piece the products of states are integrated by the Gauss-Legendre rule. Its points are in pairs
@@ -16,8 +17,9 @@
 
 use crate::line::exponential::INVERSE_FACTORIAL;
 use crate::line::four::{Rows, multiply};
-use crate::model::overlap::Beside;
+use crate::model::overlap::{Beside, REACH};
 use crate::simd::lane::{C, R};
+use crate::simd::small;
 use num_complex::Complex64;
 use pulp::Simd;
 
@@ -45,12 +47,19 @@ pub struct Pair<S: Simd> {
     pub total: [C<S>; 2],
 }
 
-/// Matrices of the exponentials over any length.
+/// Matrices of the exponentials over any length, with Y = X / growth^2.
+///
+/// Every power of Y is a sum of I, Y, Y^2, Y^3 with coefficients from its characteristic polynomial, so that each
+/// series in l is one of four numbers.
 pub struct Powers<S: Simd> {
-    /// X, X^2, X^3, X^4.
+    /// I, Y, Y^2, Y^3.
     powers: [Rows<S, 4>; 4],
-    p: Rows<S, 4>,
-    q: Rows<S, 4>,
+    /// The same times P.
+    by_p: [Rows<S, 4>; 4],
+    /// Q times the same.
+    by_q: [Rows<S, 4>; 4],
+    /// Coefficients of Y^4, Y^5, ... by I, Y, Y^2, Y^3.
+    reduced: [[C<S>; 4]; MOST_TERMS - 4],
 }
 
 /// The way over some length, by halves of the state.
@@ -87,43 +96,54 @@ impl<S: Simd> Pair<S> {
         out
     }
 
-    /// Matrices of the exponentials.
+    /// Matrices of the exponentials at a growth exponent per length, for transfers up to a growth exponent.
     #[inline(always)]
-    pub fn powers(&self) -> Powers<S> {
+    pub fn powers(&self, growth: f64, size: f64) -> Powers<S> {
         let simd = self.total[0].simd;
         let ([near, behind], [near_inertia, behind_inertia]) = (self.compliance, self.inertia);
-        let one = C::real(simd, 1.0);
-        let mut p = [[C::zero(simd); 4]; 4];
-        let mut q = p;
-        let mut x = p;
+        let zero = [[C::zero(simd); 4]; 4];
+        let identity = small::identity(simd);
+        let mut powers = [identity; 4];
+        let (mut by_p, mut by_q) = ([zero; 4], [zero; 4]);
         // By the two forces or moments, and by the two displacements.
-        let (mut by_load, mut by_motion) = ([[[x[0][0]; 2]; 2]; 2], [[[x[0][0]; 2]; 2]; 2]);
+        let (mut by_load, mut by_motion) = ([[[zero[0][0]; 2]; 2]; 2], [[[zero[0][0]; 2]; 2]; 2]);
         for i in 0..2 {
             by_load[i] = [[near[i] + behind[i], -behind[i]], [-behind[i], behind[i]]];
             let m = -near_inertia[i];
             by_motion[i] = [[self.layer[i] + m, m], [m, m - behind_inertia[i]]];
         }
+        // P = [[-I, shear], [turn, I]] and Q = [[0, bend], [shift, 0]] in blocks.
         let ([shear, bend], [shift, turn]) = (by_load, by_motion);
+        let scale = 1.0 / (growth * growth);
+        let x = &mut powers[1];
         for i in 0..2 {
-            p[i][i] = -one;
-            p[2 + i][2 + i] = one;
             for j in 0..2 {
-                p[i][2 + j] = shear[i][j];
-                p[2 + i][j] = turn[i][j];
-                q[i][2 + j] = bend[i][j];
-                q[2 + i][j] = shift[i][j];
-                x[i][j] = shear[i][1].mul_add(shift[1][j], shear[i][0] * shift[0][j]);
-                x[i][2 + j] = -bend[i][j];
-                x[2 + i][j] = shift[i][j];
-                x[2 + i][2 + j] = turn[i][1].mul_add(bend[1][j], turn[i][0] * bend[0][j]);
+                x[i][j] = shear[i][1].mul_add(shift[1][j], shear[i][0] * shift[0][j]).scale(scale);
+                x[i][2 + j] = -bend[i][j].scale(scale);
+                x[2 + i][j] = shift[i][j].scale(scale);
+                x[2 + i][2 + j] = turn[i][1].mul_add(bend[1][j], turn[i][0] * bend[0][j]).scale(scale);
             }
         }
-        let mut powers = [x; 4];
-        for n in 1..4 {
+        for n in 2..4 {
             powers[n] = powers[n - 1];
-            multiply(&mut powers[n], &x);
+            let by = powers[1];
+            multiply(&mut powers[n], &by);
         }
-        Powers { powers, p, q }
+        for n in 0..4 {
+            let power = &powers[n];
+            for i in 0..4 {
+                for j in 0..2 {
+                    let turned = power[i][2].mul_add(turn[0][j], power[i][3] * turn[1][j]);
+                    by_p[n][i][j] = turned - power[i][j];
+                    let sheared = power[i][0].mul_add(shear[0][j], power[i][1] * shear[1][j]);
+                    by_p[n][i][2 + j] = sheared + power[i][2 + j];
+                    by_q[n][j][i] = bend[j][0].mul_add(power[2][i], bend[j][1] * power[3][i]);
+                    by_q[n][2 + j][i] = shift[j][0].mul_add(power[0][i], shift[j][1] * power[1][i]);
+                }
+            }
+        }
+        let reduced = reduced(&powers, terms(size));
+        Powers { powers, by_p, by_q, reduced }
     }
 
     /// The largest term of -r^T J A s, squared, and its value: the derivative by the length, the layer being held.
@@ -159,17 +179,80 @@ impl<S: Simd> Pair<S> {
 }
 
 /// Most terms of the series; the largest growth of a piece needs fewer.
-const MOST_TERMS: usize = 20;
+const MOST_TERMS: usize = 16;
 
-/// Terms in X l^2 that leave out less than a rounding error at the growth exponent `size`, a multiple of four.
-fn terms(size: f64) -> usize {
-    let (mut count, mut power) = (0, 1.0);
-    while count + 2 < MOST_TERMS && power * INVERSE_FACTORIAL[2 * count] > 1e-18 {
-        count += 1;
-        power *= size * size;
+/// Largest squared growth exponent for which each number of terms leaves out less than a tenth of a rounding error.
+///
+/// The eigenvalues of Y being at most one, its n-th power has C(n, 3) Y^3 at most, and the other powers of Y, which begin
+/// earlier in the series, less beside their own first terms (numbers of monomials in Schur functions of hooks). Entries
+/// that are coupled through several equations begin with Y^3.
+const SERVED: [f64; MOST_TERMS] = {
+    let mut table = [0.0; MOST_TERMS];
+    let mut n = 4;
+    while n < MOST_TERMS {
+        let choices = (n * (n - 1) * (n - 2) / 6) as f64;
+        let (mut low, mut high) = (0.0, 2.0 * REACH * REACH);
+        let mut round = 0;
+        while round < 60 {
+            let middle = 0.5 * (low + high);
+            // The first term that is left out beside that of Y^3.
+            let mut size = choices * INVERSE_FACTORIAL[2 * n] / INVERSE_FACTORIAL[6];
+            let mut k = 3;
+            while k < n {
+                size *= middle;
+                k += 1;
+            }
+            if size < 1e-17 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+            round += 1;
+        }
+        table[n] = low;
+        n += 1;
     }
-    // Entries that are coupled through several equations begin at higher powers.
-    (count + 2_usize).next_multiple_of(4)
+    table
+};
+
+/// Terms in X l^2 at a growth exponent, at least four.
+fn terms(size: f64) -> usize {
+    let mut count = 4;
+    while count < MOST_TERMS && SERVED[count] < size * size {
+        count += 1;
+    }
+    count
+}
+
+/// Coefficients of the powers of Y from the fourth on, by I, Y, Y^2, Y^3.
+#[inline(always)]
+fn reduced<S: Simd>(powers: &[Rows<S, 4>; 4], terms: usize) -> [[C<S>; 4]; MOST_TERMS - 4] {
+    let zero = C::zero(powers[0][0][0].simd);
+    // Sums of the powers of the eigenvalues, and from them the coefficients of the polynomial (Newton's identities).
+    let mut traces = [zero; 4];
+    for i in 0..4 {
+        for n in 0..3 {
+            traces[n] = traces[n] + powers[1 + n][i][i];
+        }
+        for j in 0..4 {
+            traces[3] = powers[2][i][j].mul_add(powers[2][j][i], traces[3]);
+        }
+    }
+    let [t1, t2, t3, t4] = traces;
+    let e1 = t1;
+    let e2 = (e1 * t1 - t2).scale(0.5);
+    let e3 = (e2 * t1 - e1 * t2 + t3).scale(1.0 / 3.0);
+    let e4 = (e3 * t1 - e2 * t2 + e1 * t3 - t4).scale(0.25);
+    let fourth = [-e4, e3, -e2, e1];
+    let mut out = [fourth; MOST_TERMS - 4];
+    for n in 1..terms.saturating_sub(4) {
+        let before = out[n - 1];
+        out[n][0] = before[3] * fourth[0];
+        for j in 1..4 {
+            out[n][j] = before[3].mul_add(fourth[j], before[j - 1]);
+        }
+    }
+    out
 }
 
 impl<S: Simd> Powers<S> {
@@ -177,44 +260,56 @@ impl<S: Simd> Powers<S> {
     #[inline(always)]
     pub fn transfer(&self, length: f64, size: f64, out: &mut Transfer<S>) {
         let terms = terms(size);
+        let (even, odd) = (self.series(terms, size, 0, 1.0), self.series(terms, size, 1, length));
         let Transfer { even: [cosine, transposed], odd: [by_p, by_q] } = out;
-        self.series(terms, 0, 1.0, length, cosine);
         for i in 0..4 {
             for j in 0..4 {
-                let entry = cosine[(j + 2) % 4][(i + 2) % 4];
-                transposed[i][j] = if (i < 2) == (j < 2) { entry } else { -entry };
+                let mut sum = even[1] * self.powers[1][i][j];
+                for n in 2..4 {
+                    sum = even[n].mul_add(self.powers[n][i][j], sum);
+                }
+                cosine[i][j] = if i == j { sum + even[0] } else { sum };
+                // The partner by reciprocity.
+                let (a, b) = ((j + 2) % 4, (i + 2) % 4);
+                let alike = (i < 2) == (j < 2);
+                transposed[a][b] = if alike { cosine[i][j] } else { -cosine[i][j] };
+                if (i, j) > (a, b) {
+                    continue;
+                }
+                for (to, from) in [(&mut *by_p, &self.by_p), (&mut *by_q, &self.by_q)] {
+                    let mut sum = odd[0] * from[0][i][j];
+                    for n in 1..4 {
+                        sum = odd[n].mul_add(from[n][i][j], sum);
+                    }
+                    to[i][j] = sum;
+                    if (i, j) != (a, b) {
+                        to[a][b] = if alike { -sum } else { sum };
+                    }
+                }
             }
         }
-        self.series(terms, 1, length, length, by_p);
-        *by_q = self.q;
-        multiply(by_q, by_p);
-        multiply(by_p, &self.p);
     }
 
-    /// `factor` times sum_n X^n l^(2 n) / (2 n + odd)!, four terms at a time.
+    /// The coefficients of I, Y, Y^2, Y^3 in `factor` times sum_n Y^n size^(2 n) / (2 n + odd)!.
     #[inline(always)]
-    fn series(&self, terms: usize, odd: usize, factor: f64, length: f64, out: &mut Rows<S, 4>) {
-        let simd = self.p[0][0].simd;
+    fn series(&self, terms: usize, size: f64, odd: usize, factor: f64) -> [C<S>; 4] {
+        let simd = self.powers[0][0][0].simd;
         let (mut factors, mut power) = ([0.0; MOST_TERMS], factor);
         for n in 0..terms {
             factors[n] = power * INVERSE_FACTORIAL[2 * n + odd];
-            power *= length * length;
+            power *= size * size;
         }
-        *out = [[C::zero(simd); 4]; 4];
-        for (group, factors) in factors[..terms].chunks_exact(4).enumerate().rev() {
-            if (group + 1) * 4 < terms {
-                multiply(out, &self.powers[3]);
-            }
-            for i in 0..4 {
-                for j in 0..4 {
-                    for n in 1..4 {
-                        let factor = simd.splat_f64s(factors[n]);
-                        out[i][j] = self.powers[n - 1][i][j].mul_add_real(factor, out[i][j]);
-                    }
-                }
-                out[i][i] = out[i][i] + C::real(simd, factors[0]);
+        let mut out = [C::zero(simd); 4];
+        for n in (4..terms).rev() {
+            let factor = simd.splat_f64s(factors[n]);
+            for j in 0..4 {
+                out[j] = self.reduced[n - 4][j].mul_add_real(factor, out[j]);
             }
         }
+        for j in 0..4 {
+            out[j] = out[j] + C::real(simd, factors[j]);
+        }
+        out
     }
 }
 
@@ -383,7 +478,7 @@ impl<S: Simd> Rule<S> {
     #[inline(always)]
     pub fn fill(&mut self, powers: &Powers<S>, length: f64, size: f64) {
         let rule = RULES.iter().find(|(most, _)| size <= *most).map_or(&[][..], |(_, rule)| *rule);
-        let simd = powers.p[0][0].simd;
+        let simd = powers.powers[0][0][0].simd;
         self.points.resize_with(rule.len(), || (Transfer::empty(simd), 0.0));
         for ((transfer, to), [place, weight]) in self.points.iter_mut().zip(rule) {
             // Both points of a pair, of half the length each.
@@ -477,10 +572,15 @@ mod tests {
 
     #[test]
     fn exponential_of_the_equations() {
+        for share in [0.01, 0.1, 0.5, 1.0] {
+            exponential_over(0.8 * share, 1.9 * share);
+        }
+    }
+
+    fn exponential_over(length: f64, size: f64) {
         let pair = pair();
-        let (length, size) = (0.8, 1.9);
         let mut transfer = Transfer::empty(Scalar::new());
-        pair.powers().transfer(length, size, &mut transfer);
+        pair.powers(size / length, size).transfer(length, size, &mut transfer);
         for column in 0..8 {
             let mut term = [C::zero(Scalar::new()); 8];
             term[column] = C::real(Scalar::new(), 1.0);
@@ -494,7 +594,8 @@ mod tests {
             for i in 0..8 {
                 let (half, place) = PLACES[i];
                 let off = transfer.entry(half, place, column) - sum[i];
-                assert!(off.norm_sqr().v.sqrt() < 1e-14, "{i}, {column}");
+                let size = sum[i].norm_sqr().v.sqrt();
+                assert!(off.norm_sqr().v.sqrt() < 1e-14 * size, "{i}, {column}: {length}");
             }
         }
     }

@@ -124,14 +124,15 @@ impl<S: Simd> WithSimd for Evaluated<'_, S> {
         into.pair = Pair::new(beside, w, true);
         into.weights = [beside.weights(most, false), beside.weights(most, true)];
         into.inside.request(&requested, beside.overlap.points > 0);
-        let kinds = into.pieces.kinds();
+        let (kinds, growth) = (into.pieces.kinds(), beside.growth(most));
+        let largest = into.pieces.size.iter().copied().fold(0.0, f64::max);
         for way in 0..2 {
             let forward = way == 1;
             let inside = forward && into.inside.requested;
             if !ways[way] && !inside {
                 continue;
             }
-            let powers = Pair::new(beside, w, forward).powers();
+            let powers = Pair::new(beside, w, forward).powers(growth, largest);
             // Only what is new is made: a transfer is large.
             into.ways[way].resize_with(kinds, || Transfer::empty(w.simd));
             if inside {

@@ -101,6 +101,7 @@ impl<'a, const D: usize> Job<'a, D> {
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
+                job.prepared.differentiated[row] = true;
             }
             if let Some((row, requested)) = gradient.overlap() {
                 job.prepared.request(row, &requested);
@@ -403,6 +404,10 @@ pub(crate) fn first_of(broken: &[Option<usize>], lines: &Frequencies) -> Result<
 /// The first line of a task with a value that is not finite, the values of a line standing together.
 pub(crate) fn first_broken(outputs: [(&mut [Complex64], usize); 3]) -> Option<usize> {
     let lines = outputs.into_iter().filter_map(|(values, a_line)| {
+        // All of them without a branch, as nearly always all are finite.
+        if values.iter().fold(true, |finite, value| finite & value.re.is_finite() & value.im.is_finite()) {
+            return None;
+        }
         values.iter().position(|value| !value.is_finite()).map(|index| index / a_line)
     });
     lines.min()

@@ -236,7 +236,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
         observer: &mut impl Observer<S, D>,
     ) {
         let weights = &self.weights[row];
-        let Kernel { way, transfer, wave } = &self.kernels[row];
+        let Kernel { way, transfer, wave, .. } = &self.kernels[row];
         match way {
             Way::Skipped => {}
             Way::Pieces { count, .. } => {

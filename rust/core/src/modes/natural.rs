@@ -356,6 +356,7 @@ impl<const D: usize> Search<D> {
         let mut derivative = Vec::new();
         if !gradients.is_empty() {
             // The work by w^2 needs the inertia of every beam.
+            self.prepared.differentiated.fill(true);
             let mut inertia = [false; DERIVATIVES];
             inertia[..4].fill(true);
             for row in 0..model.overlaps.len() {

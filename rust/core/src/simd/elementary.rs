@@ -1,7 +1,6 @@
 //! Complex logarithm over lanes.
 
 use crate::simd::lane::{C, MAX_LANES, negated};
-use core::array::from_fn;
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI};
 use pulp::Simd;
 
@@ -43,7 +42,10 @@ const EXPONENT: u32 = 52;
 /// one before it.
 #[inline(always)]
 fn polynomials<S: Simd, const N: usize>(s: S, x: [S::f64s; N], coefficients: &[f64]) -> [S::f64s; N] {
-    let square: [_; N] = from_fn(|i| s.mul_f64s(x[i], x[i]));
+    let mut square = x;
+    for i in 0..N {
+        square[i] = s.mul_f64s(x[i], x[i]);
+    }
     let mut odd = [s.splat_f64s(coefficients[0]); N];
     let mut even = [s.splat_f64s(coefficients[1]); N];
     for pair in coefficients[2..].chunks_exact(2) {
@@ -52,7 +54,10 @@ fn polynomials<S: Simd, const N: usize>(s: S, x: [S::f64s; N], coefficients: &[f
             even[i] = s.mul_add_e_f64s(even[i], square[i], s.splat_f64s(pair[1]));
         }
     }
-    from_fn(|i| s.mul_add_e_f64s(odd[i], x[i], even[i]))
+    for i in 0..N {
+        even[i] = s.mul_add_e_f64s(odd[i], x[i], even[i]);
+    }
+    even
 }
 
 /// The power of two nearest to a/b, about: it, and a over it. Within 2^-0.59 and 2^0.59 a is then b.
@@ -76,39 +81,49 @@ fn near<S: Simd>(s: S, a: S::f64s, b: S::f64s) -> (S::f64s, S::f64s) {
 ///
 /// Several at once, step by step: a logarithm is a long chain of steps each of which waits for the one before it, and
 /// the processor does not look far enough ahead to find the next logarithm by itself.
+// Loops, not array maps: a closure is a function of its own, compiled without the instruction set.
 #[inline(always)]
 fn logarithms<S: Simd, const N: usize>(s: S, quotients: [[C<S>; 2]; N]) -> Parts<S, N> {
     let zero = s.splat_f64s(0.0);
-    // With a/b = 2^k (1 + q)/(1 - q) the logarithm of the modulus is k ln(2)/2 + artanh(q).
-    let b: [_; N] = from_fn(|i| quotients[i][1].norm_sqr().v);
-    let near: [_; N] = from_fn(|i| near(s, quotients[i][0].norm_sqr().v, b[i]));
-    let sum: [_; N] = from_fn(|i| s.add_f64s(near[i].1, b[i]));
-    // The angle is that of (x, y), reduced to atan(t) with t <= tan(pi/8).
-    let x: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.re, b.re, s.mul_f64s(a.im, b.im)));
-    let y: [_; N] = quotients.map(|[a, b]| s.mul_add_e_f64s(a.im, b.re, negated(s, s.mul_f64s(a.re, b.im))));
-    let (ax, ay) = (x.map(|x| s.abs_f64s(x)), y.map(|y| s.abs_f64s(y)));
-    let small: [_; N] = from_fn(|i| s.min_f64s(ax[i], ay[i]));
-    let large: [_; N] = from_fn(|i| s.max_f64s(ax[i], ay[i]));
-    let reduce: [_; N] =
-        from_fn(|i| s.greater_than_f64s(small[i], s.mul_f64s(large[i], s.splat_f64s(REDUCE_ABOVE))));
-    let above: [_; N] = from_fn(|i| s.sub_f64s(small[i], s.select_f64s(reduce[i], large[i], zero)));
-    let below: [_; N] = from_fn(|i| s.add_f64s(large[i], s.select_f64s(reduce[i], small[i], zero)));
-    // One division for both.
-    let inverse: [_; N] = from_fn(|i| s.div_f64s(s.splat_f64s(1.0), s.mul_f64s(sum[i], below[i])));
-    let q: [_; N] = from_fn(|i| s.mul_f64s(s.sub_f64s(near[i].1, b[i]), s.mul_f64s(inverse[i], below[i])));
-    let t: [_; N] = from_fn(|i| s.mul_f64s(above[i], s.mul_f64s(inverse[i], sum[i])));
-
-    let artanh = polynomials(s, q.map(|q| s.mul_f64s(q, q)), &ARTANH);
-    let atan = polynomials(s, t.map(|t| s.mul_f64s(t, t)), &ATAN);
-    let modulus =
-        from_fn(|i| s.mul_add_e_f64s(near[i].0, s.splat_f64s(0.5 * LN_2), s.mul_f64s(q[i], artanh[i])));
-    let angle = from_fn(|i| {
-        let start = s.select_f64s(reduce[i], s.splat_f64s(FRAC_PI_4), zero);
-        let angle = s.mul_add_e_f64s(t[i], atan[i], start);
-        let steep = s.greater_than_f64s(ay[i], ax[i]);
-        let angle = s.select_f64s(steep, s.sub_f64s(s.splat_f64s(FRAC_PI_2), angle), angle);
-        s.select_f64s(s.less_than_f64s(x[i], zero), s.sub_f64s(s.splat_f64s(PI), angle), angle)
-    });
+    let none = [zero; N];
+    let (mut b, mut power, mut near_b, mut sum, mut x, mut y) = (none, none, none, none, none, none);
+    for i in 0..N {
+        let [above, below] = quotients[i];
+        // With a/b = 2^k (1 + q)/(1 - q) the logarithm of the modulus is k ln(2)/2 + artanh(q).
+        b[i] = below.norm_sqr().v;
+        (power[i], near_b[i]) = near(s, above.norm_sqr().v, b[i]);
+        sum[i] = s.add_f64s(near_b[i], b[i]);
+        // The angle is that of (x, y), reduced to atan(t) with t <= tan(pi/8).
+        x[i] = s.mul_add_e_f64s(above.re, below.re, s.mul_f64s(above.im, below.im));
+        y[i] = s.mul_add_e_f64s(above.im, below.re, negated(s, s.mul_f64s(above.re, below.im)));
+    }
+    let (mut start, mut q, mut t) = (none, none, none);
+    for i in 0..N {
+        let (ax, ay) = (s.abs_f64s(x[i]), s.abs_f64s(y[i]));
+        let (small, large) = (s.min_f64s(ax, ay), s.max_f64s(ax, ay));
+        let reduce = s.greater_than_f64s(small, s.mul_f64s(large, s.splat_f64s(REDUCE_ABOVE)));
+        let above = s.sub_f64s(small, s.select_f64s(reduce, large, zero));
+        let below = s.add_f64s(large, s.select_f64s(reduce, small, zero));
+        // One division for both.
+        let inverse = s.div_f64s(s.splat_f64s(1.0), s.mul_f64s(sum[i], below));
+        q[i] = s.mul_f64s(s.sub_f64s(near_b[i], b[i]), s.mul_f64s(inverse, below));
+        t[i] = s.mul_f64s(above, s.mul_f64s(inverse, sum[i]));
+        start[i] = s.select_f64s(reduce, s.splat_f64s(FRAC_PI_4), zero);
+    }
+    let (mut q_square, mut t_square) = (none, none);
+    for i in 0..N {
+        (q_square[i], t_square[i]) = (s.mul_f64s(q[i], q[i]), s.mul_f64s(t[i], t[i]));
+    }
+    let artanh = polynomials(s, q_square, &ARTANH);
+    let atan = polynomials(s, t_square, &ATAN);
+    let (mut modulus, mut angle) = (none, none);
+    for i in 0..N {
+        modulus[i] = s.mul_add_e_f64s(power[i], s.splat_f64s(0.5 * LN_2), s.mul_f64s(q[i], artanh[i]));
+        let acute = s.mul_add_e_f64s(t[i], atan[i], start[i]);
+        let steep = s.greater_than_f64s(s.abs_f64s(y[i]), s.abs_f64s(x[i]));
+        let right = s.select_f64s(steep, s.sub_f64s(s.splat_f64s(FRAC_PI_2), acute), acute);
+        angle[i] = s.select_f64s(s.less_than_f64s(x[i], zero), s.sub_f64s(s.splat_f64s(PI), right), right);
+    }
     Parts { modulus, angle, y }
 }
 
@@ -122,8 +137,11 @@ struct Parts<S: Simd, const N: usize> {
 /// Squared moduli of the principal logarithms of quotients, under the conditions of `C::ln_over`.
 #[inline(always)]
 pub fn ln_norm_sqr<S: Simd, const N: usize>(simd: S, quotients: [[C<S>; 2]; N]) -> [S::f64s; N] {
-    let found = logarithms(simd, quotients);
-    from_fn(|i| C { simd, re: found.modulus[i], im: found.angle[i] }.norm_sqr().v)
+    let Parts { modulus, angle, mut y } = logarithms(simd, quotients);
+    for i in 0..N {
+        y[i] = C { simd, re: modulus[i], im: angle[i] }.norm_sqr().v;
+    }
+    y
 }
 
 impl<S: Simd> C<S> {
