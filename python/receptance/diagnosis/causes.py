@@ -185,21 +185,15 @@ class Variant:
         Identifies it among the variants of its cause.
     model : Model
         The model with the cause, its parameters among the unknowns.
-    changes_data : bool
-        Whether it changes the measured data, so that the model is fitted from its own starting values.
     local : bool
         Whether it acts only at the place in its name.
-    large : bool
-        Whether the change is so large that it is tried only where the model is inadequate.
     meaning, remedy : str
         Replace those of the cause for this variant.
     """
 
     name: str
     model: Model
-    changes_data: bool = False
     local: bool = False
-    large: bool = False
     meaning: str = ""
     remedy: str = ""
 
@@ -229,6 +223,10 @@ class Cause:
         Remedy for the user.
     title : str, optional
         Name in texts and figures; by default the id with spaces.
+    changes_data : bool, optional
+        Whether it changes the measured data, so that the model is fitted from its own starting values.
+    large : bool, optional
+        Whether the change is so large that it is tried only where the model is inadequate.
     unspecific : bool, optional
         Whether other errors of a structure have a similar effect. Beside a discrepancy it is not reported.
 
@@ -251,6 +249,8 @@ class Cause:
     meaning: str
     remedy: str
     title: str = ""
+    changes_data: bool = False
+    large: bool = False
     unspecific: bool = False
 
     def __post_init__(self) -> None:

@@ -227,7 +227,6 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(
             f"{how} {_TIMES[abs(order)]} more than stated",
             model.map_receptances(change),
-            changes_data=True,
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
             "that is there already is added to it)",
@@ -237,7 +236,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     changed = model.map_receptances(lambda one: altered(one, receptance=-one.receptance))
-    yield Variant("all", changed, changes_data=True)
+    yield Variant("all", changed)
 
 
 def _quantity_of(order: int) -> str:
@@ -402,6 +401,7 @@ MEASUREMENT_CAUSES = (
         group="measurement",
         parameters=(),
         change=_quantity,
+        changes_data=True,
         meaning="the file holds another quantity than the one it was read as",
         remedy="state the quantity of the file (receptance, mobility, accelerance)",
     ),
@@ -411,6 +411,7 @@ MEASUREMENT_CAUSES = (
         group="measurement",
         parameters=(),
         change=_polarity,
+        changes_data=True,
         meaning="sensor or hammer point the other way: every FRF has the wrong sign",
         remedy="turn the sign of the response: in a campaign its direction, in Python `frf.flipped()`",
     ),

@@ -254,7 +254,6 @@ def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
         yield Variant(
             material.name,
             model.plus(of_modulus.move(moduli, relative=True), of_density.move(densities, relative=True)),
-            large=True,
             meaning=f"the tool is of {material.name}, and the model has a material with {1e-9 * modulus:.0f} GPa and "
             f"{density:.0f} kg/m3",
             remedy=f"weigh the tool; if it is of {material.name}, give it that material in the model",
@@ -378,6 +377,7 @@ PART_CAUSES = (
             Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")
         ),
         change=_other_material,
+        large=True,
         meaning="the tool is of another material than modelled",
         remedy="weigh the tool: its density distinguishes the materials",
     ),
