@@ -63,12 +63,6 @@ def _require_joint(model: Model) -> None:
         raise UndecidableError("the model has no joint between tool and holder")
 
 
-def _require_varied(model: Model, condition: str, reason: str) -> None:
-    _require_joint(model)
-    if not _is_varied(_values(model, condition)):
-        raise UndecidableError(reason)
-
-
 def _cross_term(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     joints = _point_joints(model)
     if any(model.has(f"{name}.k_ytheta") for name in joints):
@@ -155,14 +149,12 @@ def _is_present(model: Model, address: str) -> bool:
     )
 
 
-def _amplitude(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_varied(
-        model,
-        "force",
-        "one force level does not show whether the joint depends on the amplitude: measure at two, and state them as "
-        "the condition 'force'",
-    )
-    yield from _laws(p, model, "force", "")
+def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield power laws of one condition; `missing` is the reason why they are undecidable where it was not varied."""
+    _require_joint(model)
+    if not _is_varied(_values(model, condition)):
+        raise UndecidableError(missing)
+    yield from _laws(p, model, condition, "")
 
 
 def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -185,13 +177,6 @@ def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
     """Return the address of the overhang: the length of the tool's last segment."""
     part = anatomy.tool[-1]
     return f"{part}.segment[{len(part_of(assembly, part).segments) - 1}].length"
-
-
-def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_varied(
-        model, "plane", "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2"
-    )
-    yield from _laws(p, model, "plane", "")
 
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -464,7 +449,12 @@ JOINT_CAUSES = (
         title="joint that depends on the amplitude",
         group="structure",
         parameters=_EXPONENTS,
-        change=_amplitude,
+        change=partial(
+            _law_of,
+            "force",
+            "one force level does not show whether the joint depends on the amplitude: measure at two, and state them "
+            "as the condition 'force'",
+        ),
         meaning="the joint depends on the amplitude of the hits",
         remedy="measure at the amplitude of use, or give the joint a law of the amplitude",
     ),
@@ -482,7 +472,11 @@ JOINT_CAUSES = (
         title="different joints in x and y",
         group="structure",
         parameters=_EXPONENTS,
-        change=_planes,
+        change=partial(
+            _law_of,
+            "plane",
+            "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2",
+        ),
         meaning="the joint is stiffer in one plane than in the other",
         remedy="identify the two planes separately",
     ),

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal, TypeGuard
 
 import numpy as np
@@ -135,16 +136,12 @@ def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: floa
         yield Variant(name, divided.map(change).plus(offset), local=True)
 
 
-def _delay(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+def _chain(address: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a parameter of the measuring chain for all configurations, and for each one."""
     _require_receptances(model)
+    (parameter,) = p.values()
     for name in _each(model):
-        yield Variant(name or "all", model.plus(p["delay"].unknown(DELAY, configurations=name)))
-
-
-def _gain(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
-    for name in _each(model):
-        yield Variant(name or "all", model.plus(p["log_gain"].unknown(LOG_GAIN, configurations=name)))
+        yield Variant(name or "all", model.plus(parameter.unknown(address, configurations=name)))
 
 
 def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -341,7 +338,7 @@ MEASUREMENT_CAUSES = (
                 name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4), negligible=1e-7
             ),
         ),
-        change=_delay,
+        change=partial(_chain, DELAY),
         meaning="one channel lags behind the other",
         remedy="measure a known free mass with both channels and correct the delay",
     ),
@@ -350,7 +347,7 @@ MEASUREMENT_CAUSES = (
         title="calibration gain",
         group="measurement",
         parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-2.4, 2.4)),),
-        change=_gain,
+        change=partial(_chain, LOG_GAIN),
         meaning="the calibration of hammer or sensor is off",
         remedy="calibrate the chain with a known free mass",
     ),

@@ -154,6 +154,15 @@ class Model:
         """Names of the joints between tool and holder."""
         return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
 
+    @property
+    def tip(self) -> str:
+        """Name of the part with the tip; raises `UndecidableError` where it differs between the assemblies."""
+        # The first element of an assembly is a part.
+        tips = {anatomy.tool[0] for anatomy in self.anatomies}
+        if len(tips) != 1:
+            raise UndecidableError("the tools have different names in the assemblies")
+        return tips.pop()
+
     def joint_addresses(self, field: str) -> tuple[str, ...]:
         """Return the addresses of a field of all joints, and of parameters that are multiples of these."""
         own = [address for name in self.joints for address in self.addresses_of(name, field)]
