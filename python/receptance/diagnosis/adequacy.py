@@ -11,9 +11,9 @@ from receptance._chances import chi_square_chance, chi_square_quantile, normal_c
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
+    CHANCE,
     LISTED,
     MISFIT_BANDS,
-    MISFIT_CHANCE,
     MISFIT_LIMIT,
     OBSERVABLE_VARIANCE,
 )
@@ -204,7 +204,7 @@ def _strain(fit: Fit) -> Strain:
     largest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),
-        limit=float(-normal_quantile(0.5 * MISFIT_CHANCE / tested)),
+        limit=float(-normal_quantile(0.5 * CHANCE / tested)),
         together=together / count,
         together_limit=_quantile(float(count)),
         chance=min(2.0 * tested * normal_chance(largest), float(chi_square_chance(together, count)), 1.0),
@@ -212,7 +212,7 @@ def _strain(fit: Fit) -> Strain:
 
 
 def _quantile(freedom: float) -> float:
-    return chi_square_quantile(freedom, MISFIT_CHANCE) / freedom
+    return chi_square_quantile(freedom, CHANCE) / freedom
 
 
 def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:

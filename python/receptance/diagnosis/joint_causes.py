@@ -23,6 +23,7 @@ from receptance.diagnosis.thresholds import (
     COLLET_SHAPE,
     LAYER_POINTS,
     SAME_PLACE,
+    SHORTENED,
     SHORTEST_SPREAD,
     VARIED,
 )
@@ -268,7 +269,7 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     model = _fix_places(model, anatomy)
     longest = _mouth(model, anatomy)
     length = p["length"]
-    upper = min(length.upper, 0.98 * longest)
+    upper = min(length.upper, SHORTENED * longest)
     slope = p["slope"].unknown(f"{joint}.slope")
     tolerances = tuple(replace(t, moves=_extend_moves(t.moves, anatomy)) for t in model.tolerances)
     unknowns = tuple(

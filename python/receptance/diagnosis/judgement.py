@@ -13,7 +13,6 @@ from receptance.diagnosis.model import TABLE
 from receptance.diagnosis.thresholds import (
     LEAST_FREEDOM,
     LEAST_SHARE,
-    LIKE_A_WINDOW,
     MARGIN,
     ONE_CONFIGURATION,
     STRAIN_CHANCE,
@@ -193,7 +192,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "
             f"{errors}; another cause may act"
         )
-    if one.ids & LIKE_A_WINDOW and selection.undecidable.get("exponential_window", "").startswith(TABLE):
+    if "joint_hysteretic_loss" in one.ids and selection.undecidable.get("exponential_window", "").startswith(TABLE):
         yield (
             f"{name} is suspected only: an exponential window that the FRFs do not state has a similar effect, and "
             f"{TABLE}, which does not allow for it"

@@ -20,8 +20,8 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import (
+    CHANCE,
     CHANCE_DRAWS,
-    CHANCE_LEVEL,
     COLUMNS_TOGETHER,
     INVISIBLE,
     OTHER_QUANTITY,
@@ -235,7 +235,7 @@ def detection_threshold(
     *,
     deviance: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     freedom: float = 0.0,
-    level: float = CHANCE_LEVEL,
+    level: float = 1.0 - CHANCE,
     seed: int = 0,
 ) -> float:
     """Return a quantile of the best evidence by chance: a parametric bootstrap of the base, to first order.

@@ -42,7 +42,7 @@ from receptance.diagnosis.thresholds import (
     ALTERNATIVES_FINISHED,
     BEHIND,
     CONVERGED,
-    EVALUATED_ON_INTERRUPT,
+    KEPT_ON_INTERRUPT,
     LEADING_CAUSES,
     LEAST_SHARE,
     LOOK_ALIKE,
@@ -563,7 +563,7 @@ def _leading_causes(
     for pair in explored[done:]:
         if pair[0].cause.id not in known:
             found.setdefault(pair[0].cause.id, pair)
-    return list(found.values())[:EVALUATED_ON_INTERRUPT]
+    return list(found.values())[:KEPT_ON_INTERRUPT]
 
 
 def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Step, ...]]:
