@@ -84,7 +84,7 @@ class Facts(_AboutCause):
 
 
 def _row(one: Parameter) -> str:
-    low, high = one.plausible or (one.lower, one.upper)
+    low, high = one.plausible
     null = "" if one.secondary else _shown(one, [one.null])
     return f"| `{one.name}` | {null} | {_shown(one, [low, high])} | {_shown(one, [one.lower, one.upper])} |"
 

@@ -17,10 +17,10 @@ from receptance.diagnosis.thresholds import (
     MISFIT_LIMIT,
     OBSERVABLE_VARIANCE,
 )
+from receptance.diagnosis.wording import times
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import prior_table
-from receptance.report.table import amount
 
 
 @dataclass(frozen=True)
@@ -124,22 +124,18 @@ class Adequacy:
         """The reason why it does not pass, as text; empty where it does."""
         if self.misfit > self.limit:
             return (
-                f"leaves residuals of {_rms(self.misfit)} times the noise (limit {_rms(self.limit)}), largest in "
+                f"leaves residuals of {times(self.misfit)} times the noise (limit {times(self.limit)}), largest in "
                 f"{self.worst[0]}"
             )
         if self.smooth > self.smooth_limit:
             return (
-                f"leaves residuals of {_rms(self.smooth)} times the noise in sums over neighbouring lines (limit "
-                f"{_rms(self.smooth_limit)}), largest in {self.worst[0]}"
+                f"leaves residuals of {times(self.smooth)} times the noise in sums over neighbouring lines (limit "
+                f"{times(self.smooth_limit)}), largest in {self.worst[0]}"
             )
         if not self.strain.passed:
             strained = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
             return f"requires implausible errors of the tolerances, in standard deviations: {strained}"
         return ""
-
-
-def _rms(misfit: float) -> str:
-    return amount(float(np.sqrt(misfit)))
 
 
 def misfit_limit(fit: Fit) -> float:

@@ -24,7 +24,7 @@ from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
-from receptance.diagnosis.model import Model, with_points
+from receptance.diagnosis.model import Model, named, with_points
 from receptance.diagnosis.thresholds import (
     HARDER,
     HIGHEST_ALONE,
@@ -281,8 +281,8 @@ def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | N
         return None
     whole = transfer(replace(model, observations=(one,)), steps).observations[0].assembly
     own = [
-        replace(point, name=name)
-        for name, point in whole.attachments.items()
+        point
+        for name, point in named(whole.attachments).items()
         # Masses that causes attach to the tool are there only while it is measured or clamped.
         if side == "holder" and point.part in names and name not in one.assembly.attachments
     ]

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.model import Model, UndecidableError, named_elements, require_beams, require_no_table
+from receptance.diagnosis.model import Model, UndecidableError, named, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.identification.unknowns import Move, Unknown
 from receptance.model.assembly import Assembly
@@ -254,15 +254,15 @@ def _replace_springs(model: Model, pieces: list[_Pieces]) -> Model:
 
 def _divide_in(by_name: Mapping[str, _Pieces], assembly: Assembly) -> Assembly:
     points = []
-    for name, point in assembly.attachments.items():
+    for name, point in named(assembly.attachments).items():
         if name not in by_name or not isinstance(point, GroundSpring):
-            points.append(replace(point, name=name))
+            points.append(point)
             continue
         own = by_name[name]
         for spring, share in zip(own.springs, own.shares, strict=True):
             values = {field: share * getattr(point, field) for field in _SPRING_FIELDS}
             points.append(replace(spring, **values, loss_factor=point.loss_factor))
-    return Assembly(named_elements(assembly).values(), points, motion=assembly.motion)
+    return Assembly(named(assembly.elements).values(), points, motion=assembly.motion)
 
 
 def _share(unknown: Unknown, by_name: Mapping[str, _Pieces]) -> Unknown:

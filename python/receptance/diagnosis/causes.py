@@ -53,7 +53,7 @@ class Parameter:
     upper: float
     typical: float
     null: float = 0.0
-    plausible: tuple[float, float] | None = None
+    plausible: tuple[float, float] = (-math.inf, math.inf)
     secondary: bool = False
     prior: Prior | None = None
     negligible: float = 0.0
@@ -69,7 +69,7 @@ class Parameter:
         object.__setattr__(self, "negligible", _checks.not_negative(owner, "negligible", self.negligible))
         if not self.lower <= min(self.typical, self.start) or not max(self.typical, self.start) <= self.upper:
             raise ValueError(f"{owner}: typical {self.typical:g} or null {self.null:g} lies outside the bounds")
-        if self.plausible is None:
+        if self.plausible == (-math.inf, math.inf):
             object.__setattr__(self, "plausible", (self.lower, self.upper))
 
     @property
@@ -95,7 +95,7 @@ class Parameter:
 
     def is_plausible(self, value: float) -> bool:
         """Return whether a value lies in the plausible range."""
-        low, high = self.plausible or (self.lower, self.upper)
+        low, high = self.plausible
         return low <= value <= high
 
     def unknown(self, address: str, configurations: str | None = None, part: str = "", **changes: Any) -> CauseUnknown:

@@ -248,7 +248,6 @@ def cross_validate(
     complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
-        held_out = tuple(o for o, own in zip(model.observations, model.configuration_of, strict=True) if own in group)
         try:
             report("held out", f"held out: {name}")
             fold = select_without(selection, group)
@@ -260,7 +259,7 @@ def cross_validate(
             break
         judgement = conclude(fold)
         best = judgement.reported[0] if judgement.reported else None
-        folds.append(_fold(name, judgement.answer, fold, best, held_out, model.tolerances, metrics))
+        folds.append(_fold(name, judgement.answer, fold, best, model.of(group), model.tolerances, metrics))
     return replace(_combine(folds, model, metrics), complete=complete)
 
 
@@ -273,7 +272,7 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     threshold and directions are those of the whole selection. `tests/validation/folds.py` compares the answers and
     the improvement with a complete selection for each fold.
     """
-    base = refit(without(selection.base.model, configurations), selection.base.values)
+    base = refit(selection.base.model.without(configurations), selection.base.values)
     found = replace(
         selection,
         base=base,
@@ -303,7 +302,7 @@ def _on_others(fit: Fit, configurations: Sequence[str]) -> float:
 
 def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]) -> Explanation | None:
     """Return an explanation fitted without some configurations; None where it acts in these alone."""
-    model = without(one.fit.model, configurations)
+    model = one.fit.model.without(configurations)
     if not parameters_of(model.unknowns).keys() >= one.parameters.keys():
         return None
     try:
@@ -585,9 +584,3 @@ def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, 
     shared = max(between - within, 0.0) / size
     variance = shared + within
     return variance, shared / variance if variance > 0.0 else 0.0, size
-
-
-def without(model: Model, configurations: Sequence[str]) -> Model:
-    """Return the model without some configurations, and without unknowns and errors that only these have."""
-    pairs = zip(model.configuration_of, model.observations, strict=True)
-    return model.select(tuple(one for name, one in pairs if name not in configurations))

@@ -14,7 +14,7 @@ from receptance.diagnosis.model import (
     IndescribableError,
     Model,
     UndecidableError,
-    named_elements,
+    named,
     part_of,
     require_beams,
 )
@@ -215,12 +215,11 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     def build(assembly: Assembly) -> Assembly:
         if joint not in assembly.elements:
             return assembly
-        elements = named_elements(assembly)
+        elements = named(assembly.elements)
         own = elements[joint]
         spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in fields}, loss_factor=own.loss_factor)
         elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
-        points = [replace(one, name=name) for name, one in assembly.attachments.items()]
-        return Assembly(elements.values(), points, motion=assembly.motion)
+        return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
     def halves(moves: Mapping[str, float]) -> dict[str, float]:
         """Return moves of the joint's fields as moves of both springs."""
@@ -358,7 +357,7 @@ def _restrict(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
 
 
 def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
-    elements = named_elements(assembly)
+    elements = named(assembly.elements)
     if anatomy.joint not in elements:
         return assembly
     joint, tool, holder = (elements[name] for name in (anatomy.joint, anatomy.tool[-1], anatomy.holder[0]))
@@ -380,8 +379,8 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
     segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
-    points_ = [_shift(replace(point, name=name), anatomy, length) for name, point in assembly.attachments.items()]
-    return Assembly(elements.values(), points_, motion=assembly.motion)
+    attached = [_shift(point, anatomy, length) for point in named(assembly.attachments).values()]
+    return Assembly(elements.values(), attached, motion=assembly.motion)
 
 
 def _shift(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:

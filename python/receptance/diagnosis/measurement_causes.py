@@ -71,7 +71,6 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     # A large structure carries a large sensor.
     heaviest = max(sum(part.mass for name in own.tool for part in model.parts(name)[:1]) for own in model.anatomies)
     declared = p["mass"]
-    assert declared.plausible is not None
     largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
     mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
     changed = model.map(change)

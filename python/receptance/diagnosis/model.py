@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -228,6 +228,15 @@ class Model:
         observations, witnesses = (tuple(change(one) for one in own) for own in (self.observations, self.witnesses))
         return replace(self, observations=observations, witnesses=witnesses)
 
+    def of(self, configurations: Collection[str]) -> tuple[Observation, ...]:
+        """Return the observations of some configurations."""
+        pairs = zip(self.configuration_of, self.observations, strict=True)
+        return tuple(one for name, one in pairs if name in configurations)
+
+    def without(self, configurations: Collection[str]) -> Model:
+        """Return the model without some configurations, and without unknowns and errors that only these have."""
+        return self.select(self.of([name for name in self.configurations if name not in configurations]))
+
     def select(self, observations: Sequence[Observation]) -> Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
         places = [one.site(i) for i, one in enumerate(observations)]
@@ -373,16 +382,13 @@ def part_of(assembly: Assembly, name: str) -> Part:
 
 def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more point elements."""
-    own = [replace(one, name=name) for name, one in assembly.attachments.items()]
-    return Assembly(named_elements(assembly).values(), [*own, *points], motion=assembly.motion)
+    own = named(assembly.attachments).values()
+    return Assembly(named(assembly.elements).values(), [*own, *points], motion=assembly.motion)
 
 
-def named_elements(assembly: Assembly) -> dict[str, Any]:
-    """Return the elements of an assembly by name, each with that name."""
-    return {
-        name: Part(one.segments, name=name) if isinstance(one, Part) else replace(one, name=name)
-        for name, one in assembly.elements.items()
-    }
+def named(elements: Mapping[str, Any]) -> dict[str, Any]:
+    """Return elements or attachments by name, each with that name."""
+    return {name: replace(one, name=name) for name, one in elements.items()}
 
 
 def _segment_at(part: Part, position: float) -> tuple[int, float]:
@@ -396,13 +402,12 @@ def _segment_at(part: Part, position: float) -> tuple[int, float]:
 
 
 def _divide(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
-    elements = named_elements(assembly)
+    elements = named(assembly.elements)
     segments = list(elements[part].segments)
     whole = segments[index]
     segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
     elements[part] = Part(segments, name=part)
-    own = [replace(point, name=name) for name, point in assembly.attachments.items()]
-    return Assembly(elements.values(), own, motion=assembly.motion)
+    return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
 
 def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:

@@ -126,7 +126,7 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
     """Return the effective diameter of a first section with a plausible range up to the diameter of the last one."""
-    low, high = diameter.plausible or (diameter.lower, diameter.upper)
+    low, high = diameter.plausible
     room = min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
     return replace(diameter, upper=max(diameter.upper, high + room), plausible=(low, high + max(room, 0.0)))
 
