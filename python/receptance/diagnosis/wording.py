@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from receptance._text import join_names
 from receptance.report.table import amount, amount_interval, amounts
 
 if TYPE_CHECKING:
@@ -49,8 +50,7 @@ def title_of(id: str) -> str:
 
 def names(ids: Sequence[str]) -> str:
     """Return the names of causes as a list in a sentence."""
-    titles = [title_of(id) for id in ids]
-    return " and ".join([", ".join(titles[:-1]), titles[-1]] if len(titles) > 1 else titles)
+    return join_names([title_of(id) for id in ids])
 
 
 def place(one: CandidateCause) -> str:
