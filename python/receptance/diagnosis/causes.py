@@ -284,21 +284,6 @@ class Cause:
                     )
         return found
 
-    def variant(self, model: Model, name: str) -> Variant:
-        """Return one of the ways in which it can act on a model.
-
-        Raises
-        ------
-        UndecidableError
-            The data cannot show it.
-        IndescribableError
-            The model has no such variant.
-        """
-        for variant in self.variants(model):
-            if variant.name == name:
-                return variant
-        raise IndescribableError(f"{self.id} {name}: the model has no such place or condition")
-
 
 class Step(NamedTuple):
     """A cause that acts in one of its variants: one step from the base model to an explanation."""
@@ -315,7 +300,10 @@ class Step(NamedTuple):
         UndecidableError
             The model does not have this variant.
         """
-        return self.cause.variant(model, self.variant).model
+        for one in self.cause.variants(model):
+            if one.name == self.variant:
+                return one.model
+        raise IndescribableError(f"{self.cause.id} {self.variant}: the model has no such place or condition")
 
     def transfer(self, model: Model) -> Model:
         """Return other observations as the cause changes them, without its parameters.

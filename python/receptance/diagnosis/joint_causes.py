@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import (
+    SPRING_TERMS,
     Anatomy,
     IndescribableError,
     Model,
@@ -210,14 +211,13 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if len(tools) > 1:
         return
     diameter = min(part.segments[-1].outer_diameter for tool in tools for part in model.parts(tool))
-    fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
 
     def build(assembly: Assembly) -> Assembly:
         if joint not in assembly.elements:
             return assembly
         elements = named(assembly.elements)
         own = elements[joint]
-        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in fields}, loss_factor=own.loss_factor)
+        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in SPRING_TERMS}, loss_factor=own.loss_factor)
         elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
         return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
@@ -246,7 +246,8 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     inertia = f"{joint}.inertia"
     mass = p["mass"].unknown(f"{joint}.mass", also={inertia: (COLLET_GYRATION * diameter) ** 2})
     shape = p["log_inertia"].move({inertia: 1.0}, relative=True)
-    split = {f"{joint}.inner.{field}": 1.0 for field in fields} | {f"{joint}.outer.{field}": -1.0 for field in fields}
+    split = {f"{joint}.inner.{field}": 1.0 for field in SPRING_TERMS}
+    split |= {f"{joint}.outer.{field}": -1.0 for field in SPRING_TERMS}
     yield Variant("between tool and holder", changed.plus(mass, shape, p["split"].move(split, relative=True)))
 
 

@@ -18,6 +18,8 @@ from receptance.model.beams import Part, SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import Terminal
 
+SPRING_TERMS = tuple(field for field in PointJoint.columns_of if field != "loss_factor")
+"""Stiffnesses and dampings of a spring."""
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
