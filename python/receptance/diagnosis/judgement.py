@@ -44,9 +44,9 @@ class Judgement:
     """
 
     answer: Answer
-    reported: tuple[Explanation, ...]
-    ambiguous_between: tuple[str, ...]
-    notes: tuple[str, ...]
+    reported: tuple[Explanation, ...] = ()
+    ambiguous_between: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     alternative: Explanation | None = None
 
 
@@ -92,7 +92,7 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
         reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
     else:
         reason = f"{taken}, but this is not certain"
-    return Judgement("unexplained", (), (), (reason,))
+    return Judgement("unexplained", notes=(reason,))
 
 
 def _conclude(selection: Selection) -> Judgement:
@@ -105,7 +105,7 @@ def _conclude(selection: Selection) -> Judgement:
     passing = [one for one in selection.explanations if one.evidence > limit and one.passed]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
-        return Judgement("unexplained", (), (), tuple(notes))
+        return Judgement("unexplained", notes=tuple(notes))
     passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN]
     near = [one for one in near if not any(_adds_only(one, other) for other in near)]
@@ -118,9 +118,9 @@ def _conclude(selection: Selection) -> Judgement:
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
         reason = _withhold(alternative, (remaining or near)[0])
-        return Judgement("unexplained", (), (), (*notes, reason), alternative)
+        return Judgement("unexplained", notes=(*notes, reason), alternative=alternative)
     if not remaining:
-        return Judgement("unexplained", (), (), tuple(notes))
+        return Judgement("unexplained", notes=tuple(notes))
     unfinished = [one for one in remaining if not one.fit.converged]
     for one in unfinished:
         notes.append(f"the fit with {one.title} has not converged, so no cause is named on its own")
@@ -129,7 +129,7 @@ def _conclude(selection: Selection) -> Judgement:
         between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
     doubts = list(_doubts(selection, remaining[0], limit))
-    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), (), (*notes, *doubts))
+    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), notes=(*notes, *doubts))
 
 
 def _judge_base(selection: Selection) -> Judgement:
@@ -140,13 +140,13 @@ def _judge_base(selection: Selection) -> Judgement:
         note = (
             f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, another overhang, or an FRF"
         )
-        return Judgement("undecided", (), (), (note,))
+        return Judgement("undecided", notes=(note,))
     if adequacy.passed:  # a fit that goes on only reduces the misfit
-        return Judgement("adequate", (), (), unfinished)
+        return Judgement("adequate", notes=unfinished)
     if unfinished:
-        return Judgement("unexplained", (), (), unfinished)
+        return Judgement("unexplained", notes=unfinished)
     note = f"the base model {adequacy.shortcoming}, and no cause improves it"
-    return Judgement("unexplained", (), (), (note,))
+    return Judgement("unexplained", notes=(note,))
 
 
 def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation]) -> Explanation | None:

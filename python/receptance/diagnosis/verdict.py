@@ -259,7 +259,6 @@ class Verdict(Result):
 
     def with_improvement(self, found: Improvement) -> Verdict:
         """Return the verdict with its improvement on held-out data; without one a named cause is suspected only."""
-        from receptance.diagnosis.by_mode import bias_of
         from receptance.diagnosis.judgement import doubt_prediction
 
         doubt, answer = None, self.verdict
@@ -281,7 +280,7 @@ class Verdict(Result):
             notes=notes,
             gains=found.gains,
             candidates=candidates,
-            bias=bias_of(found.modes, found.slenderness),
+            bias=found.bias,
             held_out_modes=found.modes,
             held_out_modes_after=found.modes_after,
         )

@@ -25,8 +25,6 @@ SENTENCE = {
     "unexplained": "The model is inadequate, and no known cause explains the misfit.",
 }
 
-UNFINISHED = "This result is preliminary, because causes were not tried: the diagnosis was interrupted"
-
 
 def sentence(verdict: Verdict) -> str:
     """Return the verdict in one sentence, and where the diagnosis was interrupted if it was."""
@@ -34,7 +32,8 @@ def sentence(verdict: Verdict) -> str:
         return SENTENCE[verdict.verdict]
     position = verdict.settings["interrupted"]
     return (
-        f"{UNFINISHED} in step {position['step']} of about {position['of_about']}, after {position['seconds']:.0f} s."
+        "This result is preliminary, because causes were not tried: the diagnosis was interrupted in step "
+        f"{position['step']} of about {position['of_about']}, after {position['seconds']:.0f} s."
     )
 
 
