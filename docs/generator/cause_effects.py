@@ -182,7 +182,7 @@ def _setup(cause: Cause) -> Callable[[], Model]:
 def _variant(cause: Cause, model: Model) -> Variant:
     if cause.id == "coarse_resolution":
         # The cause itself looks for the end of the records in measured data.
-        return Variant("records end too early", model.map(lambda one: altered(one, ends=TRUNCATED)), changes_data=True)
+        return Variant("records end too early", model.map(lambda one: altered(one, ends=TRUNCATED)))
     variants = cause.variants(model)
     if cause.id == "missing_mode":
         return min(variants, key=lambda one: abs(float(one.name.split()[1]) - 1500.0))

@@ -16,7 +16,7 @@ from sphinx.util.docutils import SphinxDirective
 import cause_effects
 import receptance
 from receptance.diagnosis import CATALOGUE, Parameter
-from receptance.diagnosis.advice import MENU, DirectMeasurement, SimulatedMeasurement
+from receptance.diagnosis.advice import MENU, DirectMeasurement, MenuItem, SimulatedMeasurement
 from receptance.diagnosis.boundary_causes import BOUNDARY_CAUSES
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
@@ -84,7 +84,7 @@ class Facts(_AboutCause):
 
 
 def _row(one: Parameter) -> str:
-    low, high = one.plausible or (one.lower, one.upper)
+    low, high = one.plausible
     null = "" if one.secondary else _shown(one, [one.null])
     return f"| `{one.name}` | {null} | {_shown(one, [low, high])} | {_shown(one, [one.lower, one.upper])} |"
 
@@ -175,7 +175,7 @@ class Measurements(_AboutCause):
 
     def text(self, id: str) -> str:
         """Return a list of them."""
-        own = [one for one in MENU if _is_for(one.measurement, id)]
+        own = [one for one in MENU if _is_for(one, id)]
         if not own:
             return (
                 "The menu of `diagnose` has no measurement for this cause alone. It simulates FRFs at another place, "
@@ -185,7 +185,7 @@ class Measurements(_AboutCause):
         return "\n".join([*rows, *(f"- {one.action} ({one.cost:g})" for one in own)])
 
 
-def _is_for(measurement: object, id: str) -> bool:
+def _is_for(measurement: MenuItem, id: str) -> bool:
     if isinstance(measurement, DirectMeasurement):
         return id in measurement.presence or any(name.partition(".")[0] == id for name in measurement.accuracy)
     return isinstance(measurement, SimulatedMeasurement) and id in measurement.without

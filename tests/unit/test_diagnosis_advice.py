@@ -93,7 +93,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
     model = selection.base.model
     requested = describe(model, ()).candidate  # type: ignore[operator]
     hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "fluted_part"))
-    expected = SimulatedMeasurement(describe).discriminate(*hypotheses)  # type: ignore[arg-type]
+    expected = SimulatedMeasurement("", 1.0, describe).discriminate(*hypotheses)  # type: ignore[arg-type]
     # The sensor is at the response, with the fitted mass.
     at = requested.response
     mass = truth.fit.values["sensor_mass.mass"]
@@ -125,18 +125,18 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
 def test_explanation_is_not_refuted_by_its_data(selection: Selection) -> None:
     for one in (Hypothesis(single, selection.base.model) for single in selection.singles):
         for describe in (at_the_nose, other_overhang, tool_alone, holder_alone):
-            assert SimulatedMeasurement(describe).discriminate(one, one) < 0.01
+            assert SimulatedMeasurement("", 1.0, describe).discriminate(one, one) < 0.01
 
 
 def test_weights_and_marked_places(selection: Selection) -> None:
     sensor, offset, flutes = (hypothesis(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
     mass, _ = sensor.sizes["sensor_mass.mass"]
-    weighed = DirectMeasurement({"sensor_mass.mass": 2e-5})
+    weighed = DirectMeasurement("", 1.0, {"sensor_mass.mass": 2e-5})
     assert weighed.discriminate(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
     # In the other direction the fitted mass is uncertain itself.
     assert 50.0 < weighed.discriminate(offset, sensor) < weighed.discriminate(sensor, offset)
     assert weighed.discriminate(offset, flutes) == 0.0
-    marked = SimulatedMeasurement(assembly_again, frozenset({"hammer_offset"}))
+    marked = SimulatedMeasurement("", 1.0, assembly_again, frozenset({"hammer_offset"}))
     assert marked.discriminate(sensor, offset) > 30.0
     assert marked.discriminate(sensor, flutes) == 0.0
 
@@ -200,6 +200,6 @@ def test_every_choice_can_be_simulated(selection: Selection) -> None:
     for choice in MENU:
         hypotheses = [Hypothesis(one, selection.base.model) for one in selection.singles]
         for truth, other in itertools.pairwise(hypotheses):
-            found = choice.measurement.discriminate(truth, other)
+            found = choice.discriminate(truth, other)
             assert np.isfinite(found)
             assert found >= 0.0

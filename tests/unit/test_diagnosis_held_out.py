@@ -31,7 +31,6 @@ from receptance.diagnosis.held_out import (
     gain_of,
     metrics_of,
     select_without,
-    without,
 )
 from receptance.diagnosis.judgement import conclude, doubt_prediction
 from receptance.diagnosis.selection import select
@@ -365,7 +364,7 @@ def selection() -> Selection:
 def test_a_fold_is_a_selection_from_the_beginning(selection: Selection, name: str) -> None:
     fold = select_without(selection, [name])
     causes = [one.steps[0].cause for one in selection.singles]
-    anew = {one.ids: one for one in select(without(selection.base.model, [name]), causes, most=1).explanations}
+    anew = {one.ids: one for one in select(selection.base.model.without([name]), causes, most=1).explanations}
     assert name not in fold.base.model.configurations
     on_others = evaluate(fold.base.model, selection.base.values).chi_square
     assert _on_others(selection.base, [name]) == pytest.approx(on_others, rel=1e-9)

@@ -18,7 +18,7 @@ from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.thresholds import MARGIN, MISFIT_CHANCE, MISFIT_LIMIT
+from receptance.diagnosis.thresholds import CHANCE, MARGIN, MISFIT_LIMIT
 from receptance.identification import Law, Prior
 
 SEED = 31
@@ -83,7 +83,7 @@ def test_small_common_offset_is_not_noise() -> None:
 
 def test_the_limit_of_the_misfit_is_a_quantile_of_few_values() -> None:
     few, many = (misfit_limit(SimpleNamespace(expected_chi_square=n)) for n in (5.0, 1e4))  # type: ignore[arg-type]
-    assert few == pytest.approx(stats.chi2.isf(MISFIT_CHANCE, 5.0) / 5.0)
+    assert few == pytest.approx(stats.chi2.isf(CHANCE, 5.0) / 5.0)
     assert few > 4.0
     assert many == MISFIT_LIMIT == 1.25
 

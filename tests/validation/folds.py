@@ -32,7 +32,7 @@ def folds(seed: int, number: int, *, repeated: bool, quick: bool) -> Any:
     warm = held_out.select_without
 
     def again(selection: Selection, configurations: Any) -> Selection:
-        return select(held_out.without(selection.base.model, configurations), tuple(CATALOGUE.values()))
+        return select(selection.base.model.without(configurations), tuple(CATALOGUE.values()))
 
     held_out.select_without = again if repeated else warm  # type: ignore[assignment]
     measured = {one.name for one in case.nominal.configurations}

@@ -269,12 +269,12 @@ def expected_misfit(
     """
     from scipy.special import chdtri
 
-    from receptance.diagnosis.thresholds import MISFIT_CHANCE, MISFIT_LIMIT
+    from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
 
     if not all(observation.weighted for observation in observations):
         return None, None
     count = sum(observation.independent_values for observation in observations)
-    return count, float(np.maximum(MISFIT_LIMIT * count, chdtri(count, MISFIT_CHANCE)))
+    return count, float(np.maximum(MISFIT_LIMIT * count, chdtri(count, CHANCE)))
 
 
 def _unit(address: str) -> str:

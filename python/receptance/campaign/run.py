@@ -669,10 +669,12 @@ class Campaign(Renderable):
                 progress=self.progress,
             )
         if held_out and verdict.final:
-            measured = tuple(one.observation for one in held_out.values())
-            tolerances = tolerances_of_measurements(held_out)
-            found = improvement(verdict.selection, verdict.explanation, measured, tolerances, metrics)
-            unseen = replace(verdict.selection.base.model, observations=measured, tolerances=tuple(tolerances))
+            unseen = replace(
+                verdict.selection.base.model,
+                observations=tuple(one.observation for one in held_out.values()),
+                tolerances=tuple(tolerances_of_measurements(held_out)),
+            )
+            found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
             verdict = replace(verdict.with_improvement(found), held_out=unseen)
         notes += [*left_out, *verdict.notes]
         if started is not None:

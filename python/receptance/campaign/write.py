@@ -35,6 +35,8 @@ from receptance.units import Quantity
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.diagnosis import Verdict
+    from receptance.diagnosis.explanation import Explanation
+    from receptance.diagnosis.fitting import Fit
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
@@ -213,28 +215,29 @@ def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Pa
 
 def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
     """Return the contents of the extended file."""
-    if verdict.explanation is None or verdict.extended is None:
+    base, explanation = verdict.selection.base.model, verdict.explanation
+    if explanation is None:
         raise ValueError(f"there is no extended model, because the verdict is {verdict.verdict}")
     # A cause may act at one level only, so that each level has its own tables.
     data = copy.deepcopy(campaign.contents)
     measured = {
-        name: _applied(verdict, measurement.observation, tolerances_of_measurements({name: measurement}))
+        name: _applied(base, explanation, measurement.observation, tolerances_of_measurements({name: measurement}))
         for name, measurement in campaign.measurements.items()
     }
-    assemblies = {name: _of_assembly(campaign, verdict, name) for name in campaign.assemblies}
-    _write_structure(data, campaign, assemblies, {a for u in _unknowns(verdict) for a in addresses_of(u)})
-    end = _early_end(campaign, verdict)
-    seen = {observation.label for observation in verdict.selection.base.model.observations}
+    assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
+    _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
+    end = _early_end(campaign, explanation)
+    seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
         if end is not None and isinstance(measurement.given, MeasuredFRF):
             data["measurements"][name]["ends"] = _quantity(end, units.TIME)
-    _write_unknowns(data, verdict)
+    _write_unknowns(data, base, explanation)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "starts": 1}
     data["settings"].pop("strategy", None)
     data["settings"].pop("objective", None)
-    names = " and ".join(cause.title for cause, _ in verdict.explanation.steps)
+    names = " and ".join(cause.title for cause, _ in explanation.steps)
     data["title"] = f"{campaign.title}, extended by {names}"
     alike = (
         f"; indistinguishable causes: {', '.join(title_of(id) for id in verdict.ambiguous_between)}"
@@ -245,32 +248,26 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     data["description"] = f"{own} Written by `receptance diagnose` ({verdict.verdict}: {names}{alike}).".strip()
     order = ["format", "title", "description", "settings", "prediction"]
     data = {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
-    _check(campaign, verdict, data, folder)
+    _check(campaign, explanation.fit, data, folder, with_discrepancy=verdict.discrepancy is not None)
     return data
 
 
-def _unknowns(verdict: Verdict) -> tuple[Any, ...]:
-    assert verdict.explanation is not None
-    return verdict.explanation.fit.model.unknowns
-
-
-def _early_end(campaign: Campaign, verdict: Verdict) -> float | None:
+def _early_end(campaign: Campaign, explanation: Explanation) -> float | None:
     """Return the end of truncated records, if a cause has identified it from all of them together."""
-    assert verdict.explanation is not None
     given = {
         name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
     }
-    found = verdict.explanation.fit.model.receptances
+    found = explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
 def _applied(
-    verdict: Verdict, observation: MeasuredFRF | MeasuredFrequencies, tolerances: Iterable[Tolerance]
+    base: Model,
+    explanation: Explanation,
+    observation: MeasuredFRF | MeasuredFrequencies,
+    tolerances: Iterable[Tolerance],
 ) -> _Extended:
-    """Apply the causes of the best explanation to an observation, one after the other."""
-    explanation = verdict.explanation
-    assert explanation is not None
-    base = verdict.selection.base.model
+    """Apply the causes of an explanation to an observation, one after the other."""
     model = replace(base, observations=(observation,), tolerances=tuple(tolerances))
     temporary: list[str] = []
     for step in explanation.steps:
@@ -283,8 +280,8 @@ def _applied(
     return _Extended(observation, model.observations[0], model.tolerances, tuple(temporary))
 
 
-def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
-    """Apply the causes of the best explanation to an assembly without sensors."""
+def _of_assembly(campaign: Campaign, base: Model, explanation: Explanation, name: str) -> _Extended:
+    """Apply the causes of an explanation to an assembly without sensors."""
     assembly = campaign.assemblies[name]
     own = [measurement.observation for measurement in campaign.measurements.values() if measurement.assembly == name]
     like = next((one for one in own if isinstance(one, MeasuredFRF)), own[0] if own else None)
@@ -295,7 +292,7 @@ def _of_assembly(campaign: Campaign, verdict: Verdict, name: str) -> _Extended:
             like = altered(like, response=response, excitation=excitation)
     site = campaign.site(name)
     bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=site.conditions)
-    return _applied(verdict, bare, campaign.tolerances.get(name, ()))
+    return _applied(base, explanation, bare, campaign.tolerances.get(name, ()))
 
 
 def _write_structure(
@@ -429,21 +426,20 @@ def _integrations(given: MeasuredFRF, found: MeasuredFRF) -> int:
     raise ValueError(f"{given!r}: a cause changes its data in a way that a campaign file cannot describe")
 
 
-def _write_unknowns(data: dict[str, Any], verdict: Verdict) -> None:
+def _write_unknowns(data: dict[str, Any], base: Model, explanation: Explanation) -> None:
     """Write the unknowns with the results of the diagnosis as start values."""
-    assert verdict.explanation is not None
-    values = verdict.explanation.fit.values
-    known = {unknown.name: unknown for unknown in verdict.selection.base.model.unknowns}
+    values = explanation.fit.values
+    known = {unknown.name: unknown for unknown in base.unknowns}
     written = dict(data.get("unknowns", {}))
     tables: dict[str, Any] = {}
     measured = list(dict.fromkeys(table["assembly"] for table in data["measurements"].values()))
     of_measurement = {
         name
-        for step in verdict.explanation.steps
+        for step in explanation.steps
         if step.cause.group == "measurement"
-        for name in verdict.explanation.sizes(step.cause)
+        for name in explanation.sizes(step.cause)
     }
-    for unknown in _unknowns(verdict):
+    for unknown in explanation.fit.model.unknowns:
         old = known.pop(unknown.name, None)
         key = unknown.name if isinstance(unknown, Move) else unknown.address
         raw = None if old is None else written.pop(old.name if isinstance(old, Move) else old.address, None)
@@ -536,14 +532,11 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
     return replace(model, observations=tuple(kept), tolerances=tolerances)
 
 
-def _check(campaign: Campaign, verdict: Verdict, data: dict[str, Any], folder: Path) -> None:
+def _check(campaign: Campaign, fit: Fit, data: dict[str, Any], folder: Path, *, with_discrepancy: bool) -> None:
     """Raise a ValueError if the written campaign is not the model that was diagnosed."""
-    explanation = verdict.explanation
-    assert explanation is not None
     again = campaign.from_contents(folder / "extended.toml", copy.deepcopy(data))
-    fit = explanation.fit
     written = again.base_model()[0]
-    task = _on_diagnosed_lines(written, fit.model, with_discrepancy=verdict.discrepancy is not None).task
+    task = _on_diagnosed_lines(written, fit.model, with_discrepancy=with_discrepancy).task
     problem = task.problem()
     names = set(task.variables.names)
     if names != set(fit.values):

@@ -11,16 +11,16 @@ from receptance._chances import chi_square_chance, chi_square_quantile, normal_c
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
+    CHANCE,
     LISTED,
     MISFIT_BANDS,
-    MISFIT_CHANCE,
     MISFIT_LIMIT,
     OBSERVABLE_VARIANCE,
 )
+from receptance.diagnosis.wording import times
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import prior_table
-from receptance.report.table import amount
 
 
 @dataclass(frozen=True)
@@ -124,22 +124,18 @@ class Adequacy:
         """The reason why it does not pass, as text; empty where it does."""
         if self.misfit > self.limit:
             return (
-                f"leaves residuals of {_rms(self.misfit)} times the noise (limit {_rms(self.limit)}), largest in "
+                f"leaves residuals of {times(self.misfit)} times the noise (limit {times(self.limit)}), largest in "
                 f"{self.worst[0]}"
             )
         if self.smooth > self.smooth_limit:
             return (
-                f"leaves residuals of {_rms(self.smooth)} times the noise in sums over neighbouring lines (limit "
-                f"{_rms(self.smooth_limit)}), largest in {self.worst[0]}"
+                f"leaves residuals of {times(self.smooth)} times the noise in sums over neighbouring lines (limit "
+                f"{times(self.smooth_limit)}), largest in {self.worst[0]}"
             )
         if not self.strain.passed:
             strained = ", ".join(f"{name} at {size:+.1f}" for name, size in self.strain.worst)
             return f"requires implausible errors of the tolerances, in standard deviations: {strained}"
         return ""
-
-
-def _rms(misfit: float) -> str:
-    return amount(float(np.sqrt(misfit)))
 
 
 def misfit_limit(fit: Fit) -> float:
@@ -204,7 +200,7 @@ def _strain(fit: Fit) -> Strain:
     largest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),
-        limit=float(-normal_quantile(0.5 * MISFIT_CHANCE / tested)),
+        limit=float(-normal_quantile(0.5 * CHANCE / tested)),
         together=together / count,
         together_limit=_quantile(float(count)),
         chance=min(2.0 * tested * normal_chance(largest), float(chi_square_chance(together, count)), 1.0),
@@ -212,7 +208,7 @@ def _strain(fit: Fit) -> Strain:
 
 
 def _quantile(freedom: float) -> float:
-    return chi_square_quantile(freedom, MISFIT_CHANCE) / freedom
+    return chi_square_quantile(freedom, CHANCE) / freedom
 
 
 def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:

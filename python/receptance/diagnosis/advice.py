@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,17 @@ from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
-from receptance.diagnosis.model import Model, with_points
-from receptance.diagnosis.thresholds import MARGIN, SIMULATION_LINES
+from receptance.diagnosis.model import Model, named, with_points
+from receptance.diagnosis.thresholds import (
+    HARDER,
+    HIGHEST_ALONE,
+    LONGER,
+    MARGIN,
+    MODES_ALONE,
+    QUANTITY_SHOWN,
+    RESOLUTION_ALONE,
+    SIMULATION_LINES,
+)
 from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import Floor
@@ -39,18 +49,6 @@ from receptance.model.coordinates import Coordinate
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_QUANTITY = 1e3
-"""Increase of chi-square by a wrong quantity where a known mass is measured."""
-_RESOLUTION = 1e-3
-"""Standard deviation of natural frequencies of a part alone, as a share."""
-_MODES = 3
-"""Number of natural frequencies of a part alone."""
-_HIGHEST = 2e4
-"""Highest natural frequency of a part alone in Hz."""
-_LONGER = 1.3
-"""A longer overhang, as a multiple of the longest one that was measured."""
-_HARDER = 3.0
-"""A higher force, as a multiple of the highest one that was measured."""
 _NEW = "measured next"
 """Label and configuration of the simulated measurement."""
 
@@ -132,19 +130,34 @@ class Hypothesis:
         return max(refit(joint, self.fit.values).chi_square - self.fit.chi_square, 0.0)
 
 
-class DiscriminatingMeasurement(Protocol):
-    """A measurement that can be simulated."""
+@dataclass(frozen=True)
+class MenuItem(ABC):
+    """A measurement that can be advised.
 
+    Attributes
+    ----------
+    action : str
+        Instruction to the user.
+    cost : float
+        Effort, about that of so many hits on the machine.
+    """
+
+    action: str
+    cost: float
+
+    @abstractmethod
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
         """Return the increase of chi-square of another hypothesis if one is true; zero where it does not apply."""
 
 
 @dataclass(frozen=True)
-class DirectMeasurement:
+class DirectMeasurement(MenuItem):
     """A direct measurement of the sizes of causes: a weight, a length, a gain.
 
     Attributes
     ----------
+    action, cost
+        As in `MenuItem`.
     accuracy : dict of str to float
         Standard deviation of the measurement in SI units, by parameter ("sensor_mass.mass").
     presence : frozenset of str
@@ -155,8 +168,8 @@ class DirectMeasurement:
     presence: frozenset[str] = frozenset()
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """See `DiscriminatingMeasurement`."""
-        increase = _QUANTITY * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
+        """See `MenuItem`."""
+        increase = QUANTITY_SHOWN * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
         parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
             accuracy = self.accuracy.get(parameters[name].key)
@@ -170,11 +183,13 @@ class DirectMeasurement:
 
 
 @dataclass(frozen=True)
-class SimulatedMeasurement:
+class SimulatedMeasurement(MenuItem):
     """One more FRF, or natural frequencies of a part alone.
 
     Attributes
     ----------
+    action, cost
+        As in `MenuItem`.
     describe : callable
         Gets the base model and the causes that act on the measurement, and returns the measurement; None where the
         model does not have it.
@@ -189,7 +204,7 @@ class SimulatedMeasurement:
     elsewhere: frozenset[str] = frozenset()
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """See `DiscriminatingMeasurement`."""
+        """See `MenuItem`."""
         if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
             return 0.0
         absent = self.without | self.elsewhere
@@ -228,7 +243,7 @@ def other_overhang(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None
     one = model.observations[index]
     address = overhang_of(one.assembly, model.anatomies[index])
     longest = max(one.assembly.get(address) for one in model.observations if address in one.assembly.parameters)
-    longer = _LONGER * longest
+    longer = LONGER * longest
     tolerances = tuple(
         replace(error, name=f"{error.name}, {_NEW}") if error.configurations and address in error.moves else error
         for error in _tolerances_of_new(model, index)
@@ -244,7 +259,7 @@ def other_force(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
     levels = [one.conditions["force"] for one in model.observations if "force" in one.conditions]
     if index is None or not levels:
         return None
-    conditions = {**model.observations[index].conditions, "force": _HARDER * max(levels)}
+    conditions = {**model.observations[index].conditions, "force": HARDER * max(levels)}
     return Hypothetical(_frf(model, index, conditions=conditions), steps)
 
 
@@ -266,13 +281,13 @@ def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | N
         return None
     whole = transfer(replace(model, observations=(one,)), steps).observations[0].assembly
     own = [
-        replace(point, name=name)
-        for name, point in whole.attachments.items()
+        point
+        for name, point in named(whole.attachments).items()
         # Masses that causes attach to the tool are there only while it is measured or clamped.
         if side == "holder" and point.part in names and name not in one.assembly.attachments
     ]
     assembly = with_points(Assembly([whole.elements[name] for name in names]), *own)
-    frequencies = assembly.natural_frequencies(_HIGHEST)[:_MODES]
+    frequencies = assembly.natural_frequencies(HIGHEST_ALONE)[:MODES_ALONE]
     place = Site(assembly)
     tolerances = []
     for error in _tolerances_of_new(model, index):
@@ -282,7 +297,7 @@ def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | N
         label=_NEW,
         assembly=assembly,
         modes=tuple(range(1, frequencies.size + 1)),
-        standard_deviation_hz=_RESOLUTION * frequencies,
+        standard_deviation_hz=RESOLUTION_ALONE * frequencies,
         tolerances=tuple(tolerances),
         conditions=one.conditions,
     )
@@ -328,100 +343,48 @@ def _overhang(model: Model, index: int) -> float:
     return one.assembly.get(overhang_of(one.assembly, anatomy)) if anatomy.joint else 0.0
 
 
-_BLANK = frozenset({"fluted_part"})
-_HIT_PLACE = frozenset({"hammer_offset"})
-_SUSPENSION = frozenset({"suspension"})
-_WINDOW = frozenset({"exponential_window"})
-
-
-@dataclass(frozen=True)
-class MenuItem:
-    """A measurement that can be advised.
-
-    Attributes
-    ----------
-    action : str
-        Instruction to the user.
-    cost : float
-        Effort, about that of so many hits on the machine.
-    measurement : DiscriminatingMeasurement
-        Its simulation.
-    """
-
-    action: str
-    cost: float
-    measurement: DiscriminatingMeasurement
-
-
 MENU = (
-    MenuItem(
-        "weigh the blank",
-        1.0,
-        DirectMeasurement({"tool_density.log_density": 5e-4, "tool_material.log_density": 5e-4}),
+    DirectMeasurement("weigh the blank", 1.0, {"tool_density.log_density": 5e-4, "tool_material.log_density": 5e-4}),
+    DirectMeasurement("weigh the sensor and state its mass", 1.0, {"sensor_mass.mass": 2e-5}),
+    DirectMeasurement("weigh collet and nut", 1.0, {"collet_mass.mass": 2e-3}),
+    DirectMeasurement("weigh the holder", 1.0, {"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3}),
+    DirectMeasurement("measure the overhangs again with a caliper", 1.0, {"overhang_error.length": 3e-5}),
+    DirectMeasurement("look up which exponential window the analyser had", 1.0, {"exponential_window.decay_rate": 0.1}),
+    DirectMeasurement(
+        "measure a generator of known frequency with the analyser", 1.0, {"frequency_scale.log_scale": 1e-4}
     ),
-    MenuItem("weigh the sensor and state its mass", 1.0, DirectMeasurement({"sensor_mass.mass": 2e-5})),
-    MenuItem("weigh collet and nut", 1.0, DirectMeasurement({"collet_mass.mass": 2e-3})),
-    MenuItem(
-        "weigh the holder",
-        1.0,
-        DirectMeasurement({"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3}),
-    ),
-    MenuItem(
-        "measure the overhangs again with a caliper",
-        1.0,
-        DirectMeasurement({"overhang_error.length": 3e-5}),
-    ),
-    MenuItem(
-        "look up which exponential window the analyser had",
-        1.0,
-        DirectMeasurement({"exponential_window.decay_rate": 0.1}),
-    ),
-    MenuItem(
-        "measure a generator of known frequency with the analyser",
-        1.0,
-        DirectMeasurement({"frequency_scale.log_scale": 1e-4}),
-    ),
-    MenuItem(
+    DirectMeasurement(
         "measure frequency and decay of the swing on the suspension",
         1.0,
-        DirectMeasurement({"suspension.stiffness": 2e3, "suspension.damping": 2.0}),
+        {"suspension.stiffness": 2e3, "suspension.damping": 2.0},
     ),
-    MenuItem(
+    SimulatedMeasurement(
         "repeat one measurement without the exponential window",
         2.0,
-        SimulatedMeasurement(assembly_again, without=_WINDOW),
+        assembly_again,
+        without=frozenset({"exponential_window"}),
     ),
-    MenuItem(
-        "hit once exactly at a marked place",
-        2.0,
-        SimulatedMeasurement(assembly_again, without=_HIT_PLACE),
+    SimulatedMeasurement(
+        "hit once exactly at a marked place", 2.0, assembly_again, without=frozenset({"hammer_offset"})
     ),
-    MenuItem(
+    DirectMeasurement(
         "measure a free mass that is known",
         3.0,
-        DirectMeasurement(
-            {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
-            presence=frozenset({"wrong_quantity", "reversed_polarity"}),
-        ),
+        {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
+        presence=frozenset({"wrong_quantity", "reversed_polarity"}),
     ),
-    MenuItem(
-        "hang it softer and repeat one measurement",
-        3.0,
-        SimulatedMeasurement(assembly_again, without=_SUSPENSION),
+    SimulatedMeasurement(
+        "hang it softer and repeat one measurement", 3.0, assembly_again, without=frozenset({"suspension"})
     ),
-    MenuItem(
-        "measure an FRF at the holder's nose",
-        3.0,
-        SimulatedMeasurement(at_the_nose, elsewhere=_HIT_PLACE),
+    SimulatedMeasurement(
+        "measure an FRF at the holder's nose", 3.0, at_the_nose, elsewhere=frozenset({"hammer_offset"})
     ),
-    MenuItem("measure at a longer overhang", 3.0, SimulatedMeasurement(other_overhang)),
-    MenuItem("hit at three times the force", 3.0, SimulatedMeasurement(other_force)),
-    MenuItem("measure the blank alone, free-free", 4.0, SimulatedMeasurement(tool_alone)),
-    MenuItem("measure the holder alone, free-free", 4.0, SimulatedMeasurement(holder_alone)),
-    MenuItem(
-        "measure a plain blank of the tool's size",
-        4.0,
-        SimulatedMeasurement(assembly_again, without=_BLANK),
+    SimulatedMeasurement("measure at a longer overhang", 3.0, other_overhang),
+    SimulatedMeasurement("hit at three times the force", 3.0, other_force),
+    SimulatedMeasurement("measure the blank alone, free-free", 4.0, tool_alone),
+    SimulatedMeasurement("measure the holder alone, free-free", 4.0, holder_alone),
+    SimulatedMeasurement(
+        "measure a plain blank of the tool's size", 4.0, assembly_again, without=frozenset({"fluted_part"})
     ),
 )
 """The menu of the advice."""
@@ -511,7 +474,7 @@ def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> 
         # A choice that resolves everything is not exceeded by more expensive ones.
         if best is not None and best.worth >= 1.0 / math.sqrt(choice.cost):
             break
-        increases = {(a, b): choice.measurement.discriminate(hypotheses[a], hypotheses[b]) for a, b in pairs}
+        increases = {(a, b): choice.discriminate(hypotheses[a], hypotheses[b]) for a, b in pairs}
         singles.append(_value(choice.action, choice.cost, increases, remaining, ids))
         best = max(singles, key=lambda one: one.worth)
     if best is None or best.resolves == 1.0:

@@ -19,13 +19,6 @@ from receptance.model.beams import Part
 from receptance.model.joints import PointMass
 
 
-def _tip(model: Model) -> str:
-    tips = dict.fromkeys(anatomy.tool[0] if anatomy.tool else "" for anatomy in model.anatomies)
-    if len(tips) != 1 or "" in tips:
-        raise UndecidableError("the tools have different names in the assemblies")
-    return next(iter(tips))
-
-
 def _holders(model: Model) -> tuple[str, ...]:
     holders = {anatomy.holder for anatomy in model.anatomies}
     return holders.pop() if len(holders) == 1 else ()
@@ -45,7 +38,7 @@ def _attach_mass(name: str, share: float, assembly: Assembly) -> Assembly:
 
 
 def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    places = [(_tip(model), share) for share in ALTERNATIVE_PLACES]
+    places = [(model.tip, share) for share in ALTERNATIVE_PLACES]
     places += [(name, share) for name in _holders(model) for share in (0.0, *ALTERNATIVE_PLACES)]
     for name, share in places:
         changed = model.rebuild(partial(_attach_mass, name, share))
@@ -70,7 +63,7 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    tip = _tip(model)
+    tip = model.tip
     if any(len(part.segments) != 1 for part in model.parts(tip)):
         raise UndecidableError("the tool has steps")
     for i in range(TAPER_CYLINDERS - 1):
@@ -81,7 +74,7 @@ def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _soft_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    tip = _tip(model)
+    tip = model.tip
     for share in ALTERNATIVE_PLACES:
         started, _ = model.split(tip, partial(_position, share=share))
         ended, index = started.split(tip, partial(_position, share=share, beyond=SOFT_LENGTH))
@@ -90,8 +83,7 @@ def _soft_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
 
 
 def _resonator(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    tip = _tip(model)
-    yield from resonances(p, model, tip, 0.0, f"on the tip of {tip}")
+    yield from resonances(p, model, model.tip, 0.0, f"on the tip of {model.tip}")
 
 
 def _alternative(id: str, change: Callable[..., Iterator[Variant]], *parameters: Parameter, meaning: str) -> Cause:

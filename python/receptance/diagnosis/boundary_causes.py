@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.model import Model, UndecidableError, named_elements, require_beams, require_no_table
+from receptance.diagnosis.model import SPRING_TERMS, Model, UndecidableError, named, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.identification.unknowns import Move, Unknown
 from receptance.model.assembly import Assembly
@@ -19,7 +19,6 @@ from receptance.model.joints import GroundSpring, Resonator
 from receptance.model.terminals import ModalPart
 
 _STIFFNESSES = ("k_y", "k_theta", "k_ytheta")
-_SPRING_FIELDS = (*_STIFFNESSES, "c_y", "c_theta", "c_ytheta")
 _MODE_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
 
 
@@ -254,15 +253,15 @@ def _replace_springs(model: Model, pieces: list[_Pieces]) -> Model:
 
 def _divide_in(by_name: Mapping[str, _Pieces], assembly: Assembly) -> Assembly:
     points = []
-    for name, point in assembly.attachments.items():
+    for name, point in named(assembly.attachments).items():
         if name not in by_name or not isinstance(point, GroundSpring):
-            points.append(replace(point, name=name))
+            points.append(point)
             continue
         own = by_name[name]
         for spring, share in zip(own.springs, own.shares, strict=True):
-            values = {field: share * getattr(point, field) for field in _SPRING_FIELDS}
+            values = {field: share * getattr(point, field) for field in SPRING_TERMS}
             points.append(replace(spring, **values, loss_factor=point.loss_factor))
-    return Assembly(named_elements(assembly).values(), points, motion=assembly.motion)
+    return Assembly(named(assembly.elements).values(), points, motion=assembly.motion)
 
 
 def _share(unknown: Unknown, by_name: Mapping[str, _Pieces]) -> Unknown:
@@ -274,7 +273,7 @@ def _share(unknown: Unknown, by_name: Mapping[str, _Pieces]) -> Unknown:
     name, field = unknown.address.partition(".")[::2]
     if name not in by_name:
         return unknown
-    shares = by_name[name].shares if field in _SPRING_FIELDS else (1.0,) * len(by_name[name].shares)
+    shares = by_name[name].shares if field in SPRING_TERMS else (1.0,) * len(by_name[name].shares)
     also = dict(zip(_other_pieces(unknown.address, by_name), shares[1:], strict=True))
     return replace(unknown, multiple=shares[0], also=also)
 
@@ -289,7 +288,7 @@ def _redistribute(parameter: Parameter, pieces: list[_Pieces], shape: Mapping[st
         f"{spring.name}.{field}": weight
         for one in pieces
         for spring, weight in zip(one.springs, shape[one.name], strict=True)
-        for field in _SPRING_FIELDS
+        for field in SPRING_TERMS
         if weight
     }
     return parameter.move(moves, relative=True)

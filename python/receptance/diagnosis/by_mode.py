@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -82,10 +83,10 @@ class ModeResidual:
     configuration: str
     mode: int
     measured_hz: float
-    frequency_percent: float
-    damping_percent: float
-    level_db: float
-    phase_deg: float
+    frequency_percent: float = math.nan
+    damping_percent: float = math.nan
+    level_db: float = math.nan
+    phase_deg: float = math.nan
 
 
 def curves(fit: Fit) -> list[Curve]:
@@ -125,6 +126,13 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
     return tuple(found)
 
 
+def residuals_of_frequencies(fit: Fit) -> list[ModeResidual]:
+    """Return the residuals of a fit at each measured natural frequency, without those of receptances."""
+    pairs = zip(fit.model.observations, fit.parts, strict=True)
+    found = [(one, curve_of(one, part)) for one, part in pairs if isinstance(one, MeasuredFrequencies)]
+    return [mode for one, curve in found for mode in _at_frequencies(one, curve)]
+
+
 def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
     """Return the residuals at each mode of one observation."""
     return _at_peaks(one, curve) if isinstance(one, MeasuredFRF) else _at_frequencies(one, curve)
@@ -132,15 +140,12 @@ def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
 
 def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual]:
     measured, modelled = curve.measured.real, curve.modelled.real
-    missing = float("nan")
-    damping = np.full(measured.size, missing)
+    damping = np.full(measured.size, math.nan)
     if one.damping_ratio is not None and curve.damping_ratio is not None:
-        given = np.where(one.damping_ratio > 0.0, one.damping_ratio, missing)
+        given = np.where(one.damping_ratio > 0.0, one.damping_ratio, math.nan)
         damping = 100.0 * (curve.damping_ratio / given - 1.0)
     return [
-        ModeResidual(
-            curve.label, curve.configuration, mode, float(f), float(100.0 * (g - f) / f), float(d), missing, missing
-        )
+        ModeResidual(curve.label, curve.configuration, mode, float(f), float(100.0 * (g - f) / f), float(d))
         for mode, f, g, d in zip(one.modes, measured, modelled, damping, strict=True)
     ]
 
@@ -219,10 +224,7 @@ def _modes(frf: FRF) -> tuple[ModeEstimate, ...]:
 
 def _compare(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate | None) -> ModeResidual:
     if near is None:
-        missing = float("nan")
-        return ModeResidual(
-            curve.label, curve.configuration, number, mode.frequency_hz, missing, missing, missing, missing
-        )
+        return ModeResidual(curve.label, curve.configuration, number, mode.frequency_hz)
     own = _highest(curve.frequency_hz, curve.measured, mode.frequency_hz)
     other = _highest(curve.frequency_hz, curve.modelled, near.frequency_hz)
     return ModeResidual(

@@ -140,8 +140,8 @@ def _residuals(verdict: Verdict) -> Iterable[_Row]:
             change += "the rest is within noise" if after.passed else "the rest is above noise"
         yield (
             "residuals over noise, rms",
-            f"{_times(before.misfit)} times",
-            None if after is None else f"{_times(after.misfit)} times",
+            f"{wording.times(before.misfit)} times",
+            None if after is None else f"{wording.times(after.misfit)} times",
             change,
         )
     if (found := verdict.discrepancy) is not None:
@@ -205,10 +205,6 @@ def _with_interval(found: Identification, name: str) -> str:
     if factor > 1.5:
         return f"{amount(value, unknown.unit)} ×/÷ {amount(factor, digits=2)}"
     return f"{amount(value, unknown.unit)} ± {amount(50.0 * (high - low) / value, digits=2)} %"
-
-
-def _times(misfit: float) -> str:
-    return amount(math.sqrt(misfit))
 
 
 def _percent(size: float) -> str:

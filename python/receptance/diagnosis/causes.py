@@ -53,7 +53,7 @@ class Parameter:
     upper: float
     typical: float
     null: float = 0.0
-    plausible: tuple[float, float] | None = None
+    plausible: tuple[float, float] = (-math.inf, math.inf)
     secondary: bool = False
     prior: Prior | None = None
     negligible: float = 0.0
@@ -69,7 +69,7 @@ class Parameter:
         object.__setattr__(self, "negligible", _checks.not_negative(owner, "negligible", self.negligible))
         if not self.lower <= min(self.typical, self.start) or not max(self.typical, self.start) <= self.upper:
             raise ValueError(f"{owner}: typical {self.typical:g} or null {self.null:g} lies outside the bounds")
-        if self.plausible is None:
+        if self.plausible == (-math.inf, math.inf):
             object.__setattr__(self, "plausible", (self.lower, self.upper))
 
     @property
@@ -95,7 +95,7 @@ class Parameter:
 
     def is_plausible(self, value: float) -> bool:
         """Return whether a value lies in the plausible range."""
-        low, high = self.plausible or (self.lower, self.upper)
+        low, high = self.plausible
         return low <= value <= high
 
     def unknown(self, address: str, configurations: str | None = None, part: str = "", **changes: Any) -> CauseUnknown:
@@ -185,21 +185,15 @@ class Variant:
         Identifies it among the variants of its cause.
     model : Model
         The model with the cause, its parameters among the unknowns.
-    changes_data : bool
-        Whether it changes the measured data, so that the model is fitted from its own starting values.
     local : bool
         Whether it acts only at the place in its name.
-    large : bool
-        Whether the change is so large that it is tried only where the model is inadequate.
     meaning, remedy : str
         Replace those of the cause for this variant.
     """
 
     name: str
     model: Model
-    changes_data: bool = False
     local: bool = False
-    large: bool = False
     meaning: str = ""
     remedy: str = ""
 
@@ -229,6 +223,10 @@ class Cause:
         Remedy for the user.
     title : str, optional
         Name in texts and figures; by default the id with spaces.
+    changes_data : bool, optional
+        Whether it changes the measured data, so that the model is fitted from its own starting values.
+    large : bool, optional
+        Whether the change is so large that it is tried only where the model is inadequate.
     unspecific : bool, optional
         Whether other errors of a structure have a similar effect. Beside a discrepancy it is not reported.
 
@@ -251,6 +249,8 @@ class Cause:
     meaning: str
     remedy: str
     title: str = ""
+    changes_data: bool = False
+    large: bool = False
     unspecific: bool = False
 
     def __post_init__(self) -> None:
@@ -284,21 +284,6 @@ class Cause:
                     )
         return found
 
-    def variant(self, model: Model, name: str) -> Variant:
-        """Return one of the ways in which it can act on a model.
-
-        Raises
-        ------
-        UndecidableError
-            The data cannot show it.
-        IndescribableError
-            The model has no such variant.
-        """
-        for variant in self.variants(model):
-            if variant.name == name:
-                return variant
-        raise IndescribableError(f"{self.id} {name}: the model has no such place or condition")
-
 
 class Step(NamedTuple):
     """A cause that acts in one of its variants: one step from the base model to an explanation."""
@@ -315,7 +300,10 @@ class Step(NamedTuple):
         UndecidableError
             The model does not have this variant.
         """
-        return self.cause.variant(model, self.variant).model
+        for one in self.cause.variants(model):
+            if one.name == self.variant:
+                return one.model
+        raise IndescribableError(f"{self.cause.id} {self.variant}: the model has no such place or condition")
 
     def transfer(self, model: Model) -> Model:
         """Return other observations as the cause changes them, without its parameters.

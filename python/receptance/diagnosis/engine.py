@@ -27,10 +27,10 @@ from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
-    CANDIDATES_ON_INTERRUPT,
     DISCREPANCY_CAUSES,
     DISCREPANCY_SELECTIONS,
     EXPLORING_LINES,
+    KEPT_ON_INTERRUPT,
     LISTED,
     LOOK_ALIKE,
     MARGIN,
@@ -273,7 +273,7 @@ def _verdict(
             if step.cause.id not in reported:
                 reported[step.cause.id] = _candidate(selection, one, step)
     alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
-    singles = selection.singles[: CANDIDATES_ON_INTERRUPT if interrupted else None]
+    singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
         verdict=judgement.answer,
         adequacy=judge(selection.base),

@@ -86,20 +86,13 @@ class Explanation:
     @property
     def implausible(self) -> tuple[str, ...]:
         """Names of the unknowns whose values lie outside their plausible range."""
-        return tuple(
-            name
-            for cause, _ in self.steps
-            for name, value in self.sizes(cause).items()
-            if not self.parameters[name].is_plausible(value)
-        )
+        return tuple(name for name, one in self.parameters.items() if not one.is_plausible(self.fit.values[name]))
 
     @property
     def extraordinary(self) -> tuple[str, ...]:
         """Names of the unknowns whose values are more than ordinary; see `Parameter.ordinary`."""
-        sizes = {name: value for cause, _ in self.steps for name, value in self.sizes(cause).items()}
-        return tuple(
-            n for n, value in sizes.items() if abs(value - self.parameters[n].null) > self.parameters[n].ordinary
-        )
+        values = self.fit.values
+        return tuple(name for name, one in self.parameters.items() if abs(values[name] - one.null) > one.ordinary)
 
     @property
     def unusual(self) -> bool:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance._peaks import nearest_peak
-from receptance.diagnosis.by_mode import ModeResidual, curve_of, modes_of, slenderness_of
+from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, in_parallel, refit
@@ -23,7 +23,6 @@ from receptance.errors import ReceptanceError
 from receptance.identification.new_observations import NewObservations, information_root
 from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.identification.problem import End, InfeasibleError, Problem
-from receptance.identification.unknowns import Tolerance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,8 +82,8 @@ class Improvement:
         First metric with one cause alone, by id, whatever the verdict.
     modes, modes_after : tuple of ModeResidual
         Held-out modes, predicted less measured, before and after.
-    slenderness : dict of str to float
-        Ratio of overhang and diameter of the held-out configurations.
+    bias : Bias or None
+        Held-out natural frequencies in which the errors before have a common sign.
     complete : bool
         Whether all folds were completed.
     """
@@ -93,7 +92,7 @@ class Improvement:
     singles: Mapping[str, float] = field(default_factory=dict)
     modes: tuple[ModeResidual, ...] = ()
     modes_after: tuple[ModeResidual, ...] = ()
-    slenderness: Mapping[str, float] = field(default_factory=dict)
+    bias: Bias | None = None
     complete: bool = True
 
 
@@ -248,7 +247,6 @@ def cross_validate(
     complete = True
     for group in (names[i::count] for i in range(count)):
         name = ", ".join(group)
-        held_out = tuple(o for o, own in zip(model.observations, model.configuration_of, strict=True) if own in group)
         try:
             report("held out", f"held out: {name}")
             fold = select_without(selection, group)
@@ -260,7 +258,8 @@ def cross_validate(
             break
         judgement = conclude(fold)
         best = judgement.reported[0] if judgement.reported else None
-        folds.append(_fold(name, judgement.answer, fold, best, held_out, model.tolerances, metrics))
+        held_out = replace(fold.base.model, observations=model.of(group), tolerances=model.tolerances)
+        folds.append(_fold(name, judgement.answer, fold, best, held_out, metrics))
     return replace(_combine(folds, model, metrics), complete=complete)
 
 
@@ -273,7 +272,7 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     threshold and directions are those of the whole selection. `tests/validation/folds.py` compares the answers and
     the improvement with a complete selection for each fold.
     """
-    base = refit(without(selection.base.model, configurations), selection.base.values)
+    base = refit(selection.base.model.without(configurations), selection.base.values)
     found = replace(
         selection,
         base=base,
@@ -303,7 +302,7 @@ def _on_others(fit: Fit, configurations: Sequence[str]) -> float:
 
 def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]) -> Explanation | None:
     """Return an explanation fitted without some configurations; None where it acts in these alone."""
-    model = without(one.fit.model, configurations)
+    model = one.fit.model.without(configurations)
     if not parameters_of(model.unknowns).keys() >= one.parameters.keys():
         return None
     try:
@@ -321,8 +320,7 @@ def count_folds(model: Model) -> int:
 def improvement(
     selection: Selection,
     best: Explanation | None,
-    observations: Sequence[Observation],
-    tolerances: Sequence[Tolerance],
+    held_out: Model,
     metrics: Mapping[str, Metric] | None = None,
 ) -> Improvement:
     """Return the improvement by an explanation on observations that were not fitted.
@@ -333,19 +331,14 @@ def improvement(
         The fits.
     best : Explanation or None
         The explanation.
-    observations : sequence of MeasuredFRF and MeasuredFrequencies
-        The held-out observations.
-    tolerances : sequence of Tolerance
-        Their tolerances.
+    held_out : Model
+        The base with the held-out observations and their tolerances.
     metrics : mapping of str to callable, optional
         User-defined metrics.
     """
-    groups: dict[str, list[Observation]] = {}
-    held_out = replace(selection.base.model, observations=tuple(observations))
-    for name, one in zip(held_out.configuration_of, observations, strict=True):
-        groups.setdefault(name, []).append(one)
     answer = conclude(selection).answer
-    folds = [_fold(name, answer, selection, best, own, tolerances, metrics) for name, own in groups.items()]
+    each = {name: replace(held_out, observations=held_out.of([name])) for name in held_out.configurations}
+    folds = [_fold(name, answer, selection, best, own, metrics) for name, own in each.items()]
     return _combine(folds, held_out, metrics)
 
 
@@ -354,19 +347,17 @@ def _fold(
     answer: str,
     selection: Selection,
     best: Explanation | None,
-    observations: Sequence[Observation],
-    tolerances: Sequence[Tolerance],
+    held_out: Model,
     metrics: Mapping[str, Metric] | None,
 ) -> _Fold:
-    base = replace(selection.base.model, observations=tuple(observations), tolerances=tuple(tolerances))
-    before, modes = _measure(selection.base, base, metrics)
+    before, modes = _measure(selection.base, held_out, metrics)
     after, modes_after = before, modes
     if best is not None:
-        after, modes_after = _measure_with(best, base, metrics)
-    first = _names(observations)[0]
+        after, modes_after = _measure_with(best, held_out, metrics)
+    first = _names(held_out)[0]
     singles = {}
     for one in selection.held_out_singles:
-        found, _ = _measure_with(one, base, scored=False)
+        found, _ = _measure_with(one, held_out, scored=False)
         singles[one.steps[0].cause.id] = found.get(first, np.empty((0, 2)))
     causes = () if best is None else tuple(sorted(best.ids))
     return _Fold(name, answer, causes, before, after, singles, modes, modes_after)
@@ -461,15 +452,14 @@ def _pooled(metric: str, units: NDArray[np.float64]) -> float:
     return math.sqrt(mean) if metric in (FREQUENCIES, SPECTRAL) else mean
 
 
-def _names(observations: Sequence[Observation]) -> list[str]:
+def _names(model: Model) -> list[str]:
     """Return the names of the metrics, that of the quantity that was measured most first."""
-    frfs = any(isinstance(one, MeasuredFRF) for one in observations)
-    return [SPECTRAL, FREQUENCIES, SCORE] if frfs else [FREQUENCIES, SCORE]
+    return [SPECTRAL, FREQUENCIES, SCORE] if model.receptances else [FREQUENCIES, SCORE]
 
 
 def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
     """Return the improvement over all folds."""
-    names = _names(model.observations)
+    names = _names(model)
     gains = [gain_of(name, folds) for name in (*names, *(metrics or ()))]
     singles = {}
     for id in dict.fromkeys(id for one in folds for id in one.singles):
@@ -478,12 +468,13 @@ def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric]
         gain = gain_of(names[0], [replace(one, after={names[0]: x}) for one, x in zip(folds, own, strict=True)])
         if gain is not None:
             singles[id] = gain.held_out_after
+    modes = tuple(mode for one in folds for mode in one.modes)
     return Improvement(
         gains=tuple(one for one in gains if one is not None),
         singles=singles,
-        modes=tuple(mode for one in folds for mode in one.modes),
+        modes=modes,
         modes_after=tuple(mode for one in folds for mode in one.modes_after),
-        slenderness=slenderness_of(model),
+        bias=bias_of(modes, slenderness_of(model)),
     )
 
 
@@ -585,9 +576,3 @@ def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, 
     shared = max(between - within, 0.0) / size
     variance = shared + within
     return variance, shared / variance if variance > 0.0 else 0.0, size
-
-
-def without(model: Model, configurations: Sequence[str]) -> Model:
-    """Return the model without some configurations, and without unknowns and errors that only these have."""
-    pairs = zip(model.configuration_of, model.observations, strict=True)
-    return model.select(tuple(one for name, one in pairs if name not in configurations))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from receptance.diagnosis.by_mode import Curve, curve_of
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.held_out import PosteriorPrediction, without
+from receptance.diagnosis.held_out import PosteriorPrediction
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFRF
@@ -45,20 +44,16 @@ def held_out_curves(verdict: Verdict, most: int = 4) -> list[tuple[Curve, Curve 
         return _pairs(base, best, verdict.held_out)[:most]
     found: list[tuple[Curve, Curve | None]] = []
     for name in base.model.configurations:
-        records = tuple(one for one, own in _owned(base.model) if own == name and isinstance(one, MeasuredFRF))
+        records = tuple(one for one in base.model.of([name]) if isinstance(one, MeasuredFRF))
         if not records or len(found) >= most:
             continue
         try:
-            fit = refit(without(base.model, [name]), base.values)
-            own = None if best is None else replace(best, fit=refit(without(best.fit.model, [name]), best.fit.values))
+            fit = refit(base.model.without([name]), base.values)
+            own = None if best is None else replace(best, fit=refit(best.fit.model.without([name]), best.fit.values))
         except (ValueError, ReceptanceError):
             continue
         found += _pairs(fit, own, replace(base.model, observations=records))
     return found[:most]
-
-
-def _owned(model: Model) -> Sequence[tuple[object, str]]:
-    return list(zip(model.observations, model.configuration_of, strict=True))
 
 
 def _pairs(base: Fit, best: Explanation | None, held_out: Model) -> list[tuple[Curve, Curve | None]]:

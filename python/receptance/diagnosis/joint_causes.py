@@ -10,11 +10,12 @@ from typing import Any, TypeVar
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import (
+    SPRING_TERMS,
     Anatomy,
     IndescribableError,
     Model,
     UndecidableError,
-    named_elements,
+    named,
     part_of,
     require_beams,
 )
@@ -23,6 +24,7 @@ from receptance.diagnosis.thresholds import (
     COLLET_SHAPE,
     LAYER_POINTS,
     SAME_PLACE,
+    SHORTENED,
     SHORTEST_SPREAD,
     VARIED,
 )
@@ -61,12 +63,6 @@ def _part(joints: tuple[str, ...], name: str) -> str:
 def _require_joint(model: Model) -> None:
     if not model.joints:
         raise UndecidableError("the model has no joint between tool and holder")
-
-
-def _require_varied(model: Model, condition: str, reason: str) -> None:
-    _require_joint(model)
-    if not _is_varied(_values(model, condition)):
-        raise UndecidableError(reason)
 
 
 def _cross_term(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -155,14 +151,12 @@ def _is_present(model: Model, address: str) -> bool:
     )
 
 
-def _amplitude(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_varied(
-        model,
-        "force",
-        "one force level does not show whether the joint depends on the amplitude: measure at two, and state them as "
-        "the condition 'force'",
-    )
-    yield from _laws(p, model, "force", "")
+def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield power laws of one condition; `missing` is the reason why they are undecidable where it was not varied."""
+    _require_joint(model)
+    if not _is_varied(_values(model, condition)):
+        raise UndecidableError(missing)
+    yield from _laws(p, model, condition, "")
 
 
 def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -185,13 +179,6 @@ def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
     """Return the address of the overhang: the length of the tool's last segment."""
     part = anatomy.tool[-1]
     return f"{part}.segment[{len(part_of(assembly, part).segments) - 1}].length"
-
-
-def _planes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_varied(
-        model, "plane", "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2"
-    )
-    yield from _laws(p, model, "plane", "")
 
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -224,17 +211,15 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if len(tools) > 1:
         return
     diameter = min(part.segments[-1].outer_diameter for tool in tools for part in model.parts(tool))
-    fields = [field for field in PointJoint.columns_of if field != "loss_factor"]
 
     def build(assembly: Assembly) -> Assembly:
         if joint not in assembly.elements:
             return assembly
-        elements = named_elements(assembly)
+        elements = named(assembly.elements)
         own = elements[joint]
-        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in fields}, loss_factor=own.loss_factor)
+        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in SPRING_TERMS}, loss_factor=own.loss_factor)
         elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
-        points = [replace(one, name=name) for name, one in assembly.attachments.items()]
-        return Assembly(elements.values(), points, motion=assembly.motion)
+        return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
     def halves(moves: Mapping[str, float]) -> dict[str, float]:
         """Return moves of the joint's fields as moves of both springs."""
@@ -261,7 +246,8 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     inertia = f"{joint}.inertia"
     mass = p["mass"].unknown(f"{joint}.mass", also={inertia: (COLLET_GYRATION * diameter) ** 2})
     shape = p["log_inertia"].move({inertia: 1.0}, relative=True)
-    split = {f"{joint}.inner.{field}": 1.0 for field in fields} | {f"{joint}.outer.{field}": -1.0 for field in fields}
+    split = {f"{joint}.inner.{field}": 1.0 for field in SPRING_TERMS}
+    split |= {f"{joint}.outer.{field}": -1.0 for field in SPRING_TERMS}
     yield Variant("between tool and holder", changed.plus(mass, shape, p["split"].move(split, relative=True)))
 
 
@@ -283,7 +269,7 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     model = _fix_places(model, anatomy)
     longest = _mouth(model, anatomy)
     length = p["length"]
-    upper = min(length.upper, 0.98 * longest)
+    upper = min(length.upper, SHORTENED * longest)
     slope = p["slope"].unknown(f"{joint}.slope")
     tolerances = tuple(replace(t, moves=_extend_moves(t.moves, anatomy)) for t in model.tolerances)
     unknowns = tuple(
@@ -372,7 +358,7 @@ def _restrict(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
 
 
 def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
-    elements = named_elements(assembly)
+    elements = named(assembly.elements)
     if anatomy.joint not in elements:
         return assembly
     joint, tool, holder = (elements[name] for name in (anatomy.joint, anatomy.tool[-1], anatomy.holder[0]))
@@ -394,8 +380,8 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     rest = replace(first, length=first.length - length, **({"core": None} if whole else {}))
     segments = (rest, *holder.segments[1:])
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
-    points_ = [_shift(replace(point, name=name), anatomy, length) for name, point in assembly.attachments.items()]
-    return Assembly(elements.values(), points_, motion=assembly.motion)
+    attached = [_shift(point, anatomy, length) for point in named(assembly.attachments).values()]
+    return Assembly(elements.values(), attached, motion=assembly.motion)
 
 
 def _shift(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:
@@ -464,7 +450,12 @@ JOINT_CAUSES = (
         title="joint that depends on the amplitude",
         group="structure",
         parameters=_EXPONENTS,
-        change=_amplitude,
+        change=partial(
+            _law_of,
+            "force",
+            "one force level does not show whether the joint depends on the amplitude: measure at two, and state them "
+            "as the condition 'force'",
+        ),
         meaning="the joint depends on the amplitude of the hits",
         remedy="measure at the amplitude of use, or give the joint a law of the amplitude",
     ),
@@ -482,7 +473,11 @@ JOINT_CAUSES = (
         title="different joints in x and y",
         group="structure",
         parameters=_EXPONENTS,
-        change=_planes,
+        change=partial(
+            _law_of,
+            "plane",
+            "all measurements are in one plane: measure in two, and state the condition 'plane' as 1 and 2",
+        ),
         meaning="the joint is stiffer in one plane than in the other",
         remedy="identify the two planes separately",
     ),

@@ -13,7 +13,6 @@ from receptance.diagnosis.model import TABLE
 from receptance.diagnosis.thresholds import (
     LEAST_FREEDOM,
     LEAST_SHARE,
-    LIKE_A_WINDOW,
     MARGIN,
     ONE_CONFIGURATION,
     STRAIN_CHANCE,
@@ -45,9 +44,9 @@ class Judgement:
     """
 
     answer: Answer
-    reported: tuple[Explanation, ...]
-    ambiguous_between: tuple[str, ...]
-    notes: tuple[str, ...]
+    reported: tuple[Explanation, ...] = ()
+    ambiguous_between: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     alternative: Explanation | None = None
 
 
@@ -93,7 +92,7 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
         reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
     else:
         reason = f"{taken}, but this is not certain"
-    return Judgement("unexplained", (), (), (reason,))
+    return Judgement("unexplained", notes=(reason,))
 
 
 def _conclude(selection: Selection) -> Judgement:
@@ -106,7 +105,7 @@ def _conclude(selection: Selection) -> Judgement:
     passing = [one for one in selection.explanations if one.evidence > limit and one.passed]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
-        return Judgement("unexplained", (), (), tuple(notes))
+        return Judgement("unexplained", notes=tuple(notes))
     passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN]
     near = [one for one in near if not any(_adds_only(one, other) for other in near)]
@@ -119,9 +118,9 @@ def _conclude(selection: Selection) -> Judgement:
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
         reason = _withhold(alternative, (remaining or near)[0])
-        return Judgement("unexplained", (), (), (*notes, reason), alternative)
+        return Judgement("unexplained", notes=(*notes, reason), alternative=alternative)
     if not remaining:
-        return Judgement("unexplained", (), (), tuple(notes))
+        return Judgement("unexplained", notes=tuple(notes))
     unfinished = [one for one in remaining if not one.fit.converged]
     for one in unfinished:
         notes.append(f"the fit with {one.title} has not converged, so no cause is named on its own")
@@ -130,7 +129,7 @@ def _conclude(selection: Selection) -> Judgement:
         between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
     doubts = list(_doubts(selection, remaining[0], limit))
-    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), (), (*notes, *doubts))
+    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), notes=(*notes, *doubts))
 
 
 def _judge_base(selection: Selection) -> Judgement:
@@ -141,13 +140,13 @@ def _judge_base(selection: Selection) -> Judgement:
         note = (
             f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, another overhang, or an FRF"
         )
-        return Judgement("undecided", (), (), (note,))
+        return Judgement("undecided", notes=(note,))
     if adequacy.passed:  # a fit that goes on only reduces the misfit
-        return Judgement("adequate", (), (), unfinished)
+        return Judgement("adequate", notes=unfinished)
     if unfinished:
-        return Judgement("unexplained", (), (), unfinished)
+        return Judgement("unexplained", notes=unfinished)
     note = f"the base model {adequacy.shortcoming}, and no cause improves it"
-    return Judgement("unexplained", (), (), (note,))
+    return Judgement("unexplained", notes=(note,))
 
 
 def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation]) -> Explanation | None:
@@ -193,7 +192,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "
             f"{errors}; another cause may act"
         )
-    if one.ids & LIKE_A_WINDOW and selection.undecidable.get("exponential_window", "").startswith(TABLE):
+    if "joint_hysteretic_loss" in one.ids and selection.undecidable.get("exponential_window", "").startswith(TABLE):
         yield (
             f"{name} is suspected only: an exponential window that the FRFs do not state has a similar effect, and "
             f"{TABLE}, which does not allow for it"

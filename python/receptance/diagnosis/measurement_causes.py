@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal, TypeGuard
 
 import numpy as np
@@ -70,7 +71,6 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     # A large structure carries a large sensor.
     heaviest = max(sum(part.mass for name in own.tool for part in model.parts(name)[:1]) for own in model.anatomies)
     declared = p["mass"]
-    assert declared.plausible is not None
     largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
     mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
     changed = model.map(change).with_shared_assemblies()
@@ -135,16 +135,12 @@ def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: floa
         yield Variant(name, divided.map(change).plus(offset), local=True)
 
 
-def _delay(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+def _chain(address: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a parameter of the measuring chain for all configurations, and for each one."""
     _require_receptances(model)
+    (parameter,) = p.values()
     for name in _each(model):
-        yield Variant(name or "all", model.plus(p["delay"].unknown(DELAY, configurations=name)))
-
-
-def _gain(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
-    for name in _each(model):
-        yield Variant(name or "all", model.plus(p["log_gain"].unknown(LOG_GAIN, configurations=name)))
+        yield Variant(name or "all", model.plus(parameter.unknown(address, configurations=name)))
 
 
 def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -227,7 +223,6 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(
             f"{how} {_TIMES[abs(order)]} more than stated",
             model.map_receptances(change),
-            changes_data=True,
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
             "that is there already is added to it)",
@@ -237,7 +232,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     changed = model.map_receptances(lambda one: altered(one, receptance=-one.receptance))
-    yield Variant("all", changed, changes_data=True)
+    yield Variant("all", changed)
 
 
 def _quantity_of(order: int) -> str:
@@ -342,7 +337,7 @@ MEASUREMENT_CAUSES = (
                 name="delay", unit="s", lower=-1e-3, upper=1e-3, typical=5e-6, plausible=(-5e-4, 5e-4), negligible=1e-7
             ),
         ),
-        change=_delay,
+        change=partial(_chain, DELAY),
         meaning="one channel lags behind the other",
         remedy="measure a known free mass with both channels and correct the delay",
     ),
@@ -351,7 +346,7 @@ MEASUREMENT_CAUSES = (
         title="calibration gain",
         group="measurement",
         parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-2.4, 2.4)),),
-        change=_gain,
+        change=partial(_chain, LOG_GAIN),
         meaning="the calibration of hammer or sensor is off",
         remedy="calibrate the chain with a known free mass",
     ),
@@ -402,6 +397,7 @@ MEASUREMENT_CAUSES = (
         group="measurement",
         parameters=(),
         change=_quantity,
+        changes_data=True,
         meaning="the file holds another quantity than the one it was read as",
         remedy="state the quantity of the file (receptance, mobility, accelerance)",
     ),
@@ -411,6 +407,7 @@ MEASUREMENT_CAUSES = (
         group="measurement",
         parameters=(),
         change=_polarity,
+        changes_data=True,
         meaning="sensor or hammer point the other way: every FRF has the wrong sign",
         remedy="turn the sign of the response: in a campaign its direction, in Python `frf.flipped()`",
     ),

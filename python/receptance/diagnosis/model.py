@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -18,6 +18,8 @@ from receptance.model.beams import Part, SpreadJoint
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import Terminal
 
+SPRING_TERMS = tuple(field for field in PointJoint.columns_of if field != "loss_factor")
+"""Stiffnesses and dampings of a spring."""
 _JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
@@ -174,6 +176,15 @@ class Model:
             return "the joint from the parts", "another overhang"
         return "one error of the parts from another", "another configuration"
 
+    @property
+    def tip(self) -> str:
+        """Name of the part with the tip; raises `UndecidableError` where it differs between the assemblies."""
+        # The first element of an assembly is a part.
+        tips = {anatomy.tool[0] for anatomy in self.anatomies}
+        if len(tips) != 1:
+            raise UndecidableError("the tools have different names in the assemblies")
+        return tips.pop()
+
     def joint_addresses(self, field: str) -> tuple[str, ...]:
         """Return the addresses of a field of all joints, and of parameters that are multiples of these."""
         own = [address for name in self.joints for address in self.addresses_of(name, field)]
@@ -238,6 +249,15 @@ class Model:
         """Return the model with every observation changed."""
         observations, witnesses = (tuple(change(one) for one in own) for own in (self.observations, self.witnesses))
         return replace(self, observations=observations, witnesses=witnesses)
+
+    def of(self, configurations: Collection[str]) -> tuple[Observation, ...]:
+        """Return the observations of some configurations."""
+        pairs = zip(self.configuration_of, self.observations, strict=True)
+        return tuple(one for name, one in pairs if name in configurations)
+
+    def without(self, configurations: Collection[str]) -> Model:
+        """Return the model without some configurations, and without unknowns and errors that only these have."""
+        return self.select(self.of([name for name in self.configurations if name not in configurations]))
 
     def select(self, observations: Sequence[Observation]) -> Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
@@ -384,16 +404,13 @@ def part_of(assembly: Assembly, name: str) -> Part:
 
 def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:
     """Return the assembly with more point elements."""
-    own = [replace(one, name=name) for name, one in assembly.attachments.items()]
-    return Assembly(named_elements(assembly).values(), [*own, *points], motion=assembly.motion)
+    own = named(assembly.attachments).values()
+    return Assembly(named(assembly.elements).values(), [*own, *points], motion=assembly.motion)
 
 
-def named_elements(assembly: Assembly) -> dict[str, Any]:
-    """Return the elements of an assembly by name, each with that name."""
-    return {
-        name: Part(one.segments, name=name) if isinstance(one, Part) else replace(one, name=name)
-        for name, one in assembly.elements.items()
-    }
+def named(elements: Mapping[str, Any]) -> dict[str, Any]:
+    """Return elements or attachments by name, each with that name."""
+    return {name: replace(one, name=name) for name, one in elements.items()}
 
 
 def _segment_at(part: Part, position: float) -> tuple[int, float]:
@@ -407,13 +424,12 @@ def _segment_at(part: Part, position: float) -> tuple[int, float]:
 
 
 def _divide(assembly: Assembly, part: str, index: int, length: float) -> Assembly:
-    elements = named_elements(assembly)
+    elements = named(assembly.elements)
     segments = list(elements[part].segments)
     whole = segments[index]
     segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
     elements[part] = Part(segments, name=part)
-    own = [replace(point, name=name) for name, point in assembly.attachments.items()]
-    return Assembly(elements.values(), own, motion=assembly.motion)
+    return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
 
 def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:

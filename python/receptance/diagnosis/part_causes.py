@@ -50,24 +50,18 @@ def _everywhere(model: Model, side: str, field: str) -> list[str]:
     return [a for a in dict.fromkeys(addresses) if any(covered(a, one.assembly) for one in model.observations)]
 
 
+def _scaled(side: str, field: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield the model with a property of a whole side multiplied by a factor."""
+    (parameter,) = p.values()
+    yield Variant(f"all of the {side}", _scale(parameter, model, side, field))
+
+
 def _scale(parameter: Parameter, model: Model, side: str, field: str) -> Model:
     """Return the model with a property of a side multiplied by a factor, whose logarithm is the parameter."""
     moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
     if any(model.has(address) for address in moves):
         raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
     return model.plus(parameter.move(moves, relative=True))
-
-
-def _tool_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all of the tool", _scale(p["log_modulus"], model, "tool", "youngs_modulus"))
-
-
-def _tool_density(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all of the tool", _scale(p["log_density"], model, "tool", "density"))
-
-
-def _holder_modulus(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all of the holder", _scale(p["log_modulus"], model, "holder", "youngs_modulus"))
 
 
 def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -105,10 +99,7 @@ def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    tips = dict.fromkeys(anatomy.tool[0] for anatomy in model.anatomies if anatomy.tool)
-    if len(tips) != 1:
-        raise UndecidableError("the tools have different names in the assemblies")
-    tip = next(iter(tips))
+    tip = model.tip
     parts = model.parts(tip)
     first = f"{tip}.segment[0]"
     if any(len(part.segments) > 1 for part in parts):
@@ -135,7 +126,7 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
     """Return the effective diameter of a first section with a plausible range up to the diameter of the last one."""
-    low, high = diameter.plausible or (diameter.lower, diameter.upper)
+    low, high = diameter.plausible
     room = min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
     return replace(diameter, upper=max(diameter.upper, high + room), plausible=(low, high + max(room, 0.0)))
 
@@ -254,7 +245,6 @@ def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
         yield Variant(
             material.name,
             model.plus(of_modulus.move(moduli, relative=True), of_density.move(densities, relative=True)),
-            large=True,
             meaning=f"the tool is of {material.name}, and the model has a material with {1e-9 * modulus:.0f} GPa and "
             f"{density:.0f} kg/m3",
             remedy=f"weigh the tool; if it is of {material.name}, give it that material in the model",
@@ -274,17 +264,13 @@ def _expect(parameter: Parameter, target: float, scatter: float) -> Parameter:
     )
 
 
-def _factor(name: str, typical: float, plausible: float) -> Parameter:
-    """Return the natural logarithm of a factor; its bounds are three times the plausible range."""
-    return _between(name, typical, -plausible, plausible)
-
-
 def _of_drawing(name: str, typical: float) -> Parameter:
     """Return the natural logarithm of an effective property of parts that a simplified drawing describes."""
     return replace(_between(name, typical, math.log(1.0 - DRAWING), math.log(1.0 + DRAWING)), ordinary=ORDINARY_DRAWING)
 
 
 def _between(name: str, typical: float, low: float, high: float) -> Parameter:
+    """Return the natural logarithm of a factor; its bounds are three times the plausible range."""
     return Parameter(name=name, unit="", lower=3.0 * low, upper=3.0 * high, typical=typical, plausible=(low, high))
 
 
@@ -305,8 +291,8 @@ PART_CAUSES = (
         id="tool_modulus",
         title="modulus of the tool",
         group="structure",
-        parameters=(_factor("log_modulus", 0.02, 0.15),),
-        change=_tool_modulus,
+        parameters=(_between("log_modulus", 0.02, -ORDINARY_MODULUS, ORDINARY_MODULUS),),
+        change=partial(_scaled, "tool", "youngs_modulus"),
         meaning="the tool's Young's modulus is not that of its material",
         remedy="measure the blank alone, free-free",
     ),
@@ -314,8 +300,8 @@ PART_CAUSES = (
         id="tool_density",
         title="density of the tool",
         group="structure",
-        parameters=(_factor("log_density", 0.01, 0.1),),
-        change=_tool_density,
+        parameters=(_between("log_density", 0.01, -ORDINARY_DENSITY, ORDINARY_DENSITY),),
+        change=partial(_scaled, "tool", "density"),
         meaning="the tool is heavier or lighter than its material implies",
         remedy="weigh the blank",
     ),
@@ -347,7 +333,7 @@ PART_CAUSES = (
         title="stiffness of the holder",
         group="structure",
         parameters=(_of_drawing("log_modulus", 0.02),),
-        change=_holder_modulus,
+        change=partial(_scaled, "holder", "youngs_modulus"),
         meaning="the holder is stiffer or softer than modelled",
         remedy="measure the holder alone, free-free",
     ),
@@ -378,6 +364,7 @@ PART_CAUSES = (
             Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")
         ),
         change=_other_material,
+        large=True,
         meaning="the tool is of another material than modelled",
         remedy="weigh the tool: its density distinguishes the materials",
     ),

@@ -20,8 +20,8 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import (
+    CHANCE,
     CHANCE_DRAWS,
-    CHANCE_LEVEL,
     COLUMNS_TOGETHER,
     DEPENDENT,
     INVISIBLE,
@@ -112,9 +112,8 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, 
         except UndecidableError as error:
             undecidable[cause.id] = str(error)
             continue
-        for one in variants:
-            if (inadequate or not one.large) and (not one.changes_data or _is_other_quantity(fit)):
-                found.append((one.describe(cause), one))
+        if (inadequate or not cause.large) and (not cause.changes_data or _is_other_quantity(fit)):
+            found += [(one.describe(cause), one) for one in variants]
     return found, undecidable
 
 
@@ -134,7 +133,7 @@ def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]], threads: int
     rest = fit.residual - basis @ (basis.T @ fit.residual)
     before = {unknown.name for unknown in fit.model.unknowns}
     parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
-    seen = [i for i, (_, one) in enumerate(variants) if parameters[i] and not one.changes_data]
+    seen = [i for i, (cause, _) in enumerate(variants) if parameters[i] and not cause.changes_data]
     found = slopes_of(fit, [variants[i][1].model for i in seen], threads)
     effects = dict(zip(seen, _after_a_refit(found, basis, rest), strict=True))
     return [
@@ -245,7 +244,7 @@ def detection_threshold(
     *,
     deviance: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     freedom: float = 0.0,
-    level: float = CHANCE_LEVEL,
+    level: float = 1.0 - CHANCE,
     seed: int = 0,
 ) -> float:
     """Return a quantile of the best evidence by chance: a parametric bootstrap of the base, to first order.

@@ -43,7 +43,7 @@ from receptance.diagnosis.thresholds import (
     ALTERNATIVES_FINISHED,
     BEHIND,
     CONVERGED,
-    EVALUATED_ON_INTERRUPT,
+    KEPT_ON_INTERRUPT,
     LEADING_CAUSES,
     LEAST_SHARE,
     LOOK_ALIKE,
@@ -216,7 +216,7 @@ class Search:
         similar = [
             one
             for one in own.directions
-            if one.cause.id != cause.id and not one.variant.changes_data and look_alike(one, leading) >= LOOK_ALIKE
+            if one.cause.id != cause.id and not one.cause.changes_data and look_alike(one, leading) >= LOOK_ALIKE
         ]
         self._fit_near(best, rank(similar, own.penalty))
 
@@ -236,7 +236,7 @@ class Search:
         others = [
             one
             for one in own.directions
-            if one.cause.id == cause.id and one.variant.name != variant and not one.variant.changes_data
+            if one.cause.id == cause.id and one.variant.name != variant and not one.cause.changes_data
         ]
         others.sort(key=lambda one: -one.predicted_evidence(own.penalty))
         self._fit_near(best, others[:VARIANTS_AGAIN])
@@ -254,7 +254,7 @@ class Search:
         titles = [_title((), one) for one in chosen]
         explored = dict(self._explore("causes", titles, chosen, starts, own.base.chi_square_on_few_lines))
         near = [pair for pair in explored.items() if pair[1].misfit <= SCREENING_LIMIT]
-        finished = _first_causes(near, EVALUATED_ON_INTERRUPT)
+        finished = _first_causes(near, KEPT_ON_INTERRUPT)
         self._report.plan("causes", len(finished))
         titles = [f"{_title((), one)}, on all lines" for one, _ in finished]
         fits = [few.finish for _, few in finished]
@@ -296,9 +296,9 @@ class Search:
 
     def _effects_of_others(self, root: Fit, ids: frozenset[str]) -> list[Direction]:
         """Return the linear effects on a fit of all causes but some; no variant changes the data."""
-        variants, _ = list_variants(root, [cause for cause in self._causes if cause.id not in ids])
-        kept = [(cause, one) for cause, one in variants if not one.changes_data]
-        effects = directions(root, kept, self.selection.workers)
+        others = [cause for cause in self._causes if cause.id not in ids and not cause.changes_data]
+        variants, _ = list_variants(root, others)
+        effects = directions(root, variants, self.selection.workers)
         self.selection.evaluations += len(effects)
         return effects
 
@@ -350,9 +350,10 @@ class Search:
         if best is None or best.fit.misfit > SCREENING_LIMIT:
             return []
         ((cause, own),) = best.steps
-        variants = [one for one in cause.variants(self.selection.base.model) if one.name != own]
-        others = [one for one in variants if not one.changes_data][:ADDED_CAUSES]
-        return [(Step(one.describe(cause), one.name), one.model) for one in others]
+        others = [
+            one for one in cause.variants(self.selection.base.model) if one.name != own and not cause.changes_data
+        ]
+        return [(Step(one.describe(cause), one.name), one.model) for one in others[:ADDED_CAUSES]]
 
     def finish_best(self) -> None:
         """Continue the fit of the best explanation, if it is adequate and reached its limit of evaluations."""
@@ -388,7 +389,8 @@ class Search:
         """Fit changes that are not causes to the base where a cause may be reported."""
         own, base = self.selection, self.selection.base
         best = next((one for one in own.explanations if one.passed), None)
-        if best is None or best.evidence <= max(own.threshold, 0.0) or _changes_data(base.model, best.steps):
+        # No change of a structure changes the quantity of the data.
+        if best is None or best.evidence <= max(own.threshold, 0.0) or any(c.changes_data for c, _ in best.steps):
             self._report.plan("alternatives", 0)
             return
         variants, _ = list_variants(base, ALTERNATIVES)
@@ -436,7 +438,7 @@ class Search:
         self._report.plan(stage, len(chosen))
         is_other_quantity = False
         for direction in chosen:
-            if direction.variant.changes_data:
+            if direction.cause.changes_data:
                 self._report(stage, _title(steps, direction))
                 try:
                     fit = fit_base(direction.variant.model)
@@ -446,7 +448,7 @@ class Search:
                 found = own.explain((*steps, direction.step), fit)
                 is_other_quantity = is_other_quantity or found.passed
                 yield found
-        others = [one for one in chosen if not one.variant.changes_data]
+        others = [one for one in chosen if not one.cause.changes_data]
         if is_other_quantity:
             # Without that change of the data no fit comes close to them.
             for one in others:
@@ -464,7 +466,7 @@ class Search:
                 leading = min(explored, key=lambda one: explored[one].chi_square)
                 self._report.leading = _title(steps, leading, variant=False)
         except KeyboardInterrupt:
-            for direction, few in _first_causes(explored.items(), EVALUATED_ON_INTERRUPT):
+            for direction, few in _first_causes(explored.items(), KEPT_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
         yield from self._finish(steps, root, sorted(explored.items(), key=lambda pair: pair[1].chi_square))
@@ -555,7 +557,7 @@ class Search:
         except KeyboardInterrupt:
             known = {direction.cause.id for direction, _ in finished[:done]}
             rest = [pair for pair in finished[done:] if pair[0].cause.id not in known]
-            for direction, few in _first_causes(rest, EVALUATED_ON_INTERRUPT):
+            for direction, few in _first_causes(rest, KEPT_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 
@@ -593,21 +595,10 @@ def _first_causes(explored: Iterable[tuple[Direction, Exploration]], most: int) 
     return list(found.values())[:most]
 
 
-def _changes_data(model: Model, steps: Sequence[Step]) -> bool:
-    """Return whether one of the causes changes the quantity of the data, which no change of a structure does."""
-    for step in steps:
-        variant = step.cause.variant(model, step.variant)
-        if variant.changes_data:
-            return True
-        model = variant.model
-    return False
-
-
 def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Step, ...]]:
     """Yield the steps of an explanation with a variant of one cause that has a proper subset of its unknowns."""
     for i, step in enumerate(best.steps):
-        variants = [one for one in step.cause.variants(model) if not one.changes_data]
-        names = {one.name: {unknown.name for unknown in one.model.unknowns} for one in variants}
+        names = {one.name: {unknown.name for unknown in one.model.unknowns} for one in step.cause.variants(model)}
         for name, unknowns in names.items():
             if unknowns < names.get(step.variant, set()):
                 yield (*best.steps[:i], Step(step.cause, name), *best.steps[i + 1 :])

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.fitting import evaluate, fit_base
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.model import Model, named_elements
+from receptance.diagnosis.model import Model, named
 from receptance.diagnosis.thresholds import LARGEST_SENSITIVITY
 from receptance.identification.observations import MeasuredFRF, Observation, altered
 from receptance.model.assembly import Assembly
@@ -118,9 +118,8 @@ def _deviation(
 
 def _before(assembly: Assembly) -> Assembly:
     """Return the free structure between the tip and the table, without a joint in front of the table."""
-    elements = named_elements(assembly)
+    elements = named(assembly.elements)
     names = list(elements)[:-1]
     while not isinstance(elements[names[-1]], Part):
         names.pop()
-    points = [replace(point, name=name) for name, point in assembly.attachments.items()]
-    return Assembly([elements[name] for name in names], points, motion=assembly.motion)
+    return Assembly([elements[name] for name in names], named(assembly.attachments).values(), motion=assembly.motion)

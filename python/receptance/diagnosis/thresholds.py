@@ -21,8 +21,6 @@ FEWEST_LINES = 16
 """Smallest number of lines of a receptance that is used."""
 EXPLORING_LINES = 120
 """Lines of each receptance while starts of fits are compared."""
-SIMULATION_LINES = 150
-"""Lines of each receptance in the simulation of a further measurement."""
 
 # Fits.
 
@@ -59,9 +57,11 @@ WORSE_LEVEL = 1.5
 MISFIT_LIMIT = 1.25
 """Misfit up to which a model is adequate: estimates of the noise are not better than that."""
 LEAST_FREEDOM = 3
-"""Fewest degrees of freedom that judge a model: with two, a misfit of 6.9 passes the test at `MISFIT_CHANCE`."""
-MISFIT_CHANCE = 1e-3
-"""Probability with which noise alone exceeds a limit of the adequacy test."""
+"""Fewest degrees of freedom that judge a model: with two, a misfit of 6.9 passes the test at `CHANCE`."""
+CHANCE = 1e-3
+"""Probability with which noise alone exceeds a limit of the adequacy test, and the best evidence by chance the
+detection threshold. It is small because the threshold holds to first order and for noise of known size: of 150 virtual
+diagnoses without a hidden cause five exceeded that of the probability 0.01."""
 BLOCK_LINES = 8
 """Neighbouring lines whose residuals are added: noise averages out, an error of the model does not."""
 OBSERVABLE_VARIANCE = 0.05
@@ -71,11 +71,8 @@ MISFIT_BANDS = 24
 
 # Screening to first order.
 
-CHANCE_LEVEL = 0.999
-"""Quantile of the best evidence by chance that is the detection threshold. It is high because it holds to first order
-and for noise of known size: of 150 virtual diagnoses without a hidden cause five exceeded the quantile 0.99."""
 CHANCE_DRAWS = 20000
-"""Draws of residuals for that quantile."""
+"""Draws of residuals for the detection threshold."""
 OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
@@ -104,10 +101,9 @@ ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
-EVALUATED_ON_INTERRUPT = 3
-"""Causes that are evaluated on all lines when a selection is interrupted before their fits."""
-CANDIDATES_ON_INTERRUPT = 3
-"""Candidates of an answer after an interruption: each needs its look-alikes and intervals."""
+KEPT_ON_INTERRUPT = 3
+"""Causes that are evaluated on all lines when a selection is interrupted before their fits, and candidates of the
+answer: each needs its look-alikes and intervals."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0
@@ -164,6 +160,23 @@ LISTED = 3
 """Number of vetoed causes, and of strained tolerances, that are listed."""
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
+
+# The advice.
+
+SIMULATION_LINES = 150
+"""Lines of each receptance in the simulation of a further measurement."""
+QUANTITY_SHOWN = 1e3
+"""Increase of chi-square by a wrong quantity where a known mass is measured."""
+RESOLUTION_ALONE = 1e-3
+"""Standard deviation of natural frequencies of a part alone, as a share."""
+MODES_ALONE = 3
+"""Number of natural frequencies of a part alone."""
+HIGHEST_ALONE = 2e4
+"""Highest natural frequency of a part alone in Hz."""
+LONGER = 1.3
+"""A longer overhang, as a multiple of the longest one that was measured."""
+HARDER = 3.0
+"""A higher force, as a multiple of the highest one that was measured."""
 
 # Predictions, held-out data and residuals by mode.
 
@@ -222,7 +235,7 @@ gyration of 0.35 diameters, a collet with its nut of about one diameter: two sta
 TIP_STEP = 1e-5
 """Distance in m from the tip, or from a place on the tool, of a new step between sections."""
 SHORTENED = 0.98
-"""Share of the length behind the last place on a tool by which the overhang may be shorter than stated."""
+"""Share of a length by which a cause may shorten it: the tool behind its last place, and the mouth of the holder."""
 FLUTE_ROOM = 1e-3
 """Distance in m between two places on a tool below which no end of the flutes is placed between them."""
 RIGID_MODULUS = 2e12
@@ -243,7 +256,7 @@ MATERIAL_DEVIATIONS = 4.0
 """Plausible range of a material, in standard deviations of its grades."""
 SUSPENSION_PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Places of a suspension, as shares of the holder's length."""
-HIT_STEP = 5e-6
+HIT_STEP = 0.5 * TIP_STEP
 """Distance in m by which a hit is moved from a place that something else needs. It is below `TIP_STEP`, so that hits
 can be moved along flutes."""
 HIT_BOUND = 1e-4
@@ -256,5 +269,3 @@ SPRING_DECAY = 2.3
 """Natural logarithm of the decay of these springs from one end to the other."""
 SPRING_TRACE = math.log(1e-3)
 """Natural logarithm of the sum of these springs relative to the point spring, at the null of the cause."""
-LIKE_A_WINDOW = frozenset({"joint_hysteretic_loss"})
-"""Causes that imitate an undeclared exponential window, which a table of receptances does not allow for."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from receptance.diagnosis import card, wording
 from receptance.diagnosis.averaging import Ensemble, Target, extension
-from receptance.identification.observations import MeasuredFrequencies
 from receptance.report import Column, Fact, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -260,7 +259,6 @@ class Verdict(Result):
 
     def with_improvement(self, found: Improvement) -> Verdict:
         """Return the verdict with its improvement on held-out data; without one a named cause is suspected only."""
-        from receptance.diagnosis.by_mode import bias_of
         from receptance.diagnosis.judgement import doubt_prediction
 
         doubt, answer = None, self.verdict
@@ -282,7 +280,7 @@ class Verdict(Result):
             notes=notes,
             gains=found.gains,
             candidates=candidates,
-            bias=bias_of(found.modes, found.slenderness),
+            bias=found.bias,
             held_out_modes=found.modes,
             held_out_modes_after=found.modes_after,
         )
@@ -346,31 +344,20 @@ class Verdict(Result):
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return modelled less measured natural frequencies in percent, before and after, by mode."""
-        rows = []
-        for index, one in enumerate(self.selection.base.model.observations):
-            if not isinstance(one, MeasuredFrequencies):
-                continue
-            before = self._percent(self.base, index)
-            after = before if self.extended is None else self._percent(self.extended, index)
-            rows += [
-                {
-                    "label": one.label or one.configuration,
-                    "mode": mode,
-                    "measured_hz": float(hz),
-                    "before": b,
-                    "after": a,
-                }
-                for mode, hz, b, a in zip(one.modes, one.frequency_hz, before, after, strict=True)
-            ]
-        return rows
+        from receptance.diagnosis.by_mode import residuals_of_frequencies
 
-    @staticmethod
-    def _percent(found: Identification, index: int) -> list[float]:
-        one = found.task.observed[index]
-        if not isinstance(one, MeasuredFrequencies) or one.standard_deviation_hz is None:
-            return []
-        own = found.residuals[index][: one.frequency_hz.size]
-        return [float(x) for x in 100.0 * own * one.standard_deviation_hz / one.frequency_hz]
+        before = residuals_of_frequencies(self.base_fit)
+        after = before if self.explanation is None else residuals_of_frequencies(self.explanation.fit)
+        return [
+            {
+                "label": one.label,
+                "mode": one.mode,
+                "measured_hz": one.measured_hz,
+                "before": one.frequency_percent,
+                "after": other.frequency_percent,
+            }
+            for one, other in zip(before, after, strict=True)
+        ]
 
     @property
     def measurements(self) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from receptance._text import join_names
 from receptance.report.table import amount, amount_interval, amounts
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ SENTENCE = {
     "unexplained": "The model is inadequate, and no known cause explains the misfit.",
 }
 
-UNFINISHED = "This result is preliminary, because causes were not tried: the diagnosis was interrupted"
-
 
 def sentence(verdict: Verdict) -> str:
     """Return the verdict in one sentence, and where the diagnosis was interrupted if it was."""
@@ -33,7 +32,8 @@ def sentence(verdict: Verdict) -> str:
         return SENTENCE[verdict.verdict]
     position = verdict.settings["interrupted"]
     return (
-        f"{UNFINISHED} in step {position['step']} of about {position['of_about']}, after {position['seconds']:.0f} s."
+        "This result is preliminary, because causes were not tried: the diagnosis was interrupted in step "
+        f"{position['step']} of about {position['of_about']}, after {position['seconds']:.0f} s."
     )
 
 
@@ -49,8 +49,7 @@ def title_of(id: str) -> str:
 
 def names(ids: Sequence[str]) -> str:
     """Return the names of causes as a list in a sentence."""
-    titles = [title_of(id) for id in ids]
-    return " and ".join([", ".join(titles[:-1]), titles[-1]] if len(titles) > 1 else titles)
+    return join_names([title_of(id) for id in ids])
 
 
 def place(one: CandidateCause) -> str:
@@ -93,7 +92,7 @@ def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]
         parameter = parameters[name]
         if parameter.is_plausible(value):
             continue
-        numbers = (value, *(parameter.plausible or (parameter.lower, parameter.upper)))
+        numbers = (value, *parameter.plausible)
         title = _title(parameter, name)
         if title.startswith("log_"):
             shown = [f"{_percent(x):+.3g} %" for x in numbers]
@@ -165,10 +164,15 @@ def share(before: float, after: float, noise: float = 1.0) -> str:
     return "> 99 %" if 99.0 < percent < 99.99 else f"{percent:.0f} %"
 
 
+def times(misfit: float) -> str:
+    """Return the root mean square of residuals relative to their expectation."""
+    return amount(math.sqrt(misfit))
+
+
 def residual(verdict: Verdict, misfit: float) -> str:
-    """Return the root mean square of residuals relative to their expectation, in words."""
+    """Return the size of residuals in words."""
     beside = "noise and model error" if verdict.discrepancy is not None and verdict.causes else "the noise"
-    return f"residuals of {amount(math.sqrt(misfit))} times {beside}"
+    return f"residuals of {times(misfit)} times {beside}"
 
 
 def metric(name: str) -> tuple[str, float, str]:
@@ -187,22 +191,23 @@ def metric(name: str) -> tuple[str, float, str]:
 
 def where(verdict: Verdict) -> list[str]:
     """Return the place of the largest residual, and the standard deviations with which the model would be adequate."""
-    if verdict.adequacy.passed or verdict.verdict == "undecided":
+    own = verdict.adequacy
+    if own.passed or verdict.verdict == "undecided":
         return []
-    found = [f"The largest residuals are in {verdict.adequacy.worst[0]}."] if verdict.adequacy.worst else []
-    times = deviation_factor(verdict) if verdict.final else None
-    if verdict.verdict == "unexplained" and times is not None:
+    found = [f"The largest residuals are in {own.worst[0]}."] if own.worst else []
+    factor = math.sqrt(max(own.misfit / own.limit, own.smooth / own.smooth_limit))
+    if verdict.verdict == "unexplained" and verdict.final and factor > 1.0:
         found.append(
-            f"The model would be adequate if all standard deviations were {amount(times, digits=2)} times as large."
+            f"The model would be adequate if all standard deviations were {amount(factor, digits=2)} times as large."
         )
     return found
 
 
 def veto(verdict: Verdict, one: CandidateCause) -> str:
     """Return why a cause that explains the data is not reported."""
-    before, after = (amount(math.sqrt(x)) for x in (verdict.adequacy.misfit, one.misfit))
     return (
-        f"With the {names((one.id, *one.together_with))} the residuals fall from {before} to {after} times the noise, "
+        f"With the {names((one.id, *one.together_with))} the residuals fall from {times(verdict.adequacy.misfit)} to "
+        f"{times(one.misfit)} times the noise, "
         f"more than with any plausible cause, but only with an implausible size: {one.vetoed}"
     )
 
@@ -220,10 +225,3 @@ def improvement_interval(gain: Gain) -> str:
         units = f", from {gain.units} {gain.unit} with a correlation of {gain.correlation:.2f} within a fold"
     better = amount_interval((scale * low, scale * high), unit, 3)
     return f"better by {better} (95 %{units}), in {gain.better} of {len(gain.folds)} folds"
-
-
-def deviation_factor(verdict: Verdict) -> float | None:
-    """Return the factor on all standard deviations that makes the base model adequate; None if it is adequate."""
-    found = verdict.adequacy
-    excess = max(found.misfit / found.limit, found.smooth / found.smooth_limit)
-    return math.sqrt(excess) if excess > 1.0 else None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance import _checks, units
+from receptance._text import join_names
 from receptance.identification.mapping import Parameters
 from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
 from receptance.identification.pointwise_joint import (
@@ -16,7 +17,6 @@ from receptance.identification.pointwise_joint import (
     Equations,
     constant_grid_starts,
     constant_joint,
-    join_names,
     masked_lines,
     solve_lines,
 )

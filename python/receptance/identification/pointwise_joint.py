@@ -381,11 +381,6 @@ def constant_grid_starts(equations: Equations, lines: NDArray[np.bool_]) -> list
     return [starts[i] for i in np.argsort(costs)[:_CONSTANT_STARTS]]
 
 
-def join_names(names: Sequence[str]) -> str:
-    """Return names as text: "a, b and c"."""
-    return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + f" and {names[-1]}"
-
-
 def masked_lines(masked: NDArray[Any], count: int) -> str:
     """Return the note on the lines, of so many, whose equations have no finite and unique solution."""
     shown = ", ".join(f"{line:g}" for line in masked.real[:_SHOWN])
