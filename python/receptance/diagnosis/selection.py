@@ -40,9 +40,9 @@ from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, start
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     ADDED_EVIDENCE,
-    ALTERNATIVES_FINISHED,
     BEHIND,
     CONVERGED,
+    FINISHED,
     KEPT_ON_INTERRUPT,
     LEADING_CAUSES,
     LEAST_SHARE,
@@ -251,12 +251,12 @@ class Search:
                 # Another variant of the same cause may have the same size.
                 groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
-        titles = [_title((), one) for one in chosen]
+        titles = [_title(one.step) for one in chosen]
         explored = dict(self._explore("causes", titles, chosen, starts, own.base.chi_square_on_few_lines))
         near = [pair for pair in explored.items() if pair[1].misfit <= SCREENING_LIMIT]
-        finished = _first_causes(near, KEPT_ON_INTERRUPT)
+        finished = _first_causes(_in_order(near), FINISHED)
         self._report.plan("causes", len(finished))
-        titles = [f"{_title((), one)}, on all lines" for one, _ in finished]
+        titles = [f"{_title(one.step)}, on all lines" for one, _ in finished]
         fits = [few.finish for _, few in finished]
         for (one, few), fit in zip(finished, self._each("causes", titles, fits), strict=True):
             if fit is not None:
@@ -337,7 +337,7 @@ class Search:
         self._restart([((step,), partial(fit_base, model)) for step, model in others])
 
     def _restart(self, again: Sequence[tuple[tuple[Step, ...], Callable[[], Fit | None]]]) -> None:
-        titles = [f"{_title_of(steps)}, from its own starting values" for steps, _ in again]
+        titles = [f"{_title(*steps, variant=len(steps) == 1)}, from its own starting values" for steps, _ in again]
         fits = [partial(_fit_or_none, fit) for _, fit in again]
         for (steps, _), found in zip(again, self._each("together", titles, fits), strict=True):
             if found is not None:
@@ -406,10 +406,7 @@ class Search:
         found = dict(self._explore("alternatives", titles, chosen, starts, base.chi_square_on_few_lines))
         explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
-        leaders: dict[str, tuple[Direction, Exploration]] = {}
-        for pair in explored:
-            leaders.setdefault(pair[0].cause.id, pair)
-        finished = list(leaders.values())[:ALTERNATIVES_FINISHED]
+        finished = _first_causes(explored, FINISHED)
         titles = [f"no cause: {direction.cause.meaning}, on all lines" for direction, _ in finished]
         fits = [few.finish for _, few in finished]
         for (direction, few), fit in zip(finished, self._each("alternatives", titles, fits), strict=True):
@@ -439,7 +436,7 @@ class Search:
         is_other_quantity = False
         for direction in chosen:
             if direction.cause.changes_data:
-                self._report(stage, _title(steps, direction))
+                self._report(stage, _title(*steps, direction.step))
                 try:
                     fit = fit_base(direction.variant.model)
                 except ReceptanceError:
@@ -460,16 +457,16 @@ class Search:
             starts = [starts_of(each, root) for each in others]
             for groups, fits in zip(starts, singles, strict=True):
                 groups[0] += starts_from_singles(own.base, fits, root)
-            titles = [_title(steps, each) for each in others]
+            titles = [_title(*steps, each.step) for each in others]
             for direction, few in self._explore(stage, titles, others, starts, root.chi_square_on_few_lines):
                 explored[direction] = few
                 leading = min(explored, key=lambda one: explored[one].chi_square)
-                self._report.leading = _title(steps, leading, variant=False)
+                self._report.leading = _title(*steps, leading.step, variant=False)
         except KeyboardInterrupt:
-            for direction, few in _first_causes(explored.items(), KEPT_ON_INTERRUPT):
+            for direction, few in _first_causes(_in_order(explored.items()), KEPT_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
-        yield from self._finish(steps, root, sorted(explored.items(), key=lambda pair: pair[1].chi_square))
+        yield from self._finish(steps, root, _in_order(explored.items()))
 
     def _explore(
         self,
@@ -495,7 +492,7 @@ class Search:
         limit = math.inf
         if any(few.misfit <= MISFIT_LIMIT for _, few in found):
             limit = behind_limit(without, (few.chi_square for _, few in found))
-        leading = {direction for direction, _ in _first_causes(found, LEADING_CAUSES)}
+        leading = {direction for direction, _ in _first_causes(_in_order(found), LEADING_CAUSES)}
         near = [i for i, (one, few) in enumerate(found) if one in leading or not limit < few.chi_square <= without]
         self._report.plan(stage, len(near))
         fits = [partial(found[i][1].go_on, [one for group in starts[i][1:] for one in group]) for i in near]
@@ -542,7 +539,7 @@ class Search:
             fits.append(few.finish if is_close or fit_all else few.evaluate)
         leading: Explanation | None = None
         done = 0
-        titles = [f"{_title(steps, direction)}, on all lines" for direction, _ in finished]
+        titles = [f"{_title(*steps, direction.step)}, on all lines" for direction, _ in finished]
         self._report.plan(stage, len(finished))
         try:
             for (direction, few), fit in zip(finished, self._each(stage, titles, fits), strict=True):
@@ -570,13 +567,9 @@ def _fit_or_none(fit: Callable[[], Fit | None]) -> Fit | None:
         return None
 
 
-def _title_of(steps: tuple[Step, ...]) -> str:
-    return " + ".join(f"{cause.title}, {variant}" if len(steps) == 1 else cause.title for cause, variant in steps)
-
-
-def _title(steps: tuple[Step, ...], direction: Direction, *, variant: bool = True) -> str:
-    titles = [*(cause.title for cause, _ in steps), direction.cause.title]
-    return " + ".join(titles) + (f", {direction.variant.name}" if variant else "")
+def _title(*steps: Step, variant: bool = True) -> str:
+    """Return the names of causes, and the variant of the last one."""
+    return " + ".join(cause.title for cause, _ in steps) + (f", {steps[-1].variant}" if variant else "")
 
 
 def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
@@ -587,10 +580,15 @@ def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
     return list(found.values())
 
 
+def _in_order(explored: Iterable[tuple[Direction, Exploration]]) -> list[tuple[Direction, Exploration]]:
+    """Return explored variants, the smallest chi-square on few lines first."""
+    return sorted(explored, key=lambda pair: pair[1].chi_square)
+
+
 def _first_causes(explored: Iterable[tuple[Direction, Exploration]], most: int) -> list[tuple[Direction, Exploration]]:
-    """Return the variants of the smallest chi-square on few lines, one of each cause, of at most so many causes."""
+    """Return the first variant of each cause, of at most so many causes."""
     found: dict[str, tuple[Direction, Exploration]] = {}
-    for pair in sorted(explored, key=lambda pair: pair[1].chi_square):
+    for pair in explored:
         found.setdefault(pair[0].cause.id, pair)
     return list(found.values())[:most]
 
