@@ -23,21 +23,11 @@ def _named(document: Path) -> str:
     return str(document.relative_to(ROOT))
 
 
-WITH_PYTHON = [
-    # The blocks of these documents take three seconds each.
-    pytest.param(document, marks=pytest.mark.slow if document.name in ("spindle.md", "stability.md") else ())
-    for document in DOCUMENTS
-    if any(block.language == "python" for block in blocks(document))
-]
-LONG = ("README.md", "CONTRIBUTING.md", "campaign.md", "lobes.md", "sweeps.md", "taper.md")
-"""Documents whose commands take more than a few seconds, or repeat those of another document."""
-SHELL = [
-    pytest.param(document, marks=pytest.mark.slow if document.name in LONG else ())
-    for document in DOCUMENTS
-    if any(commands(block) for block in blocks(document))
-]
+WITH_PYTHON = [one for one in DOCUMENTS if any(block.language == "python" for block in blocks(one))]
+WITH_COMMANDS = [one for one in DOCUMENTS if any(commands(block) for block in blocks(one))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", WITH_PYTHON, ids=_named)
 def test_python_blocks(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The blocks of one document run in order in one namespace, in an empty folder."""
@@ -57,7 +47,8 @@ def test_python_blocks(document: Path, tmp_path: Path, monkeypatch: pytest.Monke
         assert wrong is None, f"{where}: {wrong}"
 
 
-@pytest.mark.parametrize("document", SHELL, ids=_named)
+@pytest.mark.slow
+@pytest.mark.parametrize("document", WITH_COMMANDS, ids=_named)
 def test_shell_lines(
     document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
