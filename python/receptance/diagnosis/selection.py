@@ -39,9 +39,9 @@ from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, start
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     ADDED_EVIDENCE,
-    ALTERNATIVES_FINISHED,
     BEHIND,
     CONVERGED,
+    FINISHED,
     KEPT_ON_INTERRUPT,
     LEADING_CAUSES,
     LEAST_SHARE,
@@ -239,12 +239,12 @@ class Search:
                 # Another variant of the same cause may have the same size.
                 groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
-        titles = [_title((), one) for one in chosen]
+        titles = [_title(one.step) for one in chosen]
         explored = list(self._explore("causes", titles, chosen, starts))
         near = [pair for pair in explored if pair[1].misfit <= SCREENING_LIMIT]
-        finished = list(_leading_causes(sorted(near, key=lambda pair: pair[1].chi_square)))
+        finished = _leading_causes(sorted(near, key=lambda pair: pair[1].chi_square), FINISHED)
         self._report.plan("causes", len(finished))
-        titles = [f"{_title((), one)}, on all lines" for one, _ in finished]
+        titles = [f"{_title(one.step)}, on all lines" for one, _ in finished]
         fits = [few.finish for _, few in finished]
         for (one, few), fit in zip(finished, self._each("causes", titles, fits), strict=True):
             if fit is not None:
@@ -325,7 +325,7 @@ class Search:
         self._restart([((step,), partial(fit_base, model)) for step, model in others])
 
     def _restart(self, again: Sequence[tuple[tuple[Step, ...], Callable[[], Fit | None]]]) -> None:
-        titles = [f"{_title_of(steps)}, from its own starting values" for steps, _ in again]
+        titles = [f"{_title(*steps, variant=len(steps) == 1)}, from its own starting values" for steps, _ in again]
         fits = [partial(_fit_or_none, fit) for _, fit in again]
         for (steps, _), found in zip(again, self._each("together", titles, fits), strict=True):
             if found is not None:
@@ -394,10 +394,7 @@ class Search:
         explored = list(self._explore("alternatives", titles, chosen, starts))
         explored.sort(key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
-        leaders: dict[str, tuple[Direction, Exploration]] = {}
-        for pair in explored:
-            leaders.setdefault(pair[0].cause.id, pair)
-        finished = list(leaders.values())[:ALTERNATIVES_FINISHED]
+        finished = _leading_causes(explored, FINISHED)
         titles = [f"no cause: {direction.cause.meaning}, on all lines" for direction, _ in finished]
         fits = [few.finish for _, few in finished]
         for (direction, few), fit in zip(finished, self._each("alternatives", titles, fits), strict=True):
@@ -427,7 +424,7 @@ class Search:
         is_other_quantity = False
         for direction in chosen:
             if direction.cause.changes_data:
-                self._report(stage, _title(steps, direction))
+                self._report(stage, _title(*steps, direction.step))
                 try:
                     fit = fit_base(direction.variant.model)
                 except ReceptanceError:
@@ -448,13 +445,13 @@ class Search:
             starts = [starts_of(each, root) for each in others]
             for groups, fits in zip(starts, singles, strict=True):
                 groups[0] += starts_from_singles(own.base, fits, root)
-            for pair in self._explore(stage, [_title(steps, each) for each in others], others, starts):
+            for pair in self._explore(stage, [_title(*steps, each.step) for each in others], others, starts):
                 explored.append(pair)
                 leading, _ = min(explored, key=lambda pair: pair[1].chi_square)
-                self._report.leading = _title(steps, leading, variant=False)
+                self._report.leading = _title(*steps, leading.step, variant=False)
         except KeyboardInterrupt:
             explored.sort(key=lambda pair: pair[1].chi_square)
-            for direction, few in _leading_causes(explored):
+            for direction, few in _leading_causes(explored, KEPT_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
         explored.sort(key=lambda pair: pair[1].chi_square)
@@ -511,7 +508,7 @@ class Search:
             fits.append(few.finish if is_close or fit_all else few.evaluate)
         leading: Explanation | None = None
         done = 0
-        titles = [f"{_title(steps, direction)}, on all lines" for direction, _ in finished]
+        titles = [f"{_title(*steps, direction.step)}, on all lines" for direction, _ in finished]
         self._report.plan(stage, len(finished))
         try:
             for (direction, few), fit in zip(finished, self._each(stage, titles, fits), strict=True):
@@ -524,7 +521,7 @@ class Search:
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
         except KeyboardInterrupt:
-            for direction, few in _leading_causes(finished, done):
+            for direction, few in _leading_causes(finished, KEPT_ON_INTERRUPT, done):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
 
@@ -537,13 +534,9 @@ def _fit_or_none(fit: Callable[[], Fit | None]) -> Fit | None:
         return None
 
 
-def _title_of(steps: tuple[Step, ...]) -> str:
-    return " + ".join(f"{cause.title}, {variant}" if len(steps) == 1 else cause.title for cause, variant in steps)
-
-
-def _title(steps: tuple[Step, ...], direction: Direction, *, variant: bool = True) -> str:
-    titles = [*(cause.title for cause, _ in steps), direction.cause.title]
-    return " + ".join(titles) + (f", {direction.variant.name}" if variant else "")
+def _title(*steps: Step, variant: bool = True) -> str:
+    """Return the names of causes, and the variant of the last one."""
+    return " + ".join(cause.title for cause, _ in steps) + (f", {steps[-1].variant}" if variant else "")
 
 
 def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
@@ -555,15 +548,15 @@ def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
 
 
 def _leading_causes(
-    explored: Sequence[tuple[Direction, Exploration]], done: int = 0
+    explored: Sequence[tuple[Direction, Exploration]], most: int, done: int = 0
 ) -> list[tuple[Direction, Exploration]]:
-    """Return the first variant of each cause that is not among the first `done` ones, and of few causes."""
+    """Return the first variant of each cause that is not among the first `done` ones, of at most so many causes."""
     known = {direction.cause.id for direction, _ in explored[:done]}
     found: dict[str, tuple[Direction, Exploration]] = {}
     for pair in explored[done:]:
         if pair[0].cause.id not in known:
             found.setdefault(pair[0].cause.id, pair)
-    return list(found.values())[:KEPT_ON_INTERRUPT]
+    return list(found.values())[:most]
 
 
 def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Step, ...]]:

@@ -101,6 +101,8 @@ SCREENING_LIMIT = 20.0
 KEPT_ON_INTERRUPT = 3
 """Causes that are evaluated on all lines when a selection is interrupted before their fits, and candidates of the
 answer: each needs its look-alikes and intervals."""
+FINISHED = 3
+"""Look-alikes of the best cause, and alternatives, that are fitted on all lines."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case."""
 BEHIND = 60.0
@@ -111,8 +113,6 @@ fold."""
 
 # Alternatives that are not causes.
 
-ALTERNATIVES_FINISHED = 3
-"""Alternatives that are fitted on all lines."""
 ALTERNATIVE_PLACES = (0.15, 0.3, 0.5, 0.7, 0.85)
 """Places on tool and holder, as shares of the length."""
 SOFT_LENGTH = 1e-3
