@@ -359,9 +359,10 @@ def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_mis
     ("misfits", "continued"),
     [
         # Nothing is adequate: every variant is continued.
-        ([2.0, 2.1, 2.2, 2.3, 7.0, 9.0], [0, 1, 2, 3, 4, 5]),
+        ([2.0, 2.1, 2.2, 2.3, 7.0, 9.0, 9.0, 9.0], [0, 1, 2, 3, 4, 5, 6, 7]),
         # Variant 4 is beyond the limit of 100 + 60 + 0.3 * 900 = 430, variant 5 is still worse than without a cause.
-        ([1.0, 2.0, 3.0, 4.2, 7.0, 11.0], [0, 1, 2, 3, 5]),
+        # Of variants 6 and 7 screening predicts 1000 * (1 - 2800 / 5000) = 440 and 420.
+        ([1.0, 2.0, 3.0, 4.2, 7.0, 11.0, 7.0, 7.0], [0, 1, 2, 3, 5, 7]),
     ],
 )
 def test_which_short_fits_are_continued(
@@ -384,13 +385,15 @@ def test_which_short_fits_are_continued(
     (variant, *_) = CATALOGUE["sensor_mass"].variants(MODEL)
     template: Any = Direction(CATALOGUE["sensor_mass"], variant, {}, np.zeros((0, 0)), False, 0.0, {})
     chosen: list[Any] = [
-        replace(template, cause=cause, variant=replace(template.variant, model=number))
-        for number, cause in zip(range(len(misfits)), of_cause, strict=False)
+        replace(template, cause=cause, variant=replace(template.variant, model=number), score=score)
+        for number, (cause, score) in enumerate(
+            zip(of_cause, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2800.0, 2900.0), strict=False)
+        )
     ]
-    base: Any = SimpleNamespace(chi_square=1000.0)
+    base: Any = SimpleNamespace(chi_square=5000.0, chi_square_on_few_lines=1000.0)
     search = Search(Selection(base, 7.0), of_cause)
     starts = [[[{"near": 0.0}], [{"large": 1.0}, {"larger": 2.0}]]] * len(chosen)
-    found = list(search._explore("causes", [""] * len(chosen), chosen, starts, 1000.0))
+    found = list(search._explore("causes", [""] * len(chosen), chosen, starts, base))
     assert [chosen.index(one) for one, _ in found] == [*range(len(chosen)), *continued]
     assert done == continued
     assert search.selection.evaluations == 8 * len(chosen) + 17 * len(continued)

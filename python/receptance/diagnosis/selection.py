@@ -252,7 +252,7 @@ class Search:
                 groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
         titles = [_title(one.step) for one in chosen]
-        explored = dict(self._explore("causes", titles, chosen, starts, own.base.chi_square_on_few_lines))
+        explored = dict(self._explore("causes", titles, chosen, starts, own.base))
         near = [pair for pair in explored.items() if pair[1].misfit <= SCREENING_LIMIT]
         finished = _first_causes(_in_order(near), FINISHED)
         self._report.plan("causes", len(finished))
@@ -403,7 +403,7 @@ class Search:
             # The joint of the best explanation is closer to the solution than that of an inadequate base.
             groups[-1] += [{**start, **best.fit.values} for start in groups[-1]]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
-        found = dict(self._explore("alternatives", titles, chosen, starts, base.chi_square_on_few_lines))
+        found = dict(self._explore("alternatives", titles, chosen, starts, base))
         explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
         finished = _first_causes(explored, FINISHED)
@@ -458,7 +458,7 @@ class Search:
             for groups, fits in zip(starts, singles, strict=True):
                 groups[0] += starts_from_singles(own.base, fits, root)
             titles = [_title(*steps, each.step) for each in others]
-            for direction, few in self._explore(stage, titles, others, starts, root.chi_square_on_few_lines):
+            for direction, few in self._explore(stage, titles, others, starts, root):
                 explored[direction] = few
                 leading = min(explored, key=lambda one: explored[one].chi_square)
                 self._report.leading = _title(*steps, leading.step, variant=False)
@@ -474,13 +474,13 @@ class Search:
         titles: Sequence[str],
         chosen: Sequence[Direction],
         starts: Sequence[list[list[dict[str, float]]]],
-        without: float,
+        root: Fit,
     ) -> Iterator[tuple[Direction, Exploration]]:
         """Yield the variants with their fits on few lines, except those that have no value at any start.
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
-        unless it has fallen far behind an adequate one. `without` is chi-square on few lines without a cause; a fit
-        that is still above it has begun far from there.
+        unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
+        `root`, the fit without the cause, has begun far from there.
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [partial(explore, one.variant.model, own[0]) for one, own in zip(chosen, starts, strict=True)]
@@ -489,11 +489,17 @@ class Search:
             found.append((direction, few))
             if few.ends:
                 yield direction, few
-        limit = math.inf
+        without, limit = root.chi_square_on_few_lines, math.inf
         if any(few.misfit <= MISFIT_LIMIT for _, few in found):
             limit = behind_limit(without, (few.chi_square for _, few in found))
         leading = {direction for direction, _ in _first_causes(_in_order(found), LEADING_CAUSES)}
-        near = [i for i, (one, few) in enumerate(found) if one in leading or not limit < few.chi_square <= without]
+        near = [
+            i
+            for i, (one, few) in enumerate(found)
+            if one in leading
+            or not limit < few.chi_square <= without
+            or without * (1.0 - one.score / root.chi_square) <= limit
+        ]
         self._report.plan(stage, len(near))
         fits = [partial(found[i][1].go_on, [one for group in starts[i][1:] for one in group]) for i in near]
         for i, few in zip(near, self._each(stage, [titles[i] for i in near], fits), strict=True):
