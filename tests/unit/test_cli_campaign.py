@@ -158,6 +158,7 @@ def test_results_are_not_lost_with_a_figure(
     assert "joint.k_y" in json.loads(Path("i.json").read_text())["parameters"]
 
 
+@pytest.mark.slow
 def test_temporary_folder_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulated examples, compressed files and readers in processes of their own use it, and clear it."""
     used = tmp_path / "temporary"

@@ -286,6 +286,7 @@ def test_undecidable_verdict_names_missing_measurements() -> None:
     assert "force" in verdict.undecidable["joint_amplitude"]
 
 
+@pytest.mark.slow
 def test_an_unusual_size_is_suspected_and_shown() -> None:
     verdict = diagnose(
         make_observations(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], most=1
@@ -726,6 +727,7 @@ def test_hits_move_along_flutes() -> None:
     assert np.abs(relative_error(model, values)).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
     rng = np.random.default_rng(3)
     far, lines = Coordinate("holder", 0.1), LINES[::2]

@@ -266,6 +266,7 @@ def test_a_damaged_description_names_the_store_and_leaves_no_lock(tmp_path: Path
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
 
 
+@pytest.mark.slow
 def test_remains_of_a_killed_creation_are_removed(tmp_path: Path) -> None:
     script = """
         import os, signal, sys
