@@ -262,3 +262,16 @@ def test_elements_are_copies() -> None:
     assert PAIR.attachments == {}
     assert Coordinate("tool", "end") == pickle.loads(pickle.dumps(Coordinate("tool", "end")))
     assert CARBIDE.name == "carbide"
+
+
+def test_parts_in_another_order_make_another_assembly() -> None:
+    """Their names alone are the same: a spacer of 20 mm and one of 16 mm change places."""
+    first, second = (
+        Part([Segment(length=0.03, outer_diameter=size, material=STEEL)], name=name)
+        for name, size in (("first", 0.02), ("second", 0.016))
+    )
+    one, other = Assembly([first, second]), Assembly([second, first])
+    lines = np.linspace(100.0, 5000.0, 20)
+    assert not np.allclose(one.receptance(lines), other.receptance(lines))
+    assert one != other
+    assert one == Assembly([first, second])

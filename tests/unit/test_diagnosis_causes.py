@@ -415,3 +415,21 @@ def test_an_adequate_model_needs_no_fits_of_causes_without_effect() -> None:
     # A frequency of its own makes the effect of a resonance depend on where the fit began.
     assert "missing_mode" in {id for one in fitted for id in one.ids}
     assert max(one.evidence for one in predicted) < selection.threshold - 10.0
+
+
+@pytest.mark.parametrize("plausible", [None, (1.0,), "ab", (5.0, 1.0), (float("nan"), 1.0)])
+def test_a_plausible_range_is_two_numbers_in_order(plausible: Any) -> None:
+    with pytest.raises(ValueError, match=r"Parameter 'mass': plausible is .*, expected two numbers, the smaller one"):
+        Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.1, plausible=plausible)
+
+
+def test_the_unknown_of_an_earlier_cause_is_no_size_of_another_one() -> None:
+    (sensor, *_) = CATALOGUE["sensor_mass"].variants(MODEL)
+    (gain, *_) = CATALOGUE["calibration_gain"].variants(sensor.model)
+    values = {unknown.name: unknown.start for unknown in gain.model.unknowns} | {"sensor_mass.mass": 5.0}
+    fit: Any = SimpleNamespace(model=gain.model, values=values)
+    alone = Explanation((Step(CATALOGUE["calibration_gain"], gain.name),), fit, 1.0, 1.0)
+    assert set(alone.parameters) == {"calibration_gain.log_gain"}
+    assert alone.implausible == ()
+    both = Explanation((Step(CATALOGUE["sensor_mass"], sensor.name), *alone.steps), fit, 1.0, 1.0)
+    assert both.implausible == ("sensor_mass.mass",)

@@ -226,5 +226,10 @@ def test_equal_assemblies_become_one_and_stay_one_in_every_variant() -> None:
     for own, one in zip(shared.observations, apart.observations, strict=True):
         assert own.assembly == one.assembly
         assert own.label == one.label
+    # Elements in another order are another assembly, although their names and values are the same.
+    first, *_ = shared.observations
+    turned = Assembly([*first.assembly.elements.values()][::-1])
+    both = replace(model, observations=(first, altered(first, assembly=turned))).with_shared_assemblies()
+    assert both.observations[1].assembly is turned
     for cause, variant in every_variant(shared):
         assert len({id(one.assembly) for one in variant.model.observations}) == len(OVERHANGS), cause

@@ -75,7 +75,7 @@ def test_random_overlaps_against_fifty_digits(count: int, summarise: Summarise) 
     summarise("overlaps against fifty digits", text, {"seed": SEED, "drive": drive, "all": all_})
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(10, marks=pytest.mark.slow)])
 def test_derivatives_against_fifty_digits(count: int, summarise: Summarise) -> None:
     """By central differences of the reference; the tip's drive point, which everything else is fitted to."""
     columns = [column for column in PHYSICAL if column not in CORE]
@@ -96,7 +96,7 @@ def test_derivatives_against_fifty_digits(count: int, summarise: Summarise) -> N
 def test_a_layer_and_points_against_finite_elements() -> None:
     for length in (0.01, 0.04):
         for points in (0, 1, 5):
-            for k_y in (1e7, 1e11):
+            for k_y in (1e7, 1e9, 1e11):
                 tables, rows = chain(length, (k_y, 1e-4 * k_y, 0.0, 0.0, 0.0), points)
                 factors = side_by_side.chain(TOOL, rows[0], HOLDER, cells=4)
                 expected = np.array([side_by_side.receptance(*factors, w) for w in LINES.real])

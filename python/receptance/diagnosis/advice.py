@@ -431,7 +431,7 @@ def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | 
         return None
     if judgement.answer == "undecided":
         return ProposedMeasurement(
-            action="measure further modes, or another overhang",
+            action=f"measure further modes, or {selection.base.model.separable[1]}",
             reason="the data have too few degrees of freedom to test the model",
         )
     if len(selection.base.model.configurations) == 1:

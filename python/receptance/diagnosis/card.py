@@ -95,7 +95,7 @@ def next_step(verdict: Verdict) -> str:
     if verdict.verdict == "adequate":
         return f"none is needed: `receptance predict {file}` uses this model"
     if verdict.verdict == "undecided":
-        return "measure more modes, another overhang, or an FRF"
+        return f"measure more modes, {verdict.selection.base.model.separable[1]}, or an FRF"
     return ""
 
 

@@ -69,7 +69,13 @@ class Parameter:
         object.__setattr__(self, "negligible", _checks.not_negative(owner, "negligible", self.negligible))
         if not self.lower <= min(self.typical, self.start) or not max(self.typical, self.start) <= self.upper:
             raise ValueError(f"{owner}: typical {self.typical:g} or null {self.null:g} lies outside the bounds")
-        if self.plausible == (-math.inf, math.inf):
+        try:
+            low, high = (float(value) for value in self.plausible)
+        except (TypeError, ValueError):
+            low, high = math.nan, math.nan
+        if not low <= high:
+            raise ValueError(f"{owner}: plausible is {self.plausible!r}, expected two numbers, the smaller one first")
+        if (low, high) == (-math.inf, math.inf):
             object.__setattr__(self, "plausible", (self.lower, self.upper))
 
     @property

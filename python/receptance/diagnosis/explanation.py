@@ -67,7 +67,9 @@ class Explanation:
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """Parameters of all its causes by the names of their unknowns."""
-        return parameters_of(self.fit.model.unknowns)
+        found = parameters_of(self.fit.model.unknowns)
+        # The model that is diagnosed may have the unknowns of an earlier diagnosis.
+        return {name: one for name, one in found.items() if one.cause in self.ids}
 
     def sizes(self, cause: Cause) -> dict[str, float]:
         """Return the values of the parameters of a cause by the names of their unknowns."""

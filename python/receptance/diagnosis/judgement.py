@@ -137,9 +137,8 @@ def _judge_base(selection: Selection) -> Judgement:
     adequacy = judge(selection.base)
     unfinished = () if selection.base.converged else ("the fit of the base model has not converged",)
     if adequacy.passed and selection.base.degrees_of_freedom < LEAST_FREEDOM:
-        note = (
-            f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, another overhang, or an FRF"
-        )
+        another = selection.base.model.separable[1]
+        note = f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, {another}, or an FRF"
         return Judgement("undecided", notes=(note,))
     if adequacy.passed:  # a fit that goes on only reduces the misfit
         return Judgement("adequate", notes=unfinished)

@@ -183,12 +183,13 @@ class Search:
         # parameters is reliable.
         least = own.threshold - MARGIN if judge(base).passed and beside is None else -math.inf
         leading = _first_of_each(ranked)[:LEADING_CAUSES]
-        fitted = []
-        for one in ranked:
-            if one.proportional and one not in leading and one.predicted_evidence(own.penalty) < least:
-                own.add(self._predict((), base, one))
-            else:
-                fitted.append(one)
+        fitted = [
+            one
+            for one in ranked
+            if not one.proportional or one in leading or one.predicted_evidence(own.penalty) >= least
+        ]
+        ids = {one.cause.id for one in fitted}
+        own.add(*(self._predict((), base, one) for one in ranked if one.cause.id not in ids))
         for explanation in self._fit((), base, fitted):
             own.add(explanation)
 

@@ -605,7 +605,8 @@ class Assembly(Renderable):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Assembly):
             return NotImplemented
-        contents, others = ((a.motion, a._elements, a._attachments) for a in (self, other))
+        # The order of the elements is the structure; that of the attachments has no meaning.
+        contents, others = ((a.motion, [*a._elements.items()], a._attachments) for a in (self, other))
         return contents == others
 
     __hash__ = None  # type: ignore[assignment]

@@ -87,7 +87,7 @@ pub fn sums<S: Simd>(z1: C<S>, z2: C<S>, terms: usize) -> [C<S>; 4] {
 /// The sums e_2 to e_5, and the derivatives of e_2 to e_7 by z1.
 pub type SumsWithDerivatives<S> = ([C<S>; 4], [C<S>; 6]);
 
-/// The sums and their derivatives by z1.
+/// The sums e_2 to e_5, and the derivatives of e_2 to e_7 by z1.
 ///
 /// Those by z2 are among them: with H(t) = 1 / (1 - z1 t + z2 t^2), which generates h_n, dH/dz1 = t H^2 and
 /// dH/dz2 = -t^2 H^2, so that de_k/dz2 = -de_(k+2)/dz1.
