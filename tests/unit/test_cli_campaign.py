@@ -122,6 +122,7 @@ HOSTILE = r"5 $ \\alpha \\frac{ $ \u001b]0;owned\u0007\u001b[2J\u009b1m\u202e"
 """As TOML says it: a formula that matplotlib cannot parse, and sequences that a terminal obeys."""
 
 
+@pytest.mark.slow
 def test_title_is_not_interpreted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A title is neither a formula in figures nor a command in terminals; the JSON file has it unchanged."""
     text = changed(("A blank in a holder", HOSTILE)).replace("measurements.short]", 'measurements."s$x^$\\u001b[2J"]')

@@ -292,6 +292,7 @@ def test_a_store_opens_in_xarray_without_warnings(tmp_path: Path) -> None:
     np.testing.assert_array_equal(plain["frequency_hz"].values, LINES)
 
 
+@pytest.mark.slow
 def test_a_disk_without_space_names_the_chunk(tmp_path: Path) -> None:
     script = """
         import resource, signal, sys

@@ -64,6 +64,7 @@ def test_a_real_machine_is_predicted_better_than_by_interpolation(tmp_path: Path
     assert np.hypot(*errors) < 0.7 * np.hypot(*machine.interpolated().values())
 
 
+@pytest.mark.slow
 def test_modes_are_added_to_those_with_a_peak(tmp_path: Path) -> None:
     loaded = simulated(103).write(tmp_path, 5)
     observed = [one.observation for one in loaded.to_identify.values()]
