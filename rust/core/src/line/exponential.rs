@@ -32,37 +32,43 @@ const SERVED: [f64; MOST_TERMS] = {
     let mut table = [0.0; MOST_TERMS];
     let mut n = 1;
     while n < MOST_TERMS {
-        // Bisection for (n + 1) x^n / (2 n + 2)! < 2e-17.
-        let (mut low, mut high) = (0.0, 2.0 * REACH * REACH);
-        let mut round = 0;
-        while round < 60 {
-            let middle = 0.5 * (low + high);
-            let mut size = 0.5 * (n + 1) as f64;
-            let mut k = 1;
-            while k <= n {
-                size *= middle / ((2 * k + 1) * (2 * k + 2)) as f64;
-                k += 1;
-            }
-            if size < 2e-17 {
-                low = middle;
-            } else {
-                high = middle;
-            }
-            round += 1;
-        }
-        table[n] = low;
+        table[n] = served((n + 1) as f64 * INVERSE_FACTORIAL[2 * n + 2], n, 2e-17, 2.0 * REACH * REACH);
         n += 1;
     }
     table
 };
 
+/// The largest x up to `most` with `coefficient` x^`power` below `limit`, by bisection.
+pub(super) const fn served(coefficient: f64, power: usize, limit: f64, most: f64) -> f64 {
+    let (mut low, mut high) = (0.0, most);
+    let mut round = 0;
+    while round < 60 {
+        let middle = 0.5 * (low + high);
+        let mut size = coefficient;
+        let mut k = 0;
+        while k < power {
+            size *= middle;
+            k += 1;
+        }
+        if size < limit {
+            low = middle;
+        } else {
+            high = middle;
+        }
+        round += 1;
+    }
+    low
+}
+
+/// The first number of terms, from `least` on, whose entry of a table is not below `square`; the length of the table if
+/// there is none.
+pub(super) fn first_serving(table: &[f64], least: usize, square: f64) -> usize {
+    (least..table.len()).find(|&n| table[n] >= square).unwrap_or(table.len())
+}
+
 /// Terms that leave out less than a rounding error where |lambda L|^2 <= `square`.
 pub fn terms(square: f64) -> usize {
-    let mut n = 1;
-    while n < MOST_TERMS && SERVED[n] < square {
-        n += 1;
-    }
-    n
+    first_serving(&SERVED, 1, square)
 }
 
 /// The sums e_2 to e_5 for `terms` terms.

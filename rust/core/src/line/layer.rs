@@ -15,7 +15,7 @@
 //! From the middle of a piece the products of states are integrated by the Gauss-Legendre rule. Its points are in pairs
 //! at which the even part of a state is the same and the odd part opposite, so one exponential is sufficient for both.
 
-use crate::line::exponential::INVERSE_FACTORIAL;
+use crate::line::exponential::{INVERSE_FACTORIAL, first_serving, served};
 use crate::line::four::{Rows, multiply};
 use crate::model::overlap::{Beside, REACH};
 use crate::simd::lane::{C, R};
@@ -190,26 +190,10 @@ const SERVED: [f64; MOST_TERMS] = {
     let mut table = [0.0; MOST_TERMS];
     let mut n = 4;
     while n < MOST_TERMS {
+        // The first term that is left out beside that of Y^3.
         let choices = (n * (n - 1) * (n - 2) / 6) as f64;
-        let (mut low, mut high) = (0.0, 2.0 * REACH * REACH);
-        let mut round = 0;
-        while round < 60 {
-            let middle = 0.5 * (low + high);
-            // The first term that is left out beside that of Y^3.
-            let mut size = choices * INVERSE_FACTORIAL[2 * n] / INVERSE_FACTORIAL[6];
-            let mut k = 3;
-            while k < n {
-                size *= middle;
-                k += 1;
-            }
-            if size < 1e-17 {
-                low = middle;
-            } else {
-                high = middle;
-            }
-            round += 1;
-        }
-        table[n] = low;
+        let coefficient = choices * INVERSE_FACTORIAL[2 * n] / INVERSE_FACTORIAL[6];
+        table[n] = served(coefficient, n - 3, 1e-17, 2.0 * REACH * REACH);
         n += 1;
     }
     table
@@ -217,11 +201,7 @@ const SERVED: [f64; MOST_TERMS] = {
 
 /// Terms in X l^2 at a growth exponent, at least four.
 fn terms(size: f64) -> usize {
-    let mut count = 4;
-    while count < MOST_TERMS && SERVED[count] < size * size {
-        count += 1;
-    }
-    count
+    first_serving(&SERVED, 4, size * size)
 }
 
 /// Coefficients of the powers of Y from the fourth on, by I, Y, Y^2, Y^3.
