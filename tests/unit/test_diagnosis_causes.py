@@ -399,15 +399,28 @@ def test_which_short_fits_are_continued(
     assert search.selection.evaluations == 8 * len(chosen) + 17 * len(continued)
 
 
-def test_an_adequate_model_needs_no_fits_of_causes_without_effect() -> None:
+def fit_of_right_model() -> Any:
     rng = np.random.default_rng(5)
     noise = 0.01 * (rng.normal(size=(2, LINES.size)) + 1j * rng.normal(size=(2, LINES.size)))
     observations = [
         replace(one, receptance=one.receptance * np.exp(own))
         for one, own in zip(MODEL.observations, noise, strict=True)
     ]
-    base = fit_base(replace(MODEL, observations=tuple(observations)))
-    selection = Selection(base, 6.0)
+    return fit_base(replace(MODEL, observations=tuple(observations)))
+
+
+def test_a_predicted_variant_does_not_stand_beside_fitted_ones_of_its_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen: list[Direction] = []
+    monkeypatch.setattr(Search, "_fit", lambda self, steps, root, some: iter(chosen.extend(some) or ()))
+    selection = Selection(fit_of_right_model(), 6.0)
+    Search(selection, list(CATALOGUE.values())).fit_singles()
+    assert chosen
+    assert selection.explanations
+    assert not {one.cause.id for one in chosen} & {id for one in selection.explanations for id in one.ids}
+
+
+def test_an_adequate_model_needs_no_fits_of_causes_without_effect() -> None:
+    selection = Selection(fit_of_right_model(), 6.0)
     Search(selection, list(CATALOGUE.values())).fit_singles()
     fitted = [one for one in selection.singles if one.fit.evaluations]
     predicted = [one for one in selection.singles if not one.fit.evaluations]
