@@ -503,7 +503,7 @@ class Search:
         ]
         self._report.plan(stage, len(near))
         fits = [partial(found[i][1].go_on, [one for group in starts[i][1:] for one in group]) for i in near]
-        for i, few in zip(near, self._each(stage, [titles[i] for i in near], fits), strict=True):
+        for i, few in zip(near, self._each(stage, [f"{titles[i]}, continued" for i in near], fits), strict=True):
             direction, before = found[i]
             self.selection.evaluations += few.evaluations - before.evaluations
             if few.ends:
