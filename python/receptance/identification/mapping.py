@@ -281,7 +281,10 @@ class Parameters:
     ) -> None:
         self.given = as_unknowns(given, least=0)
         self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
-        self.notes = self._check(sites)
+        keys = [_key(site, self._told_apart) for site in sites]
+        # Records of one configuration have the same parameters, unless an unknown depends on a label or a condition.
+        different = dict(zip(keys, sites, strict=True))
+        self.notes = self._check(list(different.values()))
         values: list[Unknown] = []
         errors: dict[str, Unknown] = {}
         for unknown in self.given:
@@ -305,11 +308,7 @@ class Parameters:
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
         self._index = {name: i for i, name in enumerate(names)}
         self._levels = {one.name: self._levels_of(one, sites) for one in self.given if isinstance(one, Law)}
-        named = {name for one in self.given for name in one.configurations or ()}
-        named |= {name for one in self.tolerances for name in (*(one.configurations or ()), *(one.labels or ()))}
-        # Records of one configuration have the same parameters, unless a label is named.
-        keys = [_key(site, named) for site in sites]
-        maps = {key: self.at(site) for key, site in dict(zip(keys, sites, strict=True)).items()}
+        maps = {key: self.at(site) for key, site in different.items()}
         self._maps = [(site, maps[key]) for key, site in zip(keys, sites, strict=True)]
 
     def plus(self, more: Sequence[Unknown]) -> Parameters:
@@ -365,6 +364,17 @@ class Parameters:
                     f"{known}"
                 )
         return {site.configuration: float(site.conditions[law.along]) for site in own}
+
+    @property
+    def _told_apart(self) -> frozenset[str]:
+        """Labels and conditions that unknowns and errors name."""
+        names = [name for one in self.given for name in one.configurations or ()]
+        names += [name for one in self.tolerances for name in (*(one.configurations or ()), *(one.labels or ()))]
+        names += [one.of for one in self.given if isinstance(one, Move)]
+        names += [
+            name for one in self.given if isinstance(one, Law) for name in (one.along, *(p.of for p in one.powers))
+        ]
+        return frozenset(names)
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -534,9 +544,10 @@ def _nothing(count: int) -> ParameterMap:
 
 
 def _key(site: Site, named: Collection[str]) -> tuple[Hashable, ...]:
-    """Return a key that sites with the same parameters share, where unknowns and errors name some labels."""
+    """Return a key that sites with the same parameters share, where unknowns name some labels and conditions."""
     label = site.label if site.label in named else ""
-    return id(site.assembly), site.configuration, label, tuple(site.conditions.items()), site.factors
+    conditions = tuple((name, value) for name, value in site.conditions.items() if name in named)
+    return id(site.assembly), site.configuration, label, conditions, site.factors
 
 
 def _has(address: str, sites: Sequence[Site]) -> bool:
