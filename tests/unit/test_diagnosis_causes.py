@@ -359,10 +359,11 @@ def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_mis
     ("misfits", "continued"),
     [
         # Nothing is adequate: every variant is continued.
-        ([2.0, 2.1, 2.2, 2.3, 7.0, 9.0, 9.0, 9.0], [0, 1, 2, 3, 4, 5, 6, 7]),
+        ([2.0, 2.1, 2.2, 2.3, 7.0, 9.0, 9.0, 9.0, 90.0, 9.0], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
         # Variant 4 is beyond the limit of 100 + 60 + 0.3 * 900 = 430, variant 5 is still worse than without a cause.
-        # Of variants 6 and 7 screening predicts 1000 * (1 - 2800 / 5000) = 440 and 420.
-        ([1.0, 2.0, 3.0, 4.2, 7.0, 11.0, 7.0, 7.0], [0, 1, 2, 3, 5, 7]),
+        # Of variants 6 and 7 screening predicts 1000 * (1 - 2800 / 5000) = 440 and 420. Variants 8 and 9 have no linear
+        # effect: short fits are reliable up to a misfit of 20.
+        ([1.0, 2.0, 3.0, 4.2, 7.0, 11.0, 7.0, 7.0, 20.1, 19.9], [0, 1, 2, 3, 5, 7, 9]),
     ],
 )
 def test_which_short_fits_are_continued(
@@ -371,24 +372,25 @@ def test_which_short_fits_are_continued(
     done: list[int] = []
     of_cause = list(CATALOGUE.values())
 
-    def start(number: int, starts: list[dict[str, float]]) -> Any:
+    def start(number: int, starts: list[dict[str, float]], *, far: bool) -> Any:
         def go_on(further: list[dict[str, float]]) -> Any:
             assert further == [{"large": 1.0}, {"larger": 2.0}]
             done.append(number)
             return SimpleNamespace(chi_square=50.0, misfit=0.5, evaluations=25, ends=[0])
 
         assert starts == [{"near": 0.0}]
+        assert far == (number >= 8)
         misfit = misfits[number]
         return SimpleNamespace(chi_square=100.0 * misfit, misfit=misfit, evaluations=8, ends=[0], go_on=go_on)
 
     monkeypatch.setattr("receptance.diagnosis.selection.explore", start)
     (variant, *_) = CATALOGUE["sensor_mass"].variants(MODEL)
-    template: Any = Direction(CATALOGUE["sensor_mass"], variant, {}, np.zeros((0, 0)), False, 0.0, {})
+    parameters = parameters_of(variant.model.unknowns)
+    template: Any = Direction(CATALOGUE["sensor_mass"], variant, parameters, np.zeros((0, 0)), False, 0.0, {})
+    scores = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2800.0, 2900.0, 0.0, 0.0)
     chosen: list[Any] = [
-        replace(template, cause=cause, variant=replace(template.variant, model=number), score=score)
-        for number, (cause, score) in enumerate(
-            zip(of_cause, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2800.0, 2900.0), strict=False)
-        )
+        replace(template, cause=cause, variant=replace(variant, model=number, far=number >= 8), score=score)
+        for number, (cause, score) in enumerate(zip(of_cause, scores, strict=False))
     ]
     base: Any = SimpleNamespace(chi_square=5000.0, chi_square_on_few_lines=1000.0)
     search = Search(Selection(base, 7.0), of_cause)

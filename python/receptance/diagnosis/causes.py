@@ -193,6 +193,9 @@ class Variant:
         The model with the cause, its parameters among the unknowns.
     local : bool
         Whether it acts only at the place in its name.
+    far : bool
+        Whether it differs from the model without it even where its parameters are null, so that the joint has to change
+        first.
     meaning, remedy : str
         Replace those of the cause for this variant.
     """
@@ -200,6 +203,7 @@ class Variant:
     name: str
     model: Model
     local: bool = False
+    far: bool = False
     meaning: str = ""
     remedy: str = ""
 

@@ -25,6 +25,7 @@ from receptance.diagnosis.thresholds import (
     DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
+    EVALUATIONS_FINISHING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
     MISFIT_LIMIT,
@@ -200,7 +201,7 @@ def fit_base(model: Model) -> Fit:
     return refit(model, best.values, evaluations=problem.evaluations)
 
 
-def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> Fit:
+def refit(model: Model, start: Mapping[str, float], *, most: int = EVALUATIONS, evaluations: int = 0) -> Fit:
     """Return a model fitted on all lines from one start.
 
     Parameters
@@ -209,11 +210,13 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
         The model.
     start : mapping of str to float
         Values of unknowns by name; the other unknowns begin at their own starts.
+    most : int
+        Most evaluations.
     evaluations : int
         Number of evaluations that led to the start.
     """
     problem = model.problem
-    end = problem.fit_one(_vector(model.task, start), EVALUATIONS, least=CONVERGED)
+    end = problem.fit_one(_vector(model.task, start), most, least=CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     regained = 2.0 * (end.first - end.cost)
@@ -289,32 +292,42 @@ class Exploration:
         return replace(self, ends=tuple(different), evaluations=self.problem.evaluations)
 
     def finish(self) -> Fit | None:
-        """Return the fit on all lines, the better one from the best end point and from another one nearly as good.
+        """Return the fit on all lines, from the best end point or from another one nearly as good.
 
         None is returned where the model has no value on all lines.
         """
-        near = [end for end in self.ends if 2.0 * end.cost < self.chi_square + SAME_END][:2]
+        near = [end.x for end in self.ends if 2.0 * end.cost < self.chi_square + SAME_END][:2]
+        if len(near) > 1:
+            near.sort(key=self.model.problem.cost)
         try:
-            fits = [refit(self.model, self.problem.named(end.x)) for end in near]
+            return refit(
+                self.model, self.problem.named(near[0]), most=EVALUATIONS_FINISHING, evaluations=self.evaluations
+            )
         except ReceptanceError:
             return None
-        evaluations = self.evaluations + sum(fit.evaluations for fit in fits)
-        return replace(min(fits, key=lambda fit: fit.chi_square), evaluations=evaluations)
 
     def evaluate(self) -> Fit:
         """Return the model on all lines at the best end point of few lines, without a further fit."""
         return evaluate(self.model, self.problem.named(self.ends[0].x), evaluations=self.evaluations)
 
 
-def explore(model: Model, starts: Sequence[Mapping[str, float]]) -> Exploration:
-    """Return the ends of short fits to few lines from starts, each as in `refit`."""
+def explore(model: Model, starts: Sequence[Mapping[str, float]], *, far: bool = False) -> Exploration:
+    """Return the ends of short fits to few lines from starts, each as in `refit`.
+
+    From `far` away the unknowns without a prior are fitted first: the errors of tolerances would leave their range.
+    """
     problem = _problem_on_few_lines(model)
-    ends = sorted(_short_fits(model, problem, starts), key=lambda end: end.cost)
+    ends = sorted(_short_fits(model, problem, starts, far=far), key=lambda end: end.cost)
     return Exploration(model, problem, tuple(ends), problem.evaluations)
 
 
-def _short_fits(model: Model, problem: Problem, starts: Sequence[Mapping[str, float]]) -> list[End]:
+def _short_fits(
+    model: Model, problem: Problem, starts: Sequence[Mapping[str, float]], *, far: bool = False
+) -> list[End]:
     vectors = np.array([_vector(model.task, values) for values in starts]).reshape(len(starts), -1)
+    if far:
+        free = np.array([unknown.prior is None for unknown in model.task.variables.unknowns])
+        vectors = np.array([end.x for end in problem.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
     ends = problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED)
     return [end for end in ends if np.isfinite(end.cost)]
 

@@ -287,7 +287,7 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         wholly = _spread_model(model, anatomy, points, whole=True)
         own, errors = (_lengthen_contact(moving, anatomy) for moving in (unknowns, tolerances))
         kept = replace(wholly, unknowns=_restrict(own, wholly), tolerances=_restrict(errors, wholly))
-        yield Variant(f"{name} over the whole insertion", kept.plus(*more))
+        yield Variant(f"{name} over the whole insertion", kept.plus(*more), far=True)
 
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:

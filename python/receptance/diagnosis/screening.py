@@ -67,6 +67,11 @@ class Direction:
         return sum(not (one.secondary and one.prior) for one in self.parameters.values())
 
     @property
+    def far(self) -> bool:
+        """Whether it has no linear effect: the model differs where its parameters are null, or it has none."""
+        return self.variant.far or not self.parameters
+
+    @property
     def proportional(self) -> bool:
         """Whether a small effect is proportional to the parameters: none of them is secondary."""
         return bool(self.parameters) and not any(one.secondary for one in self.parameters.values())
@@ -133,7 +138,7 @@ def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]], threads: int
     rest = fit.residual - basis @ (basis.T @ fit.residual)
     before = {unknown.name for unknown in fit.model.unknowns}
     parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
-    seen = [i for i, (cause, _) in enumerate(variants) if parameters[i] and not cause.changes_data]
+    seen = [i for i, (cause, one) in enumerate(variants) if parameters[i] and not (one.far or cause.changes_data)]
     found = slopes_of(fit, [variants[i][1].model for i in seen], threads)
     effects = dict(zip(seen, _after_a_refit(found, basis, rest), strict=True))
     return [
@@ -272,8 +277,9 @@ def detection_threshold(
     matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in visible])
     gram = matrix.T @ matrix
     rng = np.random.default_rng([seed, 20])
-    # One row for each derivative, so that those of a cause are contiguous.
-    noise = square_root(gram) @ rng.standard_normal((CHANCE_DRAWS, len(gram))).T
+    # One row for each derivative, so that those of a cause are contiguous. Seven digits are more than the number of
+    # draws resolves.
+    noise = square_root(gram).astype(np.float32) @ rng.standard_normal((len(gram), CHANCE_DRAWS), dtype=np.float32)
     left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
     begin = 0
@@ -281,7 +287,8 @@ def detection_threshold(
         own = slice(begin, begin + one.slopes.shape[1])
         begin = own.stop
         projected = noise[own]
-        gain = np.sum(np.linalg.pinv(gram[own, own], rcond=DEPENDENT**2) @ projected * projected, axis=0)
+        inverse = np.linalg.pinv(gram[own, own], rcond=DEPENDENT**2)
+        gain = np.sum(inverse.astype(np.float32) @ projected * projected, axis=0)
         if one.one_sided:
             gain[projected[0] <= 0.0] = 0.0
         if deviance is not None:

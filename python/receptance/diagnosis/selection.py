@@ -123,8 +123,8 @@ class Search:
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
     7. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
        the base may have led all other starts to a local minimum.
-    8. `finish_best`: the fit of the best explanation continues where it reached its limit of evaluations. Beside a fit
-       that has not converged no cause is named.
+    8. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
+       evaluations. Beside a fit that has not converged no cause is named.
     9. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
     10. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
@@ -357,11 +357,16 @@ class Search:
         return [(Step(one.describe(cause), one.name), one.model) for one in others[:ADDED_CAUSES]]
 
     def finish_best(self) -> None:
-        """Continue the fit of the best explanation, if it is adequate and reached its limit of evaluations."""
+        """Continue the fits of explanations that may be reported and reached their limit of evaluations."""
         own, best = self.selection, self.selection.best
-        if best is not None and best.passed and not best.fit.converged:
-            continued = own.explain(best.steps, refit(best.fit.model, best.fit.values))
-            own.explanations = best_of_each([continued, *own.explanations])
+        if best is None or not best.passed:
+            return
+        least = max(best.evidence, own.threshold) - MARGIN
+        open_ended = [one for one in own.explanations if one.evidence >= least and not one.fit.converged]
+        fits = [partial(refit, one.fit.model, one.fit.values) for one in open_ended]
+        for one, fit in zip(open_ended, in_parallel(fits, own.workers), strict=True):
+            own.evaluations += fit.evaluations
+            own.explanations = best_of_each([own.explain(one.steps, fit), *own.explanations])  # first of equals
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
@@ -481,10 +486,12 @@ class Search:
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
         unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
-        `root`, the fit without the cause, has begun far from there.
+        `root`, the fit without the cause, has not come far.
         """
         found: list[tuple[Direction, Exploration]] = []
-        fits = [partial(explore, one.variant.model, own[0]) for one, own in zip(chosen, starts, strict=True)]
+        fits = [
+            partial(explore, one.variant.model, own[0], far=one.far) for one, own in zip(chosen, starts, strict=True)
+        ]
         for direction, few in zip(chosen, self._each(stage, titles, fits), strict=True):
             self.selection.evaluations += few.evaluations
             found.append((direction, few))
@@ -494,13 +501,15 @@ class Search:
         if any(few.misfit <= MISFIT_LIMIT for _, few in found):
             limit = behind_limit(without, (few.chi_square for _, few in found))
         leading = {direction for direction, _ in _first_causes(_in_order(found), LEADING_CAUSES)}
-        near = [
-            i
-            for i, (one, few) in enumerate(found)
-            if one in leading
-            or not limit < few.chi_square <= without
-            or without * (1.0 - one.score / root.chi_square) <= limit
-        ]
+
+        def may_be_near(one: Direction, few: Exploration) -> bool:
+            if one in leading or few.chi_square <= limit:
+                return True
+            if one.far:
+                return few.misfit <= SCREENING_LIMIT
+            return few.chi_square > without or without * (1.0 - one.score / root.chi_square) <= limit
+
+        near = [i for i, (one, few) in enumerate(found) if may_be_near(one, few)]
         self._report.plan(stage, len(near))
         fits = [partial(found[i][1].go_on, [one for group in starts[i][1:] for one in group]) for i in near]
         for i, few in zip(near, self._each(stage, [f"{titles[i]}, continued" for i in near], fits), strict=True):

@@ -16,7 +16,7 @@ from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
-from receptance.diagnosis.thresholds import JOINT_FACTORS, LARGE_SIZE, WORSE_LEVEL
+from receptance.diagnosis.thresholds import JOINT_FACTOR, LARGE_SIZE, WORSE_LEVEL
 from receptance.identification.observations import Observation
 from receptance.identification.unknowns import Law
 
@@ -24,15 +24,15 @@ from receptance.identification.unknowns import Law
 def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
     """Return starting values for fits of a cause: null and the linear estimate, then large sizes of either sign.
 
-    Secondary parameters also start at their typical values, because the linear estimate of these is inaccurate. A cause
-    without parameters is fitted from several multiples of the joint stiffnesses.
+    Secondary parameters also start at their typical values, because the linear estimate of these is inaccurate. Where
+    the cause has no linear effect on the fit, the only start is null with a stiffer joint.
     """
     values, parameters = fit.values, direction.parameters
-    if not parameters:
-        joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
-        stiffnesses = [u.name for u in fit.task.parameters.unknowns if u.address in joints]
-        return [[{**values, **{name: times * values[name] for name in stiffnesses}}] for times in JOINT_FACTORS]
     null = {name: one.start for name, one in parameters.items()}
+    if direction.far:
+        joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
+        stiffer = {u.name: JOINT_FACTOR * values[u.name] for u in fit.task.parameters.unknowns if u.address in joints}
+        return [[{**values, **stiffer, **null}]]
     starts = [null]
     if direction.estimate:
         starts.append({**null, **direction.estimate})

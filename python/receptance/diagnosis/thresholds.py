@@ -35,6 +35,9 @@ DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
+EVALUATIONS_FINISHING = 40
+"""Most evaluations on all lines of the fit of a variant after that on few lines. Where it may be reported, its fit
+continues."""
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
 EVALUATIONS_EXPLORING = 30
@@ -47,8 +50,9 @@ CONTINUED_STARTS = 2
 """Number of starts, the best ones, whose fits on few lines continue."""
 LARGE_SIZE = 3.0
 """Large sizes from which fits start, as a multiple of the typical size."""
-JOINT_FACTORS = (2.0, 10.0)
-"""Factors of the joint stiffnesses from which fits of a cause without parameters start."""
+JOINT_FACTOR = 2.0
+"""Factor of the joint stiffnesses from which the fit of a cause without a linear effect starts: a joint along the
+insertion is stiffer than the joint at its mouth."""
 WORSE_LEVEL = 1.5
 """Ratio of the misfits of neighbouring levels from which a level is fitted from its own starting values as well."""
 
