@@ -207,6 +207,19 @@ def test_intervals() -> None:
     assert gain_of("else", folds((1.0, 0.5))) is None
 
 
+def test_modes_without_a_counterpart_do_not_count() -> None:
+    """The model before has one of two modes, so that its error is that of one mode."""
+    before, after = np.array([[1.0, 1.0], [0.0, 0.0]]), np.array([[0.25, 1.0], [9.0, 1.0]])
+    for pair, expected in (((before, after), (1.0, 0.5)), ((after, before), (0.5, 1.0))):
+        own = [_Fold(f"{i}", "named", (), *({FREQUENCIES: one} for one in pair)) for i in range(3)]
+        gain = gain_of(FREQUENCIES, own)
+        assert gain is not None
+        assert (gain.held_out_before, gain.held_out_after) == expected
+        assert gain.units == 3
+        assert [(one["before"], one["after"]) for one in gain.folds] == [expected] * 3
+        assert np.mean(gain.interval) == pytest.approx(expected[0] - expected[1])
+
+
 def test_intervals_of_units_in_folds() -> None:
     """Means of a user-defined metric: with and without a correlation of the units of one fold."""
 

@@ -479,9 +479,12 @@ def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric]
 
 
 def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
-    """Return a metric before and after, and the 95 % interval of the improvement; None where no fold has both."""
+    """Return a metric before and after, and the 95 % interval of the improvement; None where no fold has both.
+
+    Both are of the same units: a mode that one of the predictions does not have is left out.
+    """
     none = np.empty((0, 2))
-    pairs = [(one.before.get(metric, none), one.after.get(metric, none)) for one in folds]
+    pairs = [_in_both(one.before.get(metric, none), one.after.get(metric, none)) for one in folds]
     ends = [(_value(metric, before), _value(metric, after)) for before, after in pairs]
     used = [pair for pair, values in zip(pairs, ends, strict=True) if np.isfinite(values).all()]
     if not used:
@@ -512,6 +515,14 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
     )
 
 
+def _in_both(
+    before: NDArray[np.float64], after: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the units of a fold that have a value before and after."""
+    both = (before[:, 1] > 0.0) & (after[:, 1] > 0.0) if len(before) == len(after) else np.zeros(0, dtype=np.bool_)
+    return before[: both.size][both], after[: both.size][both]
+
+
 def _interval(
     metric: str, folds: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 ) -> tuple[tuple[float, float], int, float]:
@@ -532,9 +543,7 @@ def _interval(
     """
     from receptance.identification.covariance import confidence_multiplier
 
-    # A unit without a value, before or after, is no pair: a mode that the prediction does not have.
-    paired = np.concatenate([(before[:, 1] > 0.0) & (after[:, 1] > 0.0) for before, after in folds])
-    numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])[paired]
+    numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])
     count = numbers.size
     if all(np.array_equal(before, after) for before, after in folds):
         return (0.0, 0.0), count, 0.0
@@ -547,7 +556,7 @@ def _interval(
         return _pooled(metric, before) - _pooled(metric, after)
 
     # Without one unit its fold has less weight, so that the numbers differ between the folds as the folds do.
-    pseudo = count * difference() - (count - 1) * np.array([difference(int(unit)) for unit in np.flatnonzero(paired)])
+    pseudo = count * difference() - (count - 1) * np.array([difference(unit) for unit in range(count)])
     values = [pseudo[numbers == number] for number in np.unique(numbers)]
     variance, correlation, size = _correlated_variance(values)
     effect = 1.0 + (size - 1.0) * correlation

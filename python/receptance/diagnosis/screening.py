@@ -26,6 +26,7 @@ from receptance.diagnosis.thresholds import (
     DEPENDENT,
     INVISIBLE,
     OTHER_QUANTITY,
+    UNSEEN,
     VARIANTS_FITTED,
 )
 from receptance.identification.covariance import square_root
@@ -190,7 +191,10 @@ def _direction(
     empty = Direction(*of, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
     if effect is None:
         return empty
-    is_visible = effect.norms > INVISIBLE * max(float(effect.norms.max(initial=0.0)), 1e-300)
+    ranges = np.array([one.upper - one.lower for one in parameters.values()])
+    if not np.max(effect.norms * ranges, initial=0.0) > UNSEEN:
+        return empty
+    is_visible = effect.norms > INVISIBLE * effect.norms.max()
     slopes = effect.slopes if is_visible.all() else effect.slopes[:, is_visible]
     products = effect.products[is_visible]
     if not slopes.shape[1]:

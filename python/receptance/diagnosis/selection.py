@@ -407,7 +407,7 @@ class Search:
         starts = [starts_of(direction, base) for direction in chosen]
         for groups in starts:
             # The joint of the best explanation is closer to the solution than that of an inadequate base.
-            groups[-1] += [{**start, **best.fit.values} for start in groups[-1]]
+            groups[-1] += [{**start, **best.fit.values} for group in groups for start in group]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
         found = dict(self._explore("alternatives", titles, chosen, starts, base))
         explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
@@ -563,6 +563,9 @@ class Search:
                 if fit is None:
                     continue
                 own.evaluations += fit.evaluations - few.evaluations
+                if fit.chi_square > root.chi_square and not direction.far:
+                    # Without an effect of the cause it is at least as good as the fit without the cause.
+                    fit = with_null(direction.variant.model, root)
                 found = own.explain((*steps, direction.step), fit)
                 leading = found if leading is None or found.evidence > leading.evidence else leading
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"

@@ -19,7 +19,7 @@ SHARED_LOSS = 0.1
 """Largest share of its lines that a record may lose so that all records of its configuration use the same lines."""
 FEWEST_LINES = 16
 """Smallest number of lines of a receptance that is used."""
-EXPLORING_LINES = 120
+EXPLORING_LINES = 80
 """Lines of each receptance while starts of fits are compared."""
 
 # Fits.
@@ -88,6 +88,9 @@ COLUMNS_TOGETHER = 64
 """Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
 """Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
+UNSEEN = 1e-3
+"""Change of all residuals, in standard deviations, by a parameter over its whole range below which a variant has no
+linear effect: rounding errors of a derivative that is zero reach 1e-5."""
 DEPENDENT = 1e-5
 """Singular value of the derivatives of a variant, in units of their norms and relative to the largest one, below which
 they have the same effect: products of derivatives do not resolve smaller differences."""
