@@ -124,10 +124,10 @@ def test_cause_with_strained_tolerances_is_a_suspicion() -> None:
     ]
     verdict = diagnose(true, JOINT, tolerances=TOLERANCES, causes=["calibration_gain"], most=1)
     assert verdict.verdict == "named"
-    one = replace(verdict.explanation)
+    one = replace(verdict.explanation, fit=replace(verdict.explanation.fit))
     # Had it taken tolerances of 3.5 standard deviations to get there, which the gate lets pass.
     strain = replace(verdict.adequacy_after.strain, worst=(("carbide", 3.5),), chance=5e-3)
-    one.__dict__["adequacy"] = replace(verdict.adequacy_after, strain=strain)
+    one.fit.__dict__["adequacy"] = replace(verdict.adequacy_after, strain=strain)
     judgement = conclude(replace(verdict.selection, explanations=[one]))
     assert judgement.answer == "suspected"
     assert any("carbide at +3.5" in note for note in judgement.notes)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance._chances import chi_square_chance, chi_square_quantile, normal_chance, normal_quantile
-from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
     CHANCE,
@@ -21,6 +21,9 @@ from receptance.diagnosis.wording import times
 from receptance.identification.from_frf import Floor
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import prior_table
+
+if TYPE_CHECKING:
+    from receptance.diagnosis.fitting import Fit
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ def misfit_limit(fit: Fit) -> float:
 
 
 def judge(fit: Fit) -> Adequacy:
-    """Return the adequacy of a fit."""
+    """Return the adequacy of a fit, `Fit.adequacy`."""
     smooth = expected = 0.0
     worst = []
     for one, residual in zip(fit.model.observations, fit.parts, strict=True):

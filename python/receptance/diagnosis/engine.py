@@ -11,7 +11,6 @@ import numpy as np
 
 from receptance import _checks
 from receptance._threads import one_blas_thread
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
@@ -276,7 +275,7 @@ def _verdict(
     singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
         verdict=judgement.answer,
-        adequacy=judge(selection.base),
+        adequacy=selection.base.adequacy,
         base_fit=selection.base,
         causes=tuple(reported.values()),
         candidates=tuple(_candidate(selection, one, one.steps[0]) for one in singles),

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from receptance.diagnosis.adequacy import Adequacy, judge, misfit_limit
+from receptance.diagnosis.adequacy import Adequacy, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.fitting import Fit
@@ -51,10 +51,10 @@ class Explanation:
         """Names of the causes, in the order of the steps."""
         return " + ".join(cause.title for cause, _ in self.steps)
 
-    @cached_property
+    @property
     def adequacy(self) -> Adequacy:
         """Adequacy of the fit."""
-        return judge(self.fit)
+        return self.fit.adequacy
 
     @cached_property
     def passed(self) -> bool:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from receptance import _core
+from receptance.diagnosis.adequacy import Adequacy, judge
 from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
@@ -25,7 +26,6 @@ from receptance.diagnosis.thresholds import (
     DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
-    EVALUATIONS_FINISHING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
     MISFIT_LIMIT,
@@ -110,6 +110,11 @@ class Fit:
         for name, part in zip(self.model.configuration_of, self.parts, strict=True):
             sums[name] += float(part @ part)
         return sums
+
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Agreement with the data."""
+        return judge(self)
 
     @cached_property
     def curvature_root(self) -> NDArray[np.float64]:
@@ -235,7 +240,9 @@ def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0)
 
 def with_null(model: Model, fit: Fit) -> Fit:
     """Return the fit for a model with a further cause of size zero, without an evaluation."""
-    return Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
+    found = Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
+    found.__dict__["adequacy"] = fit.adequacy  # the residuals are the same
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +308,7 @@ class Exploration:
             near.sort(key=self.model.problem.cost)
         try:
             return refit(
-                self.model, self.problem.named(near[0]), most=EVALUATIONS_FINISHING, evaluations=self.evaluations
+                self.model, self.problem.named(near[0]), most=EVALUATIONS_EXPLORING, evaluations=self.evaluations
             )
         except ReceptanceError:
             return None

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import TABLE
@@ -134,7 +133,7 @@ def _conclude(selection: Selection) -> Judgement:
 
 def _judge_base(selection: Selection) -> Judgement:
     """Return the answer where no cause has evidence."""
-    adequacy = judge(selection.base)
+    adequacy = selection.base.adequacy
     unfinished = () if selection.base.converged else ("the fit of the base model has not converged",)
     if adequacy.passed and selection.base.degrees_of_freedom < LEAST_FREEDOM:
         another = selection.base.model.separable[1]
@@ -219,7 +218,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             f"{name} are suspected only: {sizes} is large for a cause beside another one, and an effect that is not in "
             "the catalogue may act in place of both"
         )
-    before = judge(base)
+    before = base.adequacy
     if len(one.steps) > 1 and before.misfit <= before.limit:
         yield (
             f"{name} are suspected only: the misfit without them is within its limit, and an effect that is not in the "

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.causes import Cause, Parameter, Step, Variant, parameters_of
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import UndecidableError
@@ -111,7 +110,7 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, 
     """Return the variants of causes that apply to a fitted model, and the reasons why other causes are undecidable."""
     found: list[tuple[Cause, Variant]] = []
     undecidable: dict[str, str] = {}
-    inadequate = not judge(fit).passed
+    inadequate = not fit.adequacy.passed
     for cause in causes:
         try:
             variants = cause.variants(fit.model)

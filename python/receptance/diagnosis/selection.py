@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import TypeVar
 
 from receptance import _checks
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, extend
 from receptance.diagnosis.discrepancy import Discrepancy
@@ -181,7 +180,7 @@ class Search:
         ranked = rank(own.directions, own.penalty)
         # Effects on an adequate model are small, so that the linear prediction of an effect in proportion to the
         # parameters is reliable.
-        least = own.threshold - MARGIN if judge(base).passed and beside is None else -math.inf
+        least = own.threshold - MARGIN if base.adequacy.passed and beside is None else -math.inf
         leading = _first_of_each(ranked)[:LEADING_CAUSES]
         fitted = [
             one

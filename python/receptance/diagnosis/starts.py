@@ -12,7 +12,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
@@ -129,7 +128,7 @@ def fit_again(before: Fit) -> Fit | None:
     for kind in kinds:
         # The fit of one level may end in a local minimum where that of another one does not.
         tried = dict.fromkeys((len(kind) // 2, 0, len(kind) - 1))
-        adequate = ((i, fit) for i in tried if judge(fit := fit_base(kind[i].model)).passed)
+        adequate = ((i, fit) for i in tried if (fit := fit_base(kind[i].model)).adequacy.passed)
         found = next(adequate, None)
         if found is None:
             return None

@@ -35,13 +35,11 @@ DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
-EVALUATIONS_FINISHING = 40
-"""Most evaluations on all lines of the fit of a variant after that on few lines. Where it may be reported, its fit
-continues."""
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
 EVALUATIONS_EXPLORING = 30
-"""Most evaluations of a fit on few lines."""
+"""Most evaluations of the fit of a variant on few lines, and of its fit on all lines, which continues where it may be
+reported."""
 TOLERANCE_OF_BASE = 1e-10
 """Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
