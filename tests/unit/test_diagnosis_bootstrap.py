@@ -9,8 +9,9 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model
+from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.screening import detection_threshold, directions
+from receptance.diagnosis.screening import Direction, detection_threshold, directions
 from receptance.identification import Tolerance
 from receptance.identification.observations import altered
 
@@ -46,6 +47,22 @@ def base(rng: np.random.Generator | None) -> Model:
     unknowns = tuple(Unknown(address=a, lower=v / 1e3, upper=v * 1e3, start=v) for a, v in joint.items())
     error = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)
     return Model(tuple(observed), unknowns, (error,))
+
+
+def test_nearly_dependent_effects_of_a_cause_have_the_threshold_of_distinct_ones() -> None:
+    fit = refit(base(None), {})
+    (variant, *_) = CATALOGUE["joint_cross_term"].variants(fit.model)
+    rng = np.random.default_rng(4)
+    first, second = rng.normal(size=(2, 300, 1))
+    thresholds = []
+    for difference in (0.1, 1e-4):
+        slopes = np.hstack([first, first + difference * second])
+        parameters = parameters_of(variant.model.unknowns)
+        one = Direction(CATALOGUE["joint_cross_term"], variant, parameters, slopes, False, 0.0, {})
+        thresholds.append(detection_threshold([one], PENALTY))
+    # Two effects always leave chi-square of two degrees of freedom.
+    assert thresholds[0] + PENALTY == pytest.approx(2.0 * math.log(1000.0), abs=1.2)
+    assert thresholds[1] == pytest.approx(thresholds[0], abs=0.02)
 
 
 @pytest.mark.slow

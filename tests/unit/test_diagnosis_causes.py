@@ -15,9 +15,9 @@ from receptance import CARBIDE, STEEL, Assembly, ColletJoint, MeasuredFRF, Part,
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
-from receptance.diagnosis.fitting import explore, fit_base, in_parallel
+from receptance.diagnosis.fitting import Fit, evaluate, explore, fit_base, in_parallel
 from receptance.diagnosis.model import IndescribableError
-from receptance.diagnosis.screening import Direction
+from receptance.diagnosis.screening import Direction, directions, rank
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START
 from receptance.identification import Law, Move, Tolerance
@@ -399,6 +399,76 @@ def test_which_short_fits_are_continued(
     assert [chosen.index(one) for one, _ in found] == [*range(len(chosen)), *continued]
     assert done == continued
     assert search.selection.evaluations == 8 * len(chosen) + 17 * len(continued)
+
+
+def test_far_variants_are_fitted_in_any_case() -> None:
+    """Their derivatives at the fit without the cause do not exist."""
+    fit = fit_of_right_model()
+    spread = CATALOGUE["joint_spread"]
+    found = directions(fit, [(spread, one) for one in spread.variants(fit.model)])
+    far = [one for one in found if one.far]
+    assert len(far) == 6
+    assert not any(one.slopes.size for one in far)
+    assert {one.typical_gain for one in far} == {None}
+    chosen = rank(found, 6.0)
+    assert set(far) < set(chosen)
+    assert len(chosen) == len(far) + 3
+
+
+def test_a_far_variant_is_fitted_before_the_errors_of_tolerances() -> None:
+    tolerances = tuple(
+        Tolerance(name=f"{part} {field}", moves={f"{part}.segment[0].{field}": 0.02}, relative=True)
+        for part in ("tool", "holder")
+        for field in ("youngs_modulus", "density", "outer_diameter")
+    )
+    fit = fit_base(replace(MODEL, tolerances=tolerances))
+    (whole, *_) = [one for one in CATALOGUE["joint_spread"].variants(fit.model) if one.far and "layer" in one.name]
+    start = {
+        **fit.values,
+        "joint.k_y": 2.0 * fit.values["joint.k_y"],
+        "joint.k_theta": 2.0 * fit.values["joint.k_theta"],
+    }
+    far, at_once = (explore(whole.model, [start], far=one) for one in (True, False))
+    end = far.go_on([])
+    assert far.chi_square < 1.2 * end.chi_square
+    assert at_once.chi_square > far.chi_square
+
+
+def test_fits_of_explanations_state_their_own_residuals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also fits of models that differ from the one without the cause where its size is null."""
+
+    def evaluated(search: Search, steps: Any, root: Fit, direction: Direction) -> Explanation:
+        return search.selection.explain((*steps, direction.step), evaluate(direction.variant.model, root.values))
+
+    monkeypatch.setattr(Search, "_predict", evaluated)
+    selection = Selection(fit_of_right_model(), 6.0)
+    names = ("joint_spread", "hammer_offset", "flexible_body", "collet_mass", "missing_mode")
+    Search(selection, [CATALOGUE[name] for name in names if name in CATALOGUE], most=1).run()
+    assert len(selection.explanations) > 3
+    for one in selection.explanations:
+        residual = one.fit.problem.residual(one.fit.x)
+        assert residual @ residual == pytest.approx(one.fit.chi_square, rel=1e-9)
+
+
+def test_unfinished_fits_continue_where_they_may_be_reported() -> None:
+    fit = fit_of_right_model()
+    steps = [
+        (Step(CATALOGUE[name], CATALOGUE[name].variants(MODEL)[0].name),) for name in ("sensor_mass", "time_delay")
+    ]
+    selection = Selection(fit, 6.0)
+    for own, chi_square in zip(steps, (100.0, 105.0), strict=True):
+        model = own[0].extend(fit.model)
+        early = replace(fit_base(model), chi_square=chi_square, converged=False, evaluations=30, regained=2.0)
+        selection.add(Explanation(own, early, 0.0, 50.0 - 0.1 * chi_square))
+    far = Explanation((Step(CATALOGUE["tool_density"], "all"),), replace(fit, converged=False), 0.0, 20.0)
+    selection.add(far)
+    Search(selection, []).finish_best()
+    assert [one.fit.converged for one in selection.explanations if one.steps != far.steps] == [True, True]
+    assert all(
+        one.fit.evaluations > 30 and one.fit.regained >= 2.0 for one in selection.explanations if one.fit.converged
+    )
+    assert selection.evaluations == sum(one.fit.evaluations - 30 for one in selection.explanations if one.fit.converged)
+    assert far in selection.explanations
 
 
 def fit_of_right_model() -> Any:

@@ -41,6 +41,31 @@ def measure(
     )
 
 
+@pytest.mark.parametrize(
+    ("unknown", "tolerance", "different"),
+    [
+        ({}, {}, 2),
+        ({"powers": Power(of="torque", reference=20.0)}, {}, 4),
+        ({"powers": Power(of="tool.segment[0].length", reference=0.06)}, {}, 2),
+        ({"free": True, "along": "torque"}, {}, 4),
+        ({}, {"labels": "first"}, 4),
+        ({}, {"configurations": "second"}, 4),
+        ({}, {"configurations": "a"}, 2),
+    ],
+)
+def test_records_of_a_configuration_share_a_map_unless_an_unknown_tells_them_apart(unknown, tolerance, different):
+    request = Law(address="joint.k_y", lower=1e6, upper=1e10, **unknown)
+    error = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4}, **tolerance)
+    assemblies = {"a": make_assembly(), "b": make_assembly(0.08)}
+    places = [
+        Site(assemblies[name], name, label, {"torque": torque})
+        for name in "ab"
+        for label, torque in (("first", 20.0), ("second", 40.0))
+    ]
+    maps = Parameters([request], [error], places).of(places)
+    assert len(set(maps)) == different
+
+
 def test_the_map_and_its_derivatives():
     nominal = make_assembly()
     requested = [

@@ -239,9 +239,9 @@ def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0)
 
 
 def with_null(model: Model, fit: Fit) -> Fit:
-    """Return the fit for a model with a further cause of size zero, without an evaluation."""
+    """Return the fit of a model with a further cause before its prediction: as that without it, not evaluated."""
     found = Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
-    found.__dict__["adequacy"] = fit.adequacy  # the residuals are the same
+    found.__dict__["adequacy"] = fit.adequacy
     return found
 
 
@@ -299,7 +299,7 @@ class Exploration:
         return replace(self, ends=tuple(different), evaluations=self.problem.evaluations)
 
     def finish(self) -> Fit | None:
-        """Return the fit on all lines, from the best end point or from another one nearly as good.
+        """Return the fit on all lines, from the better one there of the best end point and another nearly as good.
 
         None is returned where the model has no value on all lines.
         """
@@ -321,7 +321,7 @@ class Exploration:
 def explore(model: Model, starts: Sequence[Mapping[str, float]], *, far: bool = False) -> Exploration:
     """Return the ends of short fits to few lines from starts, each as in `refit`.
 
-    From `far` away the unknowns without a prior are fitted first: the errors of tolerances would leave their range.
+    From `far` away the errors of tolerances are fitted last, because they would go to their bounds.
     """
     problem = _problem_on_few_lines(model)
     ends = sorted(_short_fits(model, problem, starts, far=far), key=lambda end: end.cost)
@@ -333,7 +333,7 @@ def _short_fits(
 ) -> list[End]:
     vectors = np.array([_vector(model.task, values) for values in starts]).reshape(len(starts), -1)
     if far:
-        free = np.array([unknown.prior is None for unknown in model.task.variables.unknowns])
+        free = np.arange(vectors.shape[1]) < model.task.parameters.count
         vectors = np.array([end.x for end in problem.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
     ends = problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED)
     return [end for end in ends if np.isfinite(end.cost)]

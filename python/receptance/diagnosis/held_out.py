@@ -79,7 +79,8 @@ class Improvement:
     gains : tuple of Gain
         By metric, that of the quantity that was measured most first.
     singles : dict of str to float
-        First metric with one cause alone, by id, whatever the verdict.
+        First metric with one cause alone, by id, whatever the verdict; of natural frequencies that the model without
+        and that with this cause have.
     modes, modes_after : tuple of ModeResidual
         Held-out modes, predicted less measured, before and after.
     bias : Bias or None
@@ -519,8 +520,10 @@ def _in_both(
     before: NDArray[np.float64], after: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the units of a fold that have a value before and after."""
-    both = (before[:, 1] > 0.0) & (after[:, 1] > 0.0) if len(before) == len(after) else np.zeros(0, dtype=np.bool_)
-    return before[: both.size][both], after[: both.size][both]
+    if not len(before) or not len(after):
+        return before[:0], after[:0]
+    both = (before[:, 1] > 0.0) & (after[:, 1] > 0.0)
+    return before[both], after[both]
 
 
 def _interval(

@@ -25,7 +25,6 @@ from receptance.diagnosis.thresholds import (
     DEPENDENT,
     INVISIBLE,
     OTHER_QUANTITY,
-    UNSEEN,
     VARIANTS_FITTED,
 )
 from receptance.identification.covariance import square_root
@@ -68,7 +67,10 @@ class Direction:
 
     @property
     def far(self) -> bool:
-        """Whether it has no linear effect: the model differs where its parameters are null, or it has none."""
+        """Whether the model differs from the fit without it even where its parameters are null, or it has none.
+
+        Such a variant is not screened, and has no look-alikes.
+        """
         return self.variant.far or not self.parameters
 
     @property
@@ -190,10 +192,7 @@ def _direction(
     empty = Direction(*of, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
     if effect is None:
         return empty
-    ranges = np.array([one.upper - one.lower for one in parameters.values()])
-    if not np.max(effect.norms * ranges, initial=0.0) > UNSEEN:
-        return empty
-    is_visible = effect.norms > INVISIBLE * effect.norms.max()
+    is_visible = effect.norms > INVISIBLE * max(float(effect.norms.max(initial=0.0)), 1e-300)
     slopes = effect.slopes if is_visible.all() else effect.slopes[:, is_visible]
     products = effect.products[is_visible]
     if not slopes.shape[1]:
@@ -274,26 +273,18 @@ def detection_threshold(
     seed : int
         Seed of the draws.
     """
-    visible = [one for one in found if one.slopes.shape[1]]
+    visible = in_common_basis([one for one in found if one.slopes.shape[1]])
     if not visible:
         return 0.0
-    matrix = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in visible])
-    gram = matrix.T @ matrix
     rng = np.random.default_rng([seed, 20])
-    # One row for each derivative, so that those of a cause are contiguous. Seven digits are more than the number of
-    # draws resolves.
-    noise = square_root(gram).astype(np.float32) @ rng.standard_normal((len(gram), CHANCE_DRAWS), dtype=np.float32)
+    # Seven digits are more than the number of draws resolves.
+    noise = rng.standard_normal((len(visible[0].slopes), CHANCE_DRAWS), dtype=np.float32)
     left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
-    begin = 0
     for one in visible:
-        own = slice(begin, begin + one.slopes.shape[1])
-        begin = own.stop
-        projected = noise[own]
-        inverse = np.linalg.pinv(gram[own, own], rcond=DEPENDENT**2)
-        gain = np.sum(inverse.astype(np.float32) @ projected * projected, axis=0)
+        gain = np.sum(np.square(one.basis.T.astype(np.float32) @ noise), axis=0)
         if one.one_sided:
-            gain[projected[0] <= 0.0] = 0.0
+            gain[one.slopes[:, 0].astype(np.float32) @ noise <= 0.0] = 0.0
         if deviance is not None:
             gain = deviance(left + gain) - deviance(left)
         best = np.maximum(best, gain - penalty * one.count)
@@ -314,8 +305,8 @@ def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
     counts = dict.fromkeys((one.cause.id for one in found), 0)
     chosen = []
     for one in ranked:
-        # A variant without parameters has no linear prediction and is fitted in any case.
-        counts[one.cause.id] += bool(one.parameters)
-        if not one.parameters or counts[one.cause.id] <= VARIANTS_FITTED:
+        # A far variant has no linear prediction and is fitted in any case.
+        counts[one.cause.id] += not one.far
+        if one.far or counts[one.cause.id] <= VARIANTS_FITTED:
             chosen.append(one)
     return chosen

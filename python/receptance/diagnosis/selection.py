@@ -120,10 +120,10 @@ class Search:
     5. `add_causes`: to the best explanations further causes are added, one at a time.
     6. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
-    7. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
-       the base may have led all other starts to a local minimum.
-    8. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
+    7. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
        evaluations. Beside a fit that has not converged no cause is named.
+    8. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
+       the base may have led all other starts to a local minimum. Then follows `finish_best` once more.
     9. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
     10. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
@@ -154,6 +154,7 @@ class Search:
             self.fit_look_alikes()
             self.add_causes()
             self.exchange_causes()
+            self.finish_best()
             self.restart()
             self._report.plan("together", 0)
             self.finish_best()
@@ -313,6 +314,7 @@ class Search:
             if root is None:
                 continue
             own.evaluations += root.evaluations
+            own.add(own.explain(kept, root))
             ranked = rank(self._effects_of_others(root, frozenset(cause.id for cause, _ in kept)), own.penalty)
             others = _first_of_each([one for one in ranked if one.cause.id != removed.cause.id])
             same = [one for one in ranked if one.cause.id == removed.cause.id]
@@ -357,15 +359,24 @@ class Search:
 
     def finish_best(self) -> None:
         """Continue the fits of explanations that may be reported and reached their limit of evaluations."""
-        own, best = self.selection, self.selection.best
-        if best is None or not best.passed:
-            return
-        least = max(best.evidence, own.threshold) - MARGIN
-        open_ended = [one for one in own.explanations if one.evidence >= least and not one.fit.converged]
-        fits = [partial(refit, one.fit.model, one.fit.values) for one in open_ended]
-        for one, fit in zip(open_ended, in_parallel(fits, own.workers), strict=True):
+        own = self.selection
+        first = next((one for one in own.explanations if one.passed), None)
+        near = [] if first is None else [one for one in own.explanations if one.evidence >= first.evidence - MARGIN]
+        for before, one in self._continued([one for one in near or own.explanations[:1] if one.evidence > 0.0]):
+            # Of equal explanations the first one is kept.
+            own.explanations = best_of_each([one, *(other for other in own.explanations if other is not before)])
+
+    def _continued(self, found: Sequence[Explanation]) -> Iterator[tuple[Explanation, Explanation]]:
+        """Yield explanations whose fits reached their limit of evaluations, and the same ones with continued fits."""
+        own = self.selection
+        unfinished = [one for one in found if not one.fit.converged]
+        fits = [partial(refit, one.fit.model, one.fit.values) for one in unfinished]
+        for one, fit in zip(unfinished, in_parallel(fits, own.workers), strict=True):
             own.evaluations += fit.evaluations
-            own.explanations = best_of_each([own.explain(one.steps, fit), *own.explanations])  # first of equals
+            total = replace(
+                fit, evaluations=one.fit.evaluations + fit.evaluations, regained=one.fit.regained + fit.regained
+            )
+            yield one, own.explain(one.steps, total)
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
@@ -418,6 +429,10 @@ class Search:
             if fit is not None:
                 own.evaluations += fit.evaluations - few.evaluations
                 own.alternatives.append(own.explain((direction.step,), fit))
+        # A better end of an alternative may withhold a cause.
+        near = [one for one in own.alternatives if one.evidence > best.evidence - MARGIN]
+        for before, one in self._continued(near):
+            own.alternatives[own.alternatives.index(before)] = one
         own.alternatives.sort(key=lambda one: -one.evidence)
 
     def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
@@ -454,7 +469,8 @@ class Search:
         if is_other_quantity:
             # Without that change of the data no fit comes close to them.
             for one in others:
-                yield self._predict(steps, root, one)
+                if not one.far:
+                    yield self._predict(steps, root, one)
             return
         explored: dict[Direction, Exploration] = {}
         try:
@@ -485,7 +501,7 @@ class Search:
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
         unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
-        `root`, the fit without the cause, has not come far.
+        `root`, the fit without the cause, has not come far, but that of a far variant has up to `SCREENING_LIMIT`.
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [
@@ -547,7 +563,7 @@ class Search:
             # A variant far behind another one of its cause is not needed.
             is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
             gains_nothing = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < MARGIN
-            if gains_nothing and not is_leading:
+            if gains_nothing and not (is_leading or direction.far):
                 yield self._predict(steps, root, direction)
                 continue
             finished.append((direction, few))
@@ -562,9 +578,10 @@ class Search:
                 if fit is None:
                     continue
                 own.evaluations += fit.evaluations - few.evaluations
-                if fit.chi_square > root.chi_square and not direction.far:
-                    # Without an effect of the cause it is at least as good as the fit without the cause.
-                    fit = with_null(direction.variant.model, root)
+                if fit.chi_square > root.chi_square:
+                    # Where the cause has no effect it is as good as the fit without the cause.
+                    null = evaluate(direction.variant.model, root.values, evaluations=fit.evaluations)
+                    fit = min(fit, null, key=lambda one: one.chi_square)
                 found = own.explain((*steps, direction.step), fit)
                 leading = found if leading is None or found.evidence > leading.evidence else leading
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"

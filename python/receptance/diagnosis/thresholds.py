@@ -30,7 +30,7 @@ first one if it is better by more."""
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 SAME_END = 4.0
-"""Difference of chi-square on few lines below which two end points are both fitted on all lines."""
+"""Difference of chi-square on few lines below which the better one of two end points on all lines is fitted on."""
 DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
@@ -86,9 +86,6 @@ COLUMNS_TOGETHER = 64
 """Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8
 """Norm of a derivative, relative to the largest one of the variant, below which the data do not show a parameter."""
-UNSEEN = 1e-3
-"""Change of all residuals, in standard deviations, by a parameter over its whole range below which a variant has no
-linear effect: rounding errors of a derivative that is zero reach 1e-5."""
 DEPENDENT = 1e-5
 """Singular value of the derivatives of a variant, in units of their norms and relative to the largest one, below which
 they have the same effect: products of derivatives do not resolve smaller differences."""

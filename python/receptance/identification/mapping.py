@@ -281,7 +281,8 @@ class Parameters:
     ) -> None:
         self.given = as_unknowns(given, least=0)
         self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
-        keys = [_key(site, self._told_apart) for site in sites]
+        told_apart = self._told_apart
+        keys = [_key(site, told_apart) for site in sites]
         # Records of one configuration have the same parameters, unless an unknown depends on a label or a condition.
         different = dict(zip(keys, sites, strict=True))
         self.notes = self._check(list(different.values()))
