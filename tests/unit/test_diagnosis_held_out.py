@@ -220,6 +220,13 @@ def test_modes_without_a_counterpart_do_not_count() -> None:
         assert np.mean(gain.interval) == pytest.approx(expected[0] - expected[1])
 
 
+def test_a_change_of_the_data_may_change_the_number_of_modes() -> None:
+    before, after = np.array([[4.0, 1.0], [2.0, 1.0]]), np.array([[1.0, 1.0]])
+    gain = gain_of(FREQUENCIES, [_Fold(f"{i}", "named", (), {FREQUENCIES: before}, {FREQUENCIES: after}) for i in "ab"])
+    assert gain is not None
+    assert (gain.held_out_before, gain.held_out_after, gain.units) == (pytest.approx(math.sqrt(3.0)), 1.0, 2)
+
+
 def test_intervals_of_units_in_folds() -> None:
     """Means of a user-defined metric: with and without a correlation of the units of one fold."""
 

@@ -239,7 +239,7 @@ def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0)
 
 
 def with_null(model: Model, fit: Fit) -> Fit:
-    """Return the fit of a model with a further cause before its prediction: as that without it, not evaluated."""
+    """Return a model with a further cause, not evaluated: with the values and chi-square of the fit without it."""
     found = Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
     found.__dict__["adequacy"] = fit.adequacy
     return found

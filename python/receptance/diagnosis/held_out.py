@@ -519,9 +519,14 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
 def _in_both(
     before: NDArray[np.float64], after: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the units of a fold that have a value before and after."""
+    """Return the units of a fold that have a value before and after.
+
+    A change of the data may change the number of their peaks: the fold is then one unit.
+    """
     if not len(before) or not len(after):
         return before[:0], after[:0]
+    if len(before) != len(after):
+        before, after = (units.sum(axis=0, keepdims=True) for units in (before, after))
     both = (before[:, 1] > 0.0) & (after[:, 1] > 0.0)
     return before[both], after[both]
 

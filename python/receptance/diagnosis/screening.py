@@ -279,12 +279,15 @@ def detection_threshold(
     rng = np.random.default_rng([seed, 20])
     # Seven digits are more than the number of draws resolves.
     noise = rng.standard_normal((len(visible[0].slopes), CHANCE_DRAWS), dtype=np.float32)
+    bases = np.hstack([one.basis for one in visible]).astype(np.float32)
+    products = np.split(bases.T @ noise, np.cumsum([one.basis.shape[1] for one in visible])[:-1])
     left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
-    for one in visible:
-        gain = np.sum(np.square(one.basis.T.astype(np.float32) @ noise), axis=0)
+    for one, projected in zip(visible, products, strict=True):
+        gain = np.sum(np.square(projected), axis=0)
         if one.one_sided:
-            gain[one.slopes[:, 0].astype(np.float32) @ noise <= 0.0] = 0.0
+            # The sign of a basis is arbitrary.
+            gain[projected[0] * np.sign(one.basis[:, 0] @ one.slopes[:, 0]) <= 0.0] = 0.0
         if deviance is not None:
             gain = deviance(left + gain) - deviance(left)
         best = np.maximum(best, gain - penalty * one.count)
@@ -305,7 +308,7 @@ def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
     counts = dict.fromkeys((one.cause.id for one in found), 0)
     chosen = []
     for one in ranked:
-        # A far variant has no linear prediction and is fitted in any case.
+        # A far variant has no linear prediction and is kept in any case.
         counts[one.cause.id] += not one.far
         if one.far or counts[one.cause.id] <= VARIANTS_FITTED:
             chosen.append(one)

@@ -118,8 +118,9 @@ class Search:
     4. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
        to the solution than that of the base. From the base the right cause may end in a local minimum.
     5. `add_causes`: to the best explanations further causes are added, one at a time.
-    6. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
-       variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
+    6. `exchange_causes`: in the best explanation by several causes each one is left out, and exchanged for others and
+       for its other variants. The cause that was found first acted in its variant without the others, and excluded
+       similar causes.
     7. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
        evaluations. Beside a fit that has not converged no cause is named.
     8. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
@@ -360,9 +361,12 @@ class Search:
     def finish_best(self) -> None:
         """Continue the fits of explanations that may be reported and reached their limit of evaluations."""
         own = self.selection
-        first = next((one for one in own.explanations if one.passed), None)
-        near = [] if first is None else [one for one in own.explanations if one.evidence >= first.evidence - MARGIN]
-        for before, one in self._continued([one for one in near or own.explanations[:1] if one.evidence > 0.0]):
+        first = next((one for one in own.explanations if one.passed), own.best)
+        if first is None or first.evidence < max(own.threshold, 0.0) - MARGIN:
+            return
+        # The first one may be left out of the answer, and others within the margin of the next one are then in it.
+        near = [one for one in own.explanations if one.evidence >= first.evidence - 2.0 * MARGIN]
+        for before, one in self._continued(near):
             # Of equal explanations the first one is kept.
             own.explanations = best_of_each([one, *(other for other in own.explanations if other is not before)])
 
@@ -370,8 +374,10 @@ class Search:
         """Yield explanations whose fits reached their limit of evaluations, and the same ones with continued fits."""
         own = self.selection
         unfinished = [one for one in found if not one.fit.converged]
-        fits = [partial(refit, one.fit.model, one.fit.values) for one in unfinished]
+        fits = [partial(_fit_or_none, partial(refit, one.fit.model, one.fit.values)) for one in unfinished]
         for one, fit in zip(unfinished, in_parallel(fits, own.workers), strict=True):
+            if fit is None:
+                continue
             own.evaluations += fit.evaluations
             total = replace(
                 fit, evaluations=one.fit.evaluations + fit.evaluations, regained=one.fit.regained + fit.regained
@@ -429,11 +435,12 @@ class Search:
             if fit is not None:
                 own.evaluations += fit.evaluations - few.evaluations
                 own.alternatives.append(own.explain((direction.step,), fit))
-        # A better end of an alternative may withhold a cause.
-        near = [one for one in own.alternatives if one.evidence > best.evidence - MARGIN]
-        for before, one in self._continued(near):
-            own.alternatives[own.alternatives.index(before)] = one
-        own.alternatives.sort(key=lambda one: -one.evidence)
+        try:
+            # A better end of an alternative may withhold a cause.
+            for before, one in self._continued(tuple(own.alternatives)):
+                own.alternatives[own.alternatives.index(before)] = one
+        finally:
+            own.alternatives.sort(key=lambda one: -one.evidence)
 
     def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
         """Yield explanations that add one cause each.
@@ -501,7 +508,7 @@ class Search:
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
         unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
-        `root`, the fit without the cause, has not come far, but that of a far variant has up to `SCREENING_LIMIT`.
+        `root`, the fit without the cause, has not come far. A far variant goes on up to a misfit of `SCREENING_LIMIT`.
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [
@@ -595,7 +602,7 @@ class Search:
 
 
 def _fit_or_none(fit: Callable[[], Fit | None]) -> Fit | None:
-    """Return a fit; None where the model has no value at its starting values."""
+    """Return a fit; None where the model has no value at its start."""
     try:
         return fit()
     except (ReceptanceError, ValueError):

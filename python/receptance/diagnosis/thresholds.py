@@ -30,7 +30,8 @@ first one if it is better by more."""
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 SAME_END = 4.0
-"""Difference of chi-square on few lines below which the better one of two end points on all lines is fitted on."""
+"""Difference of chi-square on few lines below which two end points are compared on all lines, and the better one is
+fitted on."""
 DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
@@ -102,7 +103,7 @@ ROOTS = 3
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
-"""Misfit above which linear screening and short fits are unreliable, so every cause is fitted to convergence."""
+"""Misfit above which linear screening and short fits are unreliable, so every variant is fitted on all lines."""
 KEPT_ON_INTERRUPT = 3
 """Causes that are evaluated on all lines when a selection is interrupted before their fits, and candidates of the
 answer: each needs its look-alikes and intervals."""
