@@ -341,6 +341,7 @@ def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_mis
             variant=SimpleNamespace(name="all"),
             step=Step(of_cause[number], "all"),
             predicted_evidence=lambda penalty: 1.0,
+            far=False,
         )
         return direction, few
 

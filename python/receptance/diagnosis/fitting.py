@@ -206,7 +206,7 @@ def fit_base(model: Model) -> Fit:
     return refit(model, best.values, evaluations=problem.evaluations)
 
 
-def refit(model: Model, start: Mapping[str, float], *, most: int = EVALUATIONS, evaluations: int = 0) -> Fit:
+def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> Fit:
     """Return a model fitted on all lines from one start.
 
     Parameters
@@ -215,17 +215,21 @@ def refit(model: Model, start: Mapping[str, float], *, most: int = EVALUATIONS, 
         The model.
     start : mapping of str to float
         Values of unknowns by name; the other unknowns begin at their own starts.
-    most : int
-        Most evaluations.
     evaluations : int
         Number of evaluations that led to the start.
     """
     problem = model.problem
-    end = problem.fit_one(_vector(model.task, start), most, least=CONVERGED)
+    end = problem.fit_one(_vector(model.task, start), EVALUATIONS, least=CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     regained = 2.0 * (end.first - end.cost)
     return Fit(model, end.x, 2.0 * end.cost, end.converged, evaluations + end.evaluations, regained)
+
+
+def continued(fit: Fit) -> Fit:
+    """Return a fit that reached its limit of evaluations after further ones."""
+    again = refit(fit.model, fit.values, evaluations=fit.evaluations)
+    return replace(again, regained=fit.regained + again.regained)
 
 
 def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0) -> Fit:
@@ -307,9 +311,7 @@ class Exploration:
         if len(near) > 1:
             near.sort(key=self.model.problem.cost)
         try:
-            return refit(
-                self.model, self.problem.named(near[0]), most=EVALUATIONS_EXPLORING, evaluations=self.evaluations
-            )
+            return refit(self.model, self.problem.named(near[0]), evaluations=self.evaluations)
         except ReceptanceError:
             return None
 

@@ -17,6 +17,7 @@ from receptance.diagnosis.explanation import Explanation, Selection, behind_limi
 from receptance.diagnosis.fitting import (
     Exploration,
     Fit,
+    continued,
     evaluate,
     explore,
     fit_base,
@@ -374,15 +375,11 @@ class Search:
         """Yield explanations whose fits reached their limit of evaluations, and the same ones with continued fits."""
         own = self.selection
         unfinished = [one for one in found if not one.fit.converged]
-        fits = [partial(_fit_or_none, partial(refit, one.fit.model, one.fit.values)) for one in unfinished]
+        fits = [partial(_fit_or_none, partial(continued, one.fit)) for one in unfinished]
         for one, fit in zip(unfinished, in_parallel(fits, own.workers), strict=True):
-            if fit is None:
-                continue
-            own.evaluations += fit.evaluations
-            total = replace(
-                fit, evaluations=one.fit.evaluations + fit.evaluations, regained=one.fit.regained + fit.regained
-            )
-            yield one, own.explain(one.steps, total)
+            if fit is not None:
+                own.evaluations += fit.evaluations - one.fit.evaluations
+                yield one, own.explain(one.steps, fit)
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
@@ -561,6 +558,7 @@ class Search:
         limit = behind_limit(without, (few.chi_square for _, few in explored))
         # Far from the data short fits are unreliable, unless one of them has come close.
         fit_all = root.misfit > SCREENING_LIMIT and all(few.misfit > MISFIT_LIMIT for _, few in explored[:1])
+        predicted = {direction.cause.id for direction, _ in explored if not direction.far}
         leaders: dict[str, float] = {}
         finished: list[tuple[Direction, Exploration]] = []
         fits: list[Callable[[], Fit | None]] = []
@@ -570,9 +568,13 @@ class Search:
             # A variant far behind another one of its cause is not needed.
             is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
             gains_nothing = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < MARGIN
-            if gains_nothing and not (is_leading or direction.far):
-                yield self._predict(steps, root, direction)
-                continue
+            if gains_nothing and not is_leading:
+                # A far variant has no prediction, but other variants of its cause do.
+                if not direction.far:
+                    yield self._predict(steps, root, direction)
+                    continue
+                if direction.cause.id in predicted:
+                    continue
             finished.append((direction, few))
             fits.append(few.finish if is_close or fit_all else few.evaluate)
         leading: Explanation | None = None

@@ -39,8 +39,7 @@ EVALUATIONS = 100
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
 EVALUATIONS_EXPLORING = 30
-"""Most evaluations of the fit of a variant on few lines, and of its fit on all lines, which continues where it may be
-reported."""
+"""Most evaluations of a fit on few lines."""
 TOLERANCE_OF_BASE = 1e-10
 """Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
