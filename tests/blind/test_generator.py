@@ -141,7 +141,9 @@ def test_estimates_scatter_by_their_stated_deviation(summarise):
             if e.decay_rate == 0.0 and record.level == 100.0:
                 # Lines on which the noise exceeds the truncation error.
                 good &= e.log_variance > 0.003**2
-                squares.append(np.mean(np.abs(error[good]) ** 2 / 2.0 / e.log_variance[good]))
+                # A square over an estimate of its variance with nu degrees of freedom is nu / (nu - 2) on average.
+                average = e.degrees_of_freedom / (e.degrees_of_freedom - 2.0)
+                squares.append(np.mean(np.abs(error[good]) ** 2 / 2.0 / e.log_variance[good]) / average)
             # The floor covers the remaining difference.
             assert np.mean(np.abs(error[good]) ** 2 / 2.0 / (known[good] + 0.003**2)) < 1.25
             assert np.median(np.sqrt(e.log_variance)) < 0.02
