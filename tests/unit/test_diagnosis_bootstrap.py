@@ -65,6 +65,20 @@ def test_nearly_dependent_effects_of_a_cause_have_the_threshold_of_distinct_ones
     assert thresholds[1] == pytest.approx(thresholds[0], abs=0.02)
 
 
+def test_a_cause_that_acts_in_one_direction_gains_nothing_from_noise_in_the_other() -> None:
+    fit = refit(base(None), {})
+    (variant, *_) = CATALOGUE["sensor_mass"].variants(fit.model)
+    slopes = np.random.default_rng(5).normal(size=(300, 1))
+    parameters = parameters_of(variant.model.unknowns)
+    one, other = (
+        Direction(CATALOGUE["sensor_mass"], variant, parameters, sign * slopes, True, 0.0, {}) for sign in (1.0, -1.0)
+    )
+    # Half of the draws gain something with one of them, and all draws with one of two opposite ones.
+    assert detection_threshold([one, one], PENALTY, level=0.45) == pytest.approx(-PENALTY, abs=1e-6)
+    assert detection_threshold([one, one], PENALTY, level=0.6) > 0.01 - PENALTY
+    assert detection_threshold([one, other], PENALTY, level=0.2) > 0.01 - PENALTY
+
+
 @pytest.mark.slow
 def test_the_linearised_maximum_is_that_of_full_refits() -> None:
     rng = np.random.default_rng(31)

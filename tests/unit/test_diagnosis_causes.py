@@ -19,8 +19,9 @@ from receptance.diagnosis.fitting import Fit, evaluate, explore, fit_base, in_pa
 from receptance.diagnosis.model import IndescribableError
 from receptance.diagnosis.screening import Direction, directions, rank
 from receptance.diagnosis.selection import Search
-from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START
+from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START, SAME_END
 from receptance.identification import Law, Move, Tolerance
+from receptance.identification.problem import Problem
 
 LINES = np.linspace(200.0, 6000.0, 120)
 
@@ -356,6 +357,31 @@ def test_which_explanations_are_fitted_on_all_lines(base_misfit: float, best_mis
     assert [one.fit.chi_square for one in found] == list(sizes)
 
 
+def test_a_far_variant_without_gain_is_listed_where_its_cause_has_no_other() -> None:
+    fit = fit_of_right_model()
+    leading, alone, both = (list(CATALOGUE.values())[i] for i in (slice(0, 4), 4, 5))
+
+    def explored(cause: Cause, chi_square: float, *, far: bool) -> Any:
+        step = Step(cause, "far" if far else "near")
+        variant = SimpleNamespace(name=step.variant, model=fit.model)
+        direction = SimpleNamespace(
+            cause=cause, variant=variant, step=step, score=0.0, far=far, predicted_evidence=lambda penalty: -1.0
+        )
+        few = SimpleNamespace(
+            chi_square=chi_square, misfit=1.0, evaluations=0, finish=lambda: fit, evaluate=lambda: fit
+        )
+        return direction, few
+
+    pairs = [explored(one, 990.0, far=False) for one in leading]
+    pairs += [explored(alone, 995.0, far=True), explored(both, 996.0, far=False), explored(both, 997.0, far=True)]
+    fit.__dict__["chi_square_on_few_lines"] = 1000.0
+    found = list(Search(Selection(fit, 7.0), [])._finish((), fit, pairs))
+    assert sorted(one.steps[0].variant for one in found if one.ids == {alone.id}) == ["far"]
+    assert sorted(one.steps[0].variant for one in found if one.ids == {both.id}) == ["near"]
+    (predicted,) = [one for one in found if one.ids == {both.id}]
+    assert predicted.adequacy is fit.adequacy
+
+
 @pytest.mark.parametrize(
     ("misfits", "continued"),
     [
@@ -416,7 +442,7 @@ def test_far_variants_are_fitted_in_any_case() -> None:
     assert len(chosen) == len(far) + 3
 
 
-def test_a_far_variant_is_fitted_before_the_errors_of_tolerances() -> None:
+def test_a_far_variant_is_fitted_before_the_errors_of_tolerances(monkeypatch: pytest.MonkeyPatch) -> None:
     tolerances = tuple(
         Tolerance(name=f"{part} {field}", moves={f"{part}.segment[0].{field}": 0.02}, relative=True)
         for part in ("tool", "holder")
@@ -429,10 +455,20 @@ def test_a_far_variant_is_fitted_before_the_errors_of_tolerances() -> None:
         "joint.k_y": 2.0 * fit.values["joint.k_y"],
         "joint.k_theta": 2.0 * fit.values["joint.k_theta"],
     }
-    far, at_once = (explore(whole.model, [start], far=one) for one in (True, False))
-    end = far.go_on([])
-    assert far.chi_square < 1.2 * end.chi_square
-    assert at_once.chi_square > far.chi_square
+    moving: list[tuple[str, ...]] = []
+    fit_of_all = Problem.fit
+
+    def fit_and_note(problem: Problem, starts: Any, *most: int, free: Any = None, **settings: Any) -> Any:
+        names = problem.variables.names
+        moving.append(tuple(n for i, n in enumerate(names) if free is None or free[i]))
+        return fit_of_all(problem, starts, *most, free=free, **settings)
+
+    monkeypatch.setattr(Problem, "fit", fit_and_note)
+    far = explore(whole.model, [start], far=True)
+    assert moving[0] == ("joint.k_y", "joint.k_theta")
+    assert len(moving[1]) == 8
+    assert far.chi_square < 1.2 * far.go_on([]).chi_square
+    assert explore(whole.model, [start]).chi_square > far.chi_square
 
 
 def test_fits_of_explanations_state_their_own_residuals(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -450,6 +486,50 @@ def test_fits_of_explanations_state_their_own_residuals(monkeypatch: pytest.Monk
     for one in selection.explanations:
         residual = one.fit.problem.residual(one.fit.x)
         assert residual @ residual == pytest.approx(one.fit.chi_square, rel=1e-9)
+
+
+def test_an_evaluated_variant_is_not_worse_than_its_model_without_an_effect() -> None:
+    root = fit_of_right_model()
+    (direction, *_) = directions(root, [(CATALOGUE["sensor_mass"], CATALOGUE["sensor_mass"].variants(root.model)[0])])
+    wrong = evaluate(direction.variant.model, {**root.values, **dict.fromkeys(direction.parameters, 0.1)})
+    assert wrong.chi_square > root.chi_square + 100.0
+    few: Any = SimpleNamespace(chi_square=0.0, misfit=1.0, evaluations=0, finish=lambda: wrong, evaluate=lambda: wrong)
+    (found,) = Search(Selection(root, 7.0), [])._finish((), root, [(direction, few)])
+    assert found.fit.chi_square == pytest.approx(root.chi_square, abs=1e-6)
+
+
+def test_of_two_ends_the_better_one_on_all_lines_is_fitted_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    fit = fit_of_right_model()
+    few = explore(fit.model, [fit.values]).go_on([])
+    (end,) = few.ends
+    away = end._replace(x=end.x + 0.5, cost=end.cost)
+    begun: list[float] = []
+    monkeypatch.setattr(
+        "receptance.diagnosis.fitting.refit", lambda model, start, evaluations: begun.append(start["joint.k_y"])
+    )
+    for ends in ((end, away), (away, end)):
+        replace(few, ends=ends).finish()
+    # On few lines it is further behind than SAME_END.
+    replace(few, ends=(away, end._replace(cost=end.cost + 0.6 * SAME_END))).finish()
+    at, far = (few.problem.named(one.x)["joint.k_y"] for one in (end, away))
+    assert begun == [at, at, far]
+
+
+def test_alternatives_start_from_the_joint_of_the_best_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
+    base = fit_of_right_model()
+    step = Step(CATALOGUE["sensor_mass"], CATALOGUE["sensor_mass"].variants(MODEL)[0].name)
+    best = Explanation((step,), replace(fit_base(step.extend(base.model))), 0.0, 50.0)
+    assert best.passed
+    seen: list[Any] = []
+    where = "receptance.diagnosis.selection.starts_of"
+    monkeypatch.setattr(where, lambda direction, fit: [[{"near": 1.0}], [{"large": 2.0}, {"large": -2.0}]])
+    monkeypatch.setattr(Search, "_explore", lambda self, stage, titles, chosen, starts, root: seen.extend(starts) or ())
+    selection = Selection(base, 7.0, explanations=[best])
+    Search(selection, []).fit_alternatives()
+    joint = best.fit.values
+    near, *large = {"near": 1.0}, {"large": 2.0}, {"large": -2.0}
+    assert seen
+    assert seen[0] == [[near], [*large, *({**one, **joint} for one in (near, *large))]]
 
 
 def test_unfinished_fits_continue_where_they_may_be_reported() -> None:

@@ -119,13 +119,12 @@ class Search:
     4. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
        to the solution than that of the base. From the base the right cause may end in a local minimum.
     5. `add_causes`: to the best explanations further causes are added, one at a time.
-    6. `exchange_causes`: in the best explanation by several causes each one is left out, and exchanged for others and
-       for its other variants. The cause that was found first acted in its variant without the others, and excluded
-       similar causes.
-    7. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
+    6. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
+       variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
+    7. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
+       the base may have led all other starts to a local minimum.
+    8. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
        evaluations. Beside a fit that has not converged no cause is named.
-    8. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
-       the base may have led all other starts to a local minimum. Then follows `finish_best` once more.
     9. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
     10. `fit_alternatives`: changes that are not causes are fitted where a cause may be reported.
 
@@ -156,7 +155,6 @@ class Search:
             self.fit_look_alikes()
             self.add_causes()
             self.exchange_causes()
-            self.finish_best()
             self.restart()
             self._report.plan("together", 0)
             self.finish_best()
@@ -316,7 +314,6 @@ class Search:
             if root is None:
                 continue
             own.evaluations += root.evaluations
-            own.add(own.explain(kept, root))
             ranked = rank(self._effects_of_others(root, frozenset(cause.id for cause, _ in kept)), own.penalty)
             others = _first_of_each([one for one in ranked if one.cause.id != removed.cause.id])
             same = [one for one in ranked if one.cause.id == removed.cause.id]
@@ -367,19 +364,13 @@ class Search:
             return
         # The first one may be left out of the answer, and others within the margin of the next one are then in it.
         near = [one for one in own.explanations if one.evidence >= first.evidence - 2.0 * MARGIN]
-        for before, one in self._continued(near):
-            # Of equal explanations the first one is kept.
-            own.explanations = best_of_each([one, *(other for other in own.explanations if other is not before)])
-
-    def _continued(self, found: Sequence[Explanation]) -> Iterator[tuple[Explanation, Explanation]]:
-        """Yield explanations whose fits reached their limit of evaluations, and the same ones with continued fits."""
-        own = self.selection
-        unfinished = [one for one in found if not one.fit.converged]
+        unfinished = [one for one in near if not one.fit.converged]
         fits = [partial(_fit_or_none, partial(continued, one.fit)) for one in unfinished]
-        for one, fit in zip(unfinished, in_parallel(fits, own.workers), strict=True):
+        for before, fit in zip(unfinished, in_parallel(fits, own.workers), strict=True):
             if fit is not None:
-                own.evaluations += fit.evaluations - one.fit.evaluations
-                yield one, own.explain(one.steps, fit)
+                own.evaluations += fit.evaluations - before.fit.evaluations
+                others = [one for one in own.explanations if one is not before]
+                own.explanations = best_of_each([own.explain(before.steps, fit), *others])
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
@@ -432,12 +423,7 @@ class Search:
             if fit is not None:
                 own.evaluations += fit.evaluations - few.evaluations
                 own.alternatives.append(own.explain((direction.step,), fit))
-        try:
-            # A better end of an alternative may withhold a cause.
-            for before, one in self._continued(tuple(own.alternatives)):
-                own.alternatives[own.alternatives.index(before)] = one
-        finally:
-            own.alternatives.sort(key=lambda one: -one.evidence)
+        own.alternatives.sort(key=lambda one: -one.evidence)
 
     def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
         """Yield explanations that add one cause each.
