@@ -50,6 +50,15 @@ def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert "Figure: receptance-demo.png" in text
     assert "Report: receptance-demo.html" in text
     assert "The cause is named: mass of the sensor; mass 1.99" in " ".join(text.split())
+    # The caption of the figure in the README.
+    caption = " ".join((Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").split())
+    (before, _) = re.findall(r"natural frequencies, rms error ([\d.e-]+) %", " ".join(text.split()))
+    assert f"wrongly (dashed): {before} % in natural frequency" in caption
+    changes = {}
+    for name, unit in (("k_theta", "N m/rad"), ("k_y", "N/m")):
+        without, joint = map(float, re.findall(rf"{name} = ([\d.e+]+) {unit}", text))
+        changes[name] = f"{abs(100.0 * (joint / without - 1.0)):.0f} % {'larger' if joint > without else 'smaller'}"
+    assert f"k_theta, is {changes['k_theta']}, k_y across the axis {changes['k_y']}" in caption
     assert "\x1b" not in text
     assert len(text.splitlines()) <= 20
     assert max(map(len, text.splitlines())) <= 80
