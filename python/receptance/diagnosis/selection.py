@@ -414,7 +414,9 @@ class Search:
             groups[-1] += [{**start, **best.fit.values} for group in groups for start in group]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
         found = dict(self._explore("alternatives", titles, chosen, starts, base))
-        explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + own.penalty * pair[0].count)
+        # The penalty is that of all lines: it is smaller beside chi-square on few lines, as that of the base is.
+        share = base.chi_square_on_few_lines / base.chi_square
+        explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + share * own.penalty * pair[0].count)
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
         finished = _first_causes(explored, FINISHED)
         titles = [f"no cause: {direction.cause.meaning}, on all lines" for direction, _ in finished]

@@ -19,7 +19,7 @@ SHARED_LOSS = 0.1
 """Largest share of its lines that a record may lose so that all records of its configuration use the same lines."""
 FEWEST_LINES = 16
 """Smallest number of lines of a receptance that is used."""
-EXPLORING_LINES = 80
+EXPLORING_LINES = 120
 """Lines of each receptance while starts of fits are compared."""
 
 # Fits.
