@@ -55,11 +55,21 @@ def test_disagreeing_pair_is_not_timed(ours: float) -> None:
 
 
 def test_each_side_is_timed_in_every_round() -> None:
-    calls: list[str] = []
-    pair = replace(_pair(1.0, 1.0), ours=lambda: calls.append("ours") or np.ones(1), most_rounds=3)
-    row = ratios.measure(pair, rounds=5, least=0.0)
-    assert len(calls) == 1 + 3
-    assert row.quartiles[0] <= row.ratio <= row.quartiles[1]
+    now = 0.0
+    # The first duration is that of the comparison before the rounds.
+    durations = {"ours": iter([9.0, 1.0, 2.0, 4.0]), "reference": iter([9.0, 3.0, 1.0, 8.0])}
+
+    def side(name: str) -> np.ndarray:
+        nonlocal now
+        now += next(durations[name])
+        return np.ones(1)
+
+    pair = replace(_pair(1.0, 1.0), ours=lambda: side("ours"), reference=lambda: side("reference"), most_rounds=3)
+    row = ratios.measure(pair, rounds=5, least=0.0, clock=lambda: now)
+    assert list(durations["ours"]) == list(durations["reference"]) == []
+    assert (row.ours_s, row.reference_s, row.ratio) == (2.0, 3.0, 1.5)
+    # Quartiles of the ratios 3, 0.5 and 2 of the rounds.
+    assert row.quartiles == (1.25, 2.5)
 
 
 def test_names_are_unique() -> None:

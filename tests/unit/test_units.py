@@ -119,10 +119,10 @@ def test_every_form_and_direction_has_a_unit() -> None:
     ],
 )
 def test_other_texts_are_refused_at_once(text: str) -> None:
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(UnitError, match="not understood as a unit"):
         parse_unit(text)
-    assert time.perf_counter() - began < 0.5
+    assert time.process_time() - began < 0.5
 
 
 @pytest.mark.parametrize(
