@@ -188,8 +188,9 @@ class Search:
             for one in ranked
             if not one.proportional or one in leading or one.predicted_evidence(own.penalty) >= least
         ]
-        ids = {one.cause.id for one in fitted}
-        own.add(*(self._predict((), base, one) for one in ranked if one.cause.id not in ids))
+        # A far variant has no prediction, but other variants of its cause do.
+        ids = {one.cause.id for one in fitted if not one.far}
+        own.add(*(self._predict((), base, one) for one in ranked if not (one.far or one.cause.id in ids)))
         for explanation in self._fit((), base, fitted):
             own.add(explanation)
 
