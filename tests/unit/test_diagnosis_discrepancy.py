@@ -34,6 +34,7 @@ from receptance.diagnosis.discrepancy import (
     _Errors,
     _Expectation,
     fit_discrepancy,
+    growth_beside_peaks,
     resonant,
 )
 from receptance.diagnosis.fitting import fit_base
@@ -289,6 +290,27 @@ def test_antiresonances_are_left_out():
             assert np.min(np.abs(few.frequency_hz - peak)) < 20.0
 
 
+def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
+    """Three modes without the program; each has an error of 1 %, which is larger where they nearly cancel."""
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    modes = np.array([700.0, 2400.0, 5100.0])[:, None]
+    shares = np.array([3.0, 2.0, 4.0])[:, None] / (modes**2 - LINES**2 + 0.02j * modes**2)
+    wrong = 1.0 + 0.01 * (rng.normal(size=(4000, 3)) + 1j * rng.normal(size=(4000, 3)))
+    error = (wrong @ shares) / shares.sum(axis=0) - 1.0
+    one = replace(observed(0.0, 0.0)[0], receptance=1e-3 * shares.sum(axis=0))
+    growth = growth_beside_peaks(one)
+    made = np.mean(np.square(np.abs(error)), axis=0) / (2.0 * 0.01**2)
+    # At the peaks, between them and in dips, up to a growth of the variance of some hundreds.
+    assert np.max(made) > 100.0
+    ratio = growth / made
+    print(f"stated over made: {ratio.min():.2f} to {ratio.max():.2f}, median {np.median(ratio):.2f}")
+    assert np.all((ratio > 0.8) & (ratio < 2.5))
+    assert 0.95 < np.median(ratio) < 1.1
+    peaks = np.searchsorted(LINES, modes.ravel())
+    assert growth[peaks] == pytest.approx(1.0, abs=0.01)
+
+
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     hidden = with_sensor(seed)
@@ -347,6 +369,7 @@ def test_expected_squares_are_those_of_the_whole_covariance() -> None:
         values=0.1 * rng.normal(size=sizes.sum()),
         noise=rng.uniform(1e-4, 1e-2, sizes.sum()),
         slopes=np.where(np.repeat(np.arange(8), sizes) < 5, rng.normal(size=sizes.sum()), 0.0),
+        factors=rng.uniform(0.1, 1.0, sizes.sum()),
         sizes=sizes,
         kinds=np.array([LEVEL] * 5 + [FREQUENCY, DAMPING, LEVEL]),
         # The last groups have no error of frequency; the first ones share two.
@@ -358,7 +381,7 @@ def test_expected_squares_are_those_of_the_whole_covariance() -> None:
     group, line = np.repeat(np.arange(8), sizes), np.arange(sizes.sum())
     # Columns: effects of the groups, errors of frequency, and a remainder of each error.
     effects = np.zeros((line.size, 10 + line.size))
-    effects[line, group] = 1.0
+    effects[line, group] = errors.factors
     effects[line, np.minimum(8 + errors.modes[group], 9)] += errors.slopes
     effects[line, 10 + line] = 1.0
     remainder = np.where(errors.has_remainder[group], variances[3], 0.0)

@@ -4,18 +4,22 @@ No beam model agrees with a real structure down to the noise of ten hits. The re
 natural frequency and level of each mode are slightly wrong. Its variance in the logarithm of a receptance H, for the
 real and the imaginary part each, is
 
-    v(f) = r^2 + u(f),    u(f) = (|ln H(f (1 + s)) - ln H(f)|^2 + |ln H(f (1 - s)) - ln H(f)|^2) / 4,
+    v(f) = r^2 g(f) + u(f),    u(f) = (|ln H(f (1 + s)) - ln H(f)|^2 + |ln H(f (1 - s)) - ln H(f)|^2) / 4,
+    g(f) = max(1, sum_m |H_m(f)|^2 / |H(f)|^2),
 
 with the standard deviation r of level and phase, and s of the relative error of natural frequencies. Differences stand
 in place of derivatives because s may exceed the width of a resonance. H is the measured receptance, so that the weights
-are the same for all models. Errors are common to lines: those of a mode where u > r^2 have its error of frequency, one
-real number in all records of a configuration; the others have its error of level, one complex number in each record. A
-mode has the lines from one midpoint between peaks to the next. Antiresonances are left out: they are small differences
-of modes, and a small error of one mode moves them far. A measured natural frequency has the relative error s.
+are the same for all models. An error of level is a share of its mode, and H may be much smaller than its modes H_m, of
+the size of the peaks and with their widths: it then has a larger relative error, g times in variance.
+
+Errors are common to lines: those of a mode where u > r^2 g have its error of frequency, one real number in all records
+of a configuration; the others have its error of level, one complex number in each record, to which each line adds
+in proportion to 1 / g. A mode has the lines from one midpoint between peaks to the next. Antiresonances are left out: a
+small error of one mode moves them far. A measured natural frequency has the relative error s.
 
 The standard deviations are those of largest likelihood in a linear mixed model of the errors e of a fit,
 
-    e(f) = a_mk + d_m (ln H(f (1 + s)) - ln H(f (1 - s))) / (2 s) + b(f) + noise,
+    e(f) = a_mk + d_m (ln H(f (1 + s)) - ln H(f (1 - s))) / (2 s) + g(f)^(1/2) b(f) + noise,
 
 with the error of level a_mk of mode m in record k, the relative error d_m of its frequency in all records of a
 configuration, and a remainder b of each line; all are normal with mean zero, and r^2 is the variance of a_mk and b
@@ -123,15 +127,20 @@ class Discrepancy:
             ratios = np.nan_to_num(np.asarray(one.damping_ratio))
             of_damping = np.hypot(np.asarray(one.standard_deviation_damping), self.damping * ratios)
             return altered(changed, standard_deviation_damping=of_damping)
-        level, shift = np.square(self.relative or 0.0), _variance_of_shift(one, self.frequency)
-        noise, lines = (
-            np.square(one.standard_deviations[: shift.size]),
-            _common_lines(nearest_peak(one.frequency_hz.real, _peaks(one)), shift > level, records),
-        )
+        growth = growth_beside_peaks(one)
+        level, shift = np.square(self.relative or 0.0) * growth, _variance_of_shift(one, self.frequency)
+        noise = np.square(one.standard_deviations[: shift.size])
+        is_shifted = shift > level
+        weights = np.where(is_shifted, 1.0, 1.0 / growth)
+        lines = _common_lines(nearest_peak(one.frequency_hz.real, _peaks(one)), is_shifted, records, weights)
         # `standard_deviation` is that of independent lines with the information of the correlated ones.
         share = (level + shift) / (level + shift + noise / one.correlated_lines)
-        correlated = np.maximum(one.correlated_lines + share * (lines - one.correlated_lines), 1.0)
-        return altered(one, standard_deviation=np.sqrt(noise + lines * (level + shift)), correlated_lines=correlated)
+        correlated = one.correlated_lines + share * (lines / weights - one.correlated_lines)
+        return altered(
+            one,
+            standard_deviation=np.sqrt(noise + lines * (level + shift)),
+            correlated_lines=np.maximum(correlated, 1.0),
+        )
 
 
 def resonant(model: Model) -> Model:
@@ -204,7 +213,7 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
 class _Errors:
     """Errors in groups: those of a mode in one part of a record, or a single error of a measured frequency.
 
-    The errors of a group have one effect in common, and a multiple each of an error of frequency. Several groups share
+    The errors of a group have multiples of one effect in common, and of an error of frequency. Several groups share
     an error of frequency, and no group has two, so that the effects are correlated in pairs only.
 
     Attributes
@@ -215,6 +224,8 @@ class _Errors:
         `(n,)` variances of the noise, and of the part that is not linear in the effects.
     slopes : ndarray
         `(n,)` errors by a unit of the error of frequency.
+    factors : ndarray
+        `(n,)` errors by a unit of the effect of the group.
     sizes : ndarray
         `(g,)` number of errors of each group.
     kinds : ndarray
@@ -230,6 +241,7 @@ class _Errors:
     values: NDArray[np.float64]
     noise: NDArray[np.float64]
     slopes: NDArray[np.float64]
+    factors: NDArray[np.float64]
     sizes: NDArray[np.intp]
     kinds: NDArray[np.intp]
     modes: NDArray[np.intp]
@@ -271,8 +283,8 @@ class _Expectation:
         self._errors = errors
         self._first = np.cumsum(errors.sizes) - errors.sizes
         self._remainder = np.repeat(errors.has_remainder, errors.sizes)
-        one, s, y = np.ones(errors.values.size), errors.slopes, errors.values
-        self._products = np.array([one, s, s * s, y, s * y, y * y])
+        one, s, y = errors.factors, errors.slopes, errors.values
+        self._products = np.array([one * one, one * s, s * s, one * y, s * y, y * y])
         self._weighted = np.empty_like(self._products)
 
     def squares(self, variances: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -299,7 +311,8 @@ class _Expectation:
         )
         # Of the squares of what the effects leave, each divided by the square of its variance.
         left = np.sum(coefficients * self._sums(self._weighted, weight), axis=0)
-        sums[REMAINDER] = own * np.sum((errors.sizes - own * ones + own * left)[errors.has_remainder])
+        total = np.add.reduceat(weight, self._first)
+        sums[REMAINDER] = own * np.sum((errors.sizes - own * total + own * left)[errors.has_remainder])
         return sums
 
     def _sums(self, products: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -328,7 +341,7 @@ def _join(errors: Sequence[_Errors]) -> _Errors:
     count = sum(one.count for one in errors)
     before = np.cumsum([0, *(one.count for one in errors)])
     modes = [np.where(one.modes < one.count, i + one.modes, count) for i, one in zip(before, errors, strict=False)]
-    names = ("values", "noise", "slopes", "sizes", "kinds", "has_remainder")
+    names = ("values", "noise", "slopes", "factors", "sizes", "kinds", "has_remainder")
     joined: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in errors]) for name in names}
     return _Errors(**joined, modes=np.concatenate(modes), count=count)
 
@@ -352,6 +365,7 @@ def _separate(values: NDArray[np.float64], spread: NDArray[np.float64], kind: in
         values=values,
         noise=np.square(spread),
         slopes=np.zeros(values.size),
+        factors=np.ones(values.size),
         sizes=none + 1,
         kinds=none + kind,
         modes=none,
@@ -366,27 +380,51 @@ def _errors_of_records(records: Sequence[tuple[MeasuredFRF, NDArray[np.float64]]
     every = np.sort(np.concatenate(peaks))
     # Peaks of several records close to each other are one mode of the configuration.
     first = every[np.concatenate([[True], np.diff(np.log(every)) > SAME_MODE])] if every.size else every
-    slopes, noise, sizes, modes = [], [], [], []
+    slopes, noise, sizes, modes, growths = [], [], [], [], []
     for own, (one, _) in zip(peaks, records, strict=True):
         down, at_rest, up = _moved(one, shift)
         # The square of a normal error has a mean square of 3; each part has half of what the secant does not describe.
         curved = 3.0 / 8.0 * np.square(np.abs(up - 2.0 * at_rest + down))
         noise.append(np.square(one.standard_deviations.reshape(2, -1)[0]) / one.correlated_lines + curved)
         slopes.append((up - down) / (2.0 * shift))
+        growths.append(growth_beside_peaks(one))
         # The lines of a mode are neighbours. A record without a peak has no error of frequency.
         sizes.append(np.bincount(nearest_peak(one.frequency_hz.real, own)))
         modes.append(np.searchsorted(first, own, side="right") - 1 if own.size else np.array([first.size]))
     slope, size, mode = np.concatenate(slopes), np.concatenate(sizes), np.concatenate(modes)
+    growth = np.tile(np.concatenate(growths), 2)
+    # Divided by the growth of the remainder, which then has one variance.
+    scale = 1.0 / np.sqrt(growth)
+    values = np.concatenate([part for row in (0, 1) for part in (error[row] for _, error in records)])
     return _Errors(
-        values=np.concatenate([part for row in (0, 1) for part in (error[row] for _, error in records)]),
-        noise=np.concatenate([*noise, *noise]),
-        slopes=np.concatenate([slope.real, slope.imag]) * np.tile(np.repeat(mode < first.size, size), 2),
+        values=values * scale,
+        noise=np.concatenate([*noise, *noise]) / growth,
+        slopes=np.concatenate([slope.real, slope.imag]) * np.tile(np.repeat(mode < first.size, size), 2) * scale,
+        factors=scale,
         sizes=np.tile(size, 2),
         kinds=np.full(2 * size.size, LEVEL),
         modes=np.tile(mode, 2),
         count=first.size,
         has_remainder=np.ones(2 * size.size, dtype=np.bool_),
     )
+
+
+def growth_beside_peaks(one: MeasuredFRF) -> NDArray[np.float64]:
+    """Return the factor by which the variance of errors of level is larger than at the peaks, `(n,)`.
+
+    Each peak is taken as that of a mode with its height and its width, which is measured at half of the height.
+    """
+    lines, size = one.frequency_hz.real, np.abs(one.receptance)
+    squares = np.zeros(lines.size)
+    for peak in np.searchsorted(lines, _peaks(one)):
+        away = np.abs(np.square(lines / lines[peak]) - 1.0)
+        is_lower = size <= 0.5 * size[peak]
+        sides = [*np.flatnonzero(is_lower[:peak])[-1:], *(peak + np.flatnonzero(is_lower[peak:])[:1])]
+        if sides:
+            # |H_m|^2 = |H_peak|^2 / (1 + (away / loss)^2).
+            loss = np.mean([away[i] / math.sqrt(np.square(size[peak] / size[i]) - 1.0) for i in sides])
+            squares += np.square(size[peak]) / (1.0 + np.square(away / loss))
+    return np.asarray(np.maximum(squares / np.square(size), 1.0))
 
 
 def _variance_of_shift(one: MeasuredFRF, frequency: float) -> NDArray[np.float64]:
@@ -416,10 +454,12 @@ def _peaks(one: MeasuredFRF) -> NDArray[np.float64]:
     return np.asarray(lines[local_maxima(np.log(np.abs(one.receptance) * lines), least)[0]])
 
 
-def _common_lines(modes: NDArray[np.intp], shifted: NDArray[np.bool_], records: int) -> NDArray[np.float64]:
-    """Return for each line the number of lines that share its two independent values."""
+def _common_lines(
+    modes: NDArray[np.intp], shifted: NDArray[np.bool_], records: int, weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return for each line the sum of the weights of the lines that share its two independent values."""
     groups = 2 * modes + shifted
-    counts = np.bincount(groups).astype(np.float64)
+    counts = np.bincount(groups, weights)
     # One error of frequency, a real number, for all records.
     counts[1::2] *= 2 * records
-    return counts[groups]
+    return np.asarray(counts[groups])
