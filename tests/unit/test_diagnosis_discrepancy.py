@@ -24,7 +24,7 @@ from receptance import (
     PointMass,
     Segment,
 )
-from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
+from receptance.diagnosis import CATALOGUE, Model, Step, diagnose, engine
 from receptance.diagnosis.adequacy import Strain
 from receptance.diagnosis.discrepancy import (
     DAMPING,
@@ -37,9 +37,11 @@ from receptance.diagnosis.discrepancy import (
     growth_beside_peaks,
     resonant,
 )
+from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES
 from receptance.identification import Tolerance, Unknown
 
@@ -203,6 +205,28 @@ def test_the_deviance_includes_the_errors_of_tolerances():
     print(error, known.deviance, free.deviance)
     assert -2.5 < error < -1.5
     assert known.deviance - free.deviance == pytest.approx(error**2, abs=0.8)
+
+
+@pytest.mark.parametrize("continues", [True, False])
+def test_a_cause_that_explains_the_data_to_their_noise_beside_a_discrepancy_is_named(monkeypatch, continues):
+    """The first selection ends in a local minimum: here the explanations that it has found are taken away."""
+    run = Search.run
+
+    def run_badly(search: Search, found: Explanation | None = None) -> None:
+        run(search, found)
+        if found is None and search.selection.discrepancy is None:
+            search.selection.explanations = []
+
+    monkeypatch.setattr(Search, "run", run_badly)
+    if not continues:
+        monkeypatch.setattr(engine, "_to_the_noise", lambda first, best: None)
+    sensor = PointMass(mass=6e-3, part="tool", position=0.0)
+    found = diagnose(observed(0.0, 0.0, sensor), JOINT, tolerances=TOLERANCES, causes=CAUSES)
+    print(found)
+    assert [one.id for one in found.causes] == ["sensor_mass"]
+    assert found.verdict == ("named" if continues else "partly explained")
+    assert (found.discrepancy_after is None) == continues
+    assert found.selection.discrepancy is None or not continues
 
 
 @functools.cache

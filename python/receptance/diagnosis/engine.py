@@ -16,14 +16,14 @@ from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
 from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit, fit_discrepancy, resonant
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import in_parallel
+from receptance.diagnosis.fitting import in_parallel, refit
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model
+from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
-from receptance.diagnosis.selection import select
+from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     DISCREPANCY_CAUSES,
@@ -156,7 +156,7 @@ def diagnose(
     selection = select(model, catalogue, most=most, progress=report, fast=fast)
     verdict = _verdict(selection, conclude(selection), most, line_notes, report)
     if verdict.verdict == "unexplained" and verdict.final and not fast and verdict.alternative is None:
-        verdict = _beside_discrepancy(verdict, catalogue, report, model.threads)
+        verdict = _beside_discrepancy(verdict, catalogue, most, line_notes, report, model.threads)
         selection = verdict.selection
     if not held_out or not verdict.final:
         return verdict
@@ -193,16 +193,25 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
     return given
 
 
-def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Progress, threads: int | None) -> Verdict:
+def _beside_discrepancy(
+    verdict: Verdict,
+    catalogue: Sequence[Cause],
+    most: int,
+    line_notes: Sequence[str],
+    report: Progress,
+    threads: int | None,
+) -> Verdict:
     """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
 
     Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which the most
     likely cause leaves, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
+    These fits have fewer local minima. Where the best cause explains the data to their noise after all, the selection
+    without a discrepancy continues from it.
     """
-    before = verdict.selection.base
-    few = replace(resonant(before.model), threads=threads)
+    first = verdict.selection
+    few = replace(resonant(first.base.model), threads=threads)
     try:
-        base = fit_discrepancy(few, before.values)
+        base = fit_discrepancy(few, first.base.values)
         left = base.discrepancy
         for _ in range(DISCREPANCY_SELECTIONS):
             selection = select(few, catalogue, most=1, progress=report, discrepancy=left)
@@ -211,6 +220,7 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
             last, left = left, _least(few, base, selection)
             if left.is_close(last):
                 break
+        adequate = None if selection.interrupted else _to_the_noise(first, selection.best)
         judgement = conclude(selection)
     except ReceptanceError:
         return verdict
@@ -219,6 +229,11 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
     if selection.interrupted:
         verdict = verdict.interrupt(report.position, tried=True)
         return replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
+    if adequate is not None:
+        Search(first, catalogue, most=most, progress=report).run(adequate)
+        verdict = _verdict(first, conclude(first), most, line_notes, report)
+        if verdict.verdict != "unexplained" or not verdict.final or verdict.alternative is not None:
+            return verdict
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
     if judgement.answer != "partly explained":
         return replace(verdict, notes=notes, discrepancy=base.discrepancy, base_fit=base.fit)
@@ -231,6 +246,19 @@ def _beside_discrepancy(verdict: Verdict, catalogue: Sequence[Cause], report: Pr
         discrepancy_after=selection.discrepancy,
         without_discrepancy=verdict,
     )
+
+
+def _to_the_noise(first: Selection, best: Explanation | None) -> Explanation | None:
+    """Return the best explanation beside a discrepancy, fitted without one; None where it is not adequate."""
+    if best is None:
+        return None
+    try:
+        fit = refit(extend(first.base.model, best.steps), best.fit.values)
+    except (ReceptanceError, UndecidableError):
+        return None
+    first.evaluations += fit.evaluations
+    found = first.explain(best.steps, fit)
+    return found if found.passed else None
 
 
 def _least(few: Model, base: DiscrepancyFit, selection: Selection) -> Discrepancy:

@@ -146,10 +146,13 @@ class Search:
         self._most = most
         self._report = progress or Progress()
 
-    def run(self) -> None:
-        """Run all steps."""
+    def run(self, found: Explanation | None = None) -> None:
+        """Run all steps; with an explanation that was found in another way, those after the fits of single causes."""
         try:
-            self.fit_singles()
+            if found is None:
+                self.fit_singles()
+            else:
+                self.selection.add(found)
             self.refit_base()
             self.fit_variants()
             self.fit_look_alikes()
