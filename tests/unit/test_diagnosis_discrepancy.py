@@ -37,7 +37,6 @@ from receptance.diagnosis.discrepancy import (
     growth_beside_peaks,
     resonant,
 )
-from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
@@ -210,11 +209,12 @@ def test_the_deviance_includes_the_errors_of_tolerances():
 @pytest.mark.parametrize("continues", [True, False])
 def test_a_cause_that_explains_the_data_to_their_noise_beside_a_discrepancy_is_named(monkeypatch, continues):
     """The first selection ends in a local minimum: here the explanations that it has found are taken away."""
-    run = Search.run
+    run, runs = Search.run, []
 
-    def run_badly(search: Search, found: Explanation | None = None) -> None:
-        run(search, found)
-        if found is None and search.selection.discrepancy is None:
+    def run_badly(search: Search) -> None:
+        run(search)
+        runs.append(search.selection)
+        if len(runs) == 1:
             search.selection.explanations = []
 
     monkeypatch.setattr(Search, "run", run_badly)
@@ -226,7 +226,11 @@ def test_a_cause_that_explains_the_data_to_their_noise_beside_a_discrepancy_is_n
     assert [one.id for one in found.causes] == ["sensor_mass"]
     assert found.verdict == ("named" if continues else "partly explained")
     assert (found.discrepancy_after is None) == continues
-    assert found.selection.discrepancy is None or not continues
+    assert (found.selection.discrepancy is None) == continues
+    alternatives = [one.steps for one in found.selection.alternatives]
+    assert len(alternatives) == len(set(alternatives))
+    # Where the same cause was adequate already, and rejected for another reason, nothing is repeated.
+    assert engine._to_the_noise(runs[-1], found.explanation) is None or not continues
 
 
 @functools.cache

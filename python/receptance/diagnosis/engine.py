@@ -23,7 +23,7 @@ from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
-from receptance.diagnosis.selection import Search, select
+from receptance.diagnosis.selection import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     DISCREPANCY_CAUSES,
@@ -206,7 +206,7 @@ def _beside_discrepancy(
     Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which the most
     likely cause leaves, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
     These fits have fewer local minima. Where the best cause explains the data to their noise after all, the selection
-    without a discrepancy continues from it.
+    without a discrepancy is repeated from it.
     """
     first = verdict.selection
     few = replace(resonant(first.base.model), threads=threads)
@@ -220,20 +220,24 @@ def _beside_discrepancy(
             last, left = left, _least(few, base, selection)
             if left.is_close(last):
                 break
-        adequate = None if selection.interrupted else _to_the_noise(first, selection.best)
         judgement = conclude(selection)
+        adequate = None if selection.interrupted else _to_the_noise(first, selection.best)
+        again = (
+            None
+            if adequate is None
+            else select(first.base.model, catalogue, most=most, progress=report, known=adequate)
+        )
     except ReceptanceError:
         return verdict
     except KeyboardInterrupt:
         return verdict.interrupt(report.position, tried=True)
-    if selection.interrupted:
+    if selection.interrupted or (again is not None and again.interrupted):
         verdict = verdict.interrupt(report.position, tried=True)
         return replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
-    if adequate is not None:
-        Search(first, catalogue, most=most, progress=report).run(adequate)
-        verdict = _verdict(first, conclude(first), most, line_notes, report)
-        if verdict.verdict != "unexplained" or not verdict.final or verdict.alternative is not None:
-            return verdict
+    if again is not None:
+        repeated = _verdict(again, conclude(again), most, line_notes, report)
+        if repeated.verdict != "unexplained":
+            return repeated
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
     if judgement.answer != "partly explained":
         return replace(verdict, notes=notes, discrepancy=base.discrepancy, base_fit=base.fit)
@@ -249,15 +253,16 @@ def _beside_discrepancy(
 
 
 def _to_the_noise(first: Selection, best: Explanation | None) -> Explanation | None:
-    """Return the best explanation beside a discrepancy, fitted without one; None where it is not adequate."""
-    if best is None:
+    """Return the best explanation beside a discrepancy, fitted without one.
+
+    None is returned where it is not adequate, or was found without a discrepancy already.
+    """
+    if best is None or any(one.passed and one.ids == best.ids for one in first.explanations):
         return None
     try:
-        fit = refit(extend(first.base.model, best.steps), best.fit.values)
+        found = first.explain(best.steps, refit(extend(first.base.model, best.steps), best.fit.values))
     except (ReceptanceError, UndecidableError):
         return None
-    first.evaluations += fit.evaluations
-    found = first.explain(best.steps, fit)
     return found if found.passed else None
 
 

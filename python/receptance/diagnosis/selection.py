@@ -67,6 +67,7 @@ def select(
     progress: Progress | None = None,
     discrepancy: Discrepancy | None = None,
     fast: bool = False,
+    known: Explanation | None = None,
 ) -> Selection:
     """Return the fits of each cause, and of causes together.
 
@@ -84,12 +85,15 @@ def select(
         The discrepancy that all fits allow for.
     fast : bool, optional
         Whether the alternatives are not fitted.
+    known : Explanation, optional
+        A single cause that explains the data. The base is fitted from its values, and its fit is one of those found.
     """
     report = progress or Progress()
     began = perf_counter()
     model = model if discrepancy is None else discrepancy.allow(model)
     try:
-        base, interrupted = fit_levels(model, partial(report, "base")), False
+        base = fit_levels(model, partial(report, "base")) if known is None else refit(model, known.fit.values)
+        interrupted = False
     except KeyboardInterrupt:
         base, interrupted = evaluate(model, {}), True
     # From here on the threads share the fits, and each fit has one.
@@ -103,6 +107,8 @@ def select(
         fast=fast,
     )
     if not interrupted:
+        if known is not None:
+            selection.add(selection.explain(known.steps, known.fit))
         Search(selection, causes, most=most, progress=report).run()
     selection.seconds = perf_counter() - began
     return selection
@@ -146,13 +152,10 @@ class Search:
         self._most = most
         self._report = progress or Progress()
 
-    def run(self, found: Explanation | None = None) -> None:
-        """Run all steps; with an explanation that was found in another way, those after the fits of single causes."""
+    def run(self) -> None:
+        """Run all steps."""
         try:
-            if found is None:
-                self.fit_singles()
-            else:
-                self.selection.add(found)
+            self.fit_singles()
             self.refit_base()
             self.fit_variants()
             self.fit_look_alikes()
