@@ -23,7 +23,8 @@ The standard deviations are those of largest likelihood in a linear mixed model 
 
 with the error of level a_mk of mode m in record k, the relative error d_m of its frequency in all records of a
 configuration, and a remainder b of each line; all are normal with mean zero, and r^2 is the variance of a_mk and b
-together. The likelihood is maximised by expectation and maximisation (Laird and Ware, Biometrics 38, 1982, 963-974).
+together. In the fits both grow between the peaks, which gives lines there less weight than the estimate does. The
+likelihood is maximised by expectation and maximisation (Laird and Ware, Biometrics 38, 1982, 963-974).
 Intervals of a fit that allows for the discrepancy include it.
 """
 
