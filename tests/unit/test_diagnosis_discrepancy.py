@@ -175,6 +175,17 @@ def test_lines_of_a_mode_count_once():
         assert np.all(few.standard_deviation > one.standard_deviation)
 
 
+def test_lines_of_a_mode_have_the_weight_of_one_error_of_level():
+    """Lines between the peaks count less; all lines of a mode together count as one value of each part."""
+    level = 0.05
+    model = Model(observed(0.0, 0.0, noise=1e-7), JOINT, TOLERANCES, threads=1)
+    for one, few in zip(model.observations, Discrepancy(1e-9, level).allow(model).observations, strict=True):
+        assert np.max(growth_beside_peaks(one)) > 10.0
+        modes = few.independent_values / 2.0
+        weights = 1.0 / np.square(few.standard_deviations[: LINES.size])
+        assert np.sum(weights) == pytest.approx(modes / level**2, rel=0.01)
+
+
 def test_records_of_a_configuration_share_the_error_of_frequency():
     one = observed(0.005, 0.05)[0]
     records = [replace(one, label=name, configuration="the same") for name in ("first", "second")]
@@ -219,7 +230,7 @@ def test_a_cause_that_explains_the_data_to_their_noise_beside_a_discrepancy_is_n
 
     monkeypatch.setattr(Search, "run", run_badly)
     if not continues:
-        monkeypatch.setattr(engine, "_to_the_noise", lambda first, best: None)
+        monkeypatch.setattr(engine, "_fitted_to_the_noise", lambda first, best: None)
     sensor = PointMass(mass=6e-3, part="tool", position=0.0)
     found = diagnose(observed(0.0, 0.0, sensor), JOINT, tolerances=TOLERANCES, causes=CAUSES)
     print(found)
@@ -230,7 +241,7 @@ def test_a_cause_that_explains_the_data_to_their_noise_beside_a_discrepancy_is_n
     alternatives = [one.steps for one in found.selection.alternatives]
     assert len(alternatives) == len(set(alternatives))
     # Where the same cause was adequate already, and rejected for another reason, nothing is repeated.
-    assert engine._to_the_noise(runs[-1], found.explanation) is None or not continues
+    assert engine._fitted_to_the_noise(runs[-1], found.explanation) is None or not continues
 
 
 @functools.cache

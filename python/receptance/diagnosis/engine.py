@@ -221,12 +221,10 @@ def _beside_discrepancy(
             if left.is_close(last):
                 break
         judgement = conclude(selection)
-        adequate = None if selection.interrupted else _to_the_noise(first, selection.best)
-        again = (
-            None
-            if adequate is None
-            else select(first.base.model, catalogue, most=most, progress=report, known=adequate)
-        )
+        known = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
+        again = None
+        if known is not None:
+            again = select(first.base.model, catalogue, most=most, progress=report, known=known)
     except ReceptanceError:
         return verdict
     except KeyboardInterrupt:
@@ -252,7 +250,7 @@ def _beside_discrepancy(
     )
 
 
-def _to_the_noise(first: Selection, best: Explanation | None) -> Explanation | None:
+def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanation | None:
     """Return the best explanation beside a discrepancy, fitted without one.
 
     None is returned where it is not adequate, or was found without a discrepancy already.
