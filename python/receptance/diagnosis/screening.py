@@ -73,11 +73,6 @@ class Direction:
         """
         return self.variant.far or not self.parameters
 
-    @property
-    def proportional(self) -> bool:
-        """Whether a small effect is proportional to the parameters: none of them is secondary."""
-        return bool(self.parameters) and not any(one.secondary for one in self.parameters.values())
-
     @cached_property
     def basis(self) -> NDArray[np.float64]:
         """Orthonormal columns that span the slopes, without the smallest differences between them."""

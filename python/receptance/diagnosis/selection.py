@@ -49,6 +49,7 @@ from receptance.diagnosis.thresholds import (
     LOOK_ALIKE,
     MARGIN,
     MISFIT_LIMIT,
+    PREDICTED_SHARE,
     ROOTS,
     SCREENING_LIMIT,
     STRAIN_CHANCE,
@@ -185,20 +186,29 @@ class Search:
         )
         own.evaluations = base.evaluations + len(own.directions)
         ranked = rank(own.directions, own.penalty)
-        # Effects on an adequate model are small, so that the linear prediction of an effect in proportion to the
-        # parameters is reliable.
-        least = own.threshold - MARGIN if base.adequacy.passed and beside is None else -math.inf
         leading = _first_of_each(ranked)[:LEADING_CAUSES]
-        fitted = [
-            one
-            for one in ranked
-            if not one.proportional or one in leading or one.predicted_evidence(own.penalty) >= least
-        ]
+        least = self._least_prediction(ranked)
+        fitted = [one for one in ranked if one.far or one in leading or one.predicted_evidence(own.penalty) >= least]
         # A far variant has no prediction, but other variants of its cause do.
         ids = {one.cause.id for one in fitted if not one.far}
         own.add(*(self._predict((), base, one) for one in ranked if not (one.far or one.cause.id in ids)))
         for explanation in self._fit((), base, fitted):
             own.add(explanation)
+
+    def _least_prediction(self, ranked: Sequence[Direction]) -> float:
+        """Return the predicted evidence from which variants are fitted: where the linear prediction is reliable.
+
+        Effects are small on an adequate base, and on one that the linear effect of one variant makes adequate.
+        """
+        own, base = self.selection, self.selection.base
+        if own.discrepancy is not None:
+            return -math.inf
+        if base.adequacy.passed:
+            return own.threshold - MARGIN
+        left = base.chi_square - max((one.score for one in ranked), default=0.0)
+        if left > MISFIT_LIMIT * base.expected_chi_square:
+            return -math.inf
+        return PREDICTED_SHARE * max(one.predicted_evidence(own.penalty) for one in ranked)
 
     def refit_base(self) -> None:
         """Fit the base from the best explanation, and replace it if that fit is better."""
@@ -215,7 +225,8 @@ class Search:
     def fit_look_alikes(self) -> None:
         """Fit the causes with an effect like that of the best one from the values of the best one."""
         own, best = self.selection, self.selection.best
-        if best is None or not best.passed:
+        # Without evidence nothing is reported, and causes with a similar effect have as little.
+        if best is None or not best.passed or best.evidence < own.threshold - MARGIN:
             return
         ((cause, variant),) = best.steps
         leading = next((one for one in own.directions if one.is_of(cause.id, variant)), None)
@@ -420,7 +431,8 @@ class Search:
             # The joint of the best explanation is closer to the solution than that of an inadequate base.
             groups[-1] += [{**start, **best.fit.values} for group in groups for start in group]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
-        found = dict(self._explore("alternatives", titles, chosen, starts, base))
+        adequate = [best.fit.chi_square_on_few_lines]
+        found = dict(self._explore("alternatives", titles, chosen, starts, base, adequate))
         # The penalty is that of all lines: it is smaller beside chi-square on few lines, as that of the base is.
         share = base.chi_square_on_few_lines / base.chi_square
         explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + share * own.penalty * pair[0].count)
@@ -495,12 +507,14 @@ class Search:
         chosen: Sequence[Direction],
         starts: Sequence[list[list[dict[str, float]]]],
         root: Fit,
+        adequate: Sequence[float] = (),
     ) -> Iterator[tuple[Direction, Exploration]]:
         """Yield the variants with their fits on few lines, except those that have no value at any start.
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
         unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
         `root`, the fit without the cause, has not come far. A far variant goes on up to a misfit of `SCREENING_LIMIT`.
+        `adequate` has chi-square on few lines of adequate fits that are known already.
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [
@@ -512,9 +526,9 @@ class Search:
             if few.ends:
                 yield direction, few
         without, limit = root.chi_square_on_few_lines, math.inf
-        if any(few.misfit <= MISFIT_LIMIT for _, few in found):
-            limit = behind_limit(without, (few.chi_square for _, few in found))
-        leading = {direction for direction, _ in _first_causes(_in_order(found), LEADING_CAUSES)}
+        if adequate or any(few.misfit <= MISFIT_LIMIT for _, few in found):
+            limit = behind_limit(without, (*adequate, *(few.chi_square for _, few in found)))
+        leading = {direction for direction, _ in _first_causes(_in_order(found), 0 if adequate else LEADING_CAUSES)}
 
         def may_be_near(one: Direction, few: Exploration) -> bool:
             if one in leading or few.chi_square <= limit:
@@ -562,8 +576,9 @@ class Search:
             leader = leaders.setdefault(direction.cause.id, few.chi_square)
             # A variant far behind another one of its cause is not needed.
             is_close = (is_leading or few.chi_square <= limit) and few.chi_square <= leader + BEHIND
-            gains_nothing = direction.predicted_evidence(own.penalty) < 0.0 and without - few.chi_square < MARGIN
-            if gains_nothing and not is_leading:
+            may_gain = direction.predicted_evidence(own.penalty) >= 0.0 or without - few.chi_square >= MARGIN
+            may_gain = may_gain or (is_leading and not root.adequacy.passed)
+            if not may_gain:
                 # A far variant has no prediction, but other variants of its cause do.
                 if not direction.far:
                     yield self._predict(steps, root, direction)
@@ -571,7 +586,7 @@ class Search:
                 if direction.cause.id in predicted:
                     continue
             finished.append((direction, few))
-            fits.append(few.finish if is_close or fit_all else few.evaluate)
+            fits.append(few.finish if (is_close and may_gain) or fit_all else few.evaluate)
         leading: Explanation | None = None
         done = 0
         titles = [f"{_title(*steps, direction.step)}, on all lines" for direction, _ in finished]

@@ -82,6 +82,8 @@ VARIANTS_FITTED = 3
 VARIANTS_AGAIN = 12
 """Other variants of the best cause that are fitted from its values where it is not adequate: all those of a joint along
 the insertion."""
+PREDICTED_SHARE = 0.1
+"""Share of the highest predicted evidence below which a variant is not fitted, where predictions are reliable."""
 COLUMNS_TOGETHER = 64
 """Largest number of derivatives of all residuals that screening evaluates at once: it bounds memory."""
 INVISIBLE = 1e-8

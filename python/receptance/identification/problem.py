@@ -298,8 +298,12 @@ class Problem:
     def cost(self, x: NDArray[np.float64]) -> float:
         """Return half the sum of squares; infinite where the model has no value."""
         self.evaluations += 1
-        matrix = self.core.normal_matrix(np.ascontiguousarray(x))
-        return 0.5 * float(matrix[-1, -1]) if np.isfinite(matrix).all() else np.inf
+        if self._smoothing is not None:
+            # Only the normal matrix has the weights of the smoothing.
+            matrix = self.core.normal_matrix(np.ascontiguousarray(x))
+            return 0.5 * float(matrix[-1, -1]) if np.isfinite(matrix).all() else np.inf
+        found = self.core.rows(np.ascontiguousarray(x), np.zeros(x.size, dtype=np.bool_))
+        return np.inf if found is None else 0.5 * float(found[0] @ found[0])
 
     def curvature_root(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a matrix R with R^T R = J^T J at a point.
@@ -358,8 +362,9 @@ class Problem:
             strict=True,
         )
         kept = np.append(moving | of_all, True)
-        ends = [self._against_bound(start, End(*number), kept) for start, number in zip(starts, numbers, strict=True)]
+        ends = [End(*number) for number in numbers]
         self.evaluations += sum(end.evaluations for end in ends)
+        ends = [self._against_bound(start, end, kept) for start, end in zip(starts, ends, strict=True)]
         self._end = min(ends, key=lambda end: end.cost, default=None)
         return ends
 
@@ -372,12 +377,14 @@ class Problem:
         low, high = self.variables.limits
         if not ((start <= low) | (start >= high)).any():
             return end
-        matrix = self.core.normal_matrix(np.ascontiguousarray(start))
-        cost = 0.5 * float(matrix[-1, -1])
+        end = end._replace(evaluations=end.evaluations + 1)
+        cost = self.cost(start)
         if not cost < end.cost:
-            return end._replace(evaluations=end.evaluations + 1)
-        own = np.ascontiguousarray(matrix[np.ix_(kept, kept)])
-        return end._replace(x=start.copy(), cost=cost, evaluations=end.evaluations + 1, normal=own)
+            return end
+        matrix = self.core.normal_matrix(np.ascontiguousarray(start))
+        if not np.isfinite(matrix).all():
+            return end
+        return end._replace(x=start.copy(), cost=cost, normal=np.ascontiguousarray(matrix[np.ix_(kept, kept)]))
 
     def fit_one(self, start: NDArray[np.float64], most: int = 100, **settings: Any) -> End:
         """Return the end of the fit from one start, which may be outside of the bounds; `settings` as of `fit`."""
