@@ -12,6 +12,14 @@ How large an effect is counts in `ratio`, which the scoring uses:
   ratio^2 = min_t [sum_k (s_k - t)^2 / d^2 + t^2 / tau^2] / modes;
 - effects that move no mode: the rms change of the logarithm over all lines, divided by the rms residual of that plain
   fit, both in the standard deviations of the lines.
+
+Whether the data can support a claim at all counts in `support`. The size of the discrepancy is unknown, and estimated
+from the same n values that show the effect: natural frequencies of all configurations where the effect moves modes,
+levels of the modes in all records elsewhere. Without the effect their variance is that of the discrepancy times
+1 + ratio^2, and the size of the effect takes one value, so twice the logarithm of the likelihood rises by no more than
+(n - 1) ln(1 + ratio^2).
+
+Sizes end where the effect would no longer be called by its name (`BOUNDS`).
 """
 
 from __future__ import annotations
@@ -45,6 +53,8 @@ AIMS = (1.0, 4.0, 10.0, 30.0)
 """Ratios that the sizes of effects aim at."""
 CLEAR = 3.0
 """Ratio above which an effect is reported apart."""
+LEAST_SUPPORT = 2.0 * np.log(1000.0)
+"""Support from which the data can show an effect: odds of a thousand to one, before the price of the search."""
 STEPPED_SINE_NOISE = 0.02
 """Relative standard deviation that the engineer states for the Brake-Reuss levels, which have no repeats."""
 BRAKE_REUSS_LEVELS = 3
@@ -105,14 +115,15 @@ PLAN: tuple[tuple[str, str], ...] = (
 """Structures and effects in turn: any beginning of it is a fair mixture."""
 
 BOUNDS: dict[str, tuple[str, float, float]] = {
-    "sensor_mass": ("mass", 1e-3, 3.0),
+    "sensor_mass": ("mass", 1e-3, 0.3),
     "suspension": ("stiffness", 1e2, 1e8),
     "calibration_gain": ("gain", 2e-3, 9.0),
     "time_delay": ("delay", 1e-7, 5e-4),
     "exponential_window": ("rate", 0.1, 60.0),
-    "frequency_scale": ("share", 1e-5, 0.08),
+    "frequency_scale": ("share", 1e-5, 0.02),
 }
-"""Name and range of the sizes that aim at a ratio."""
+"""Name and range of the sizes that aim at a ratio. A body of more than a twentieth of the beam is no forgotten sensor,
+and a clock is not wrong by more than two per cent."""
 ENDS_S = (0.14, 0.18, 0.24)
 """Ends of truncated records, of a period of 0.4 s."""
 
@@ -157,6 +168,8 @@ class Draw:
     ratio: float = 0.0
     discrepancy: float = float("nan")
     """Rms relative error of these natural frequencies of the plain model."""
+    support: float = 0.0
+    """Largest increase of twice the logarithm of the likelihood; see above."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +247,14 @@ def draw(seed: int, index: int, structure: str, effect: str, fit: Fit, aim: floa
         one = Effect(effect)
     case = modelab_case(beam, setup, one)
     shifts = tuple(mode_shifts(modes, one).tolist())
-    return Draw(case, plain, one, hz, shifts, ratio_of(one, case), discrepancy)
+    ratio = ratio_of(one, case)
+    places = {record.configuration for record in case.records} if any(shifts) else case.records
+    return Draw(case, plain, one, hz, shifts, ratio, discrepancy, support(ratio, len(hz) * len(places)))
+
+
+def support(ratio: float, values: int) -> float:
+    """Return the largest increase of twice the logarithm of the likelihood by an effect that some values show."""
+    return float((values - 1) * np.log1p(ratio**2))
 
 
 def solve(ratio: Callable[[float], float], aim: float, low: float, high: float) -> float:
@@ -373,7 +393,8 @@ def _draw_levels(rng: np.random.Generator, effect: str) -> Draw:
         return replace(record, accelerance=exact.reversed_polarity(record.accelerance))
 
     # A sign, or a factor of 500 with a quarter of a turn, beside a misfit of some per cent.
-    return Draw(Case("brake_reuss", tuple(map(change, plain.records))), plain, one, ratio=float("inf"))
+    case = Case("brake_reuss", tuple(map(change, plain.records)))
+    return Draw(case, plain, one, ratio=float("inf"), support=float("inf"))
 
 
 def level_record(level: Level) -> Record:

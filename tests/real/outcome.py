@@ -45,6 +45,7 @@ def outcome_of(seed: int, index: int, structure: str, drawn: Draw, answer: Any) 
         oracle={
             "ratio": drawn.ratio,
             "aim": None if effect is None else effect.aim,
+            "support": drawn.support,
             "shift_percent": 100.0 * float(np.abs(shifts).max(initial=0.0)),
             "discrepancy_percent": 100.0 * drawn.discrepancy,
             "modes": len(drawn.modes_hz),

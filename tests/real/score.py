@@ -13,9 +13,10 @@ without naming one; any other word names ("named", "partly explained", or whatev
   are as exact as the drive point, some 5 %; see `structures`.
 
 Effects with a ratio above `cases.CLEAR` count for the targets: rightly at least 85 %, wrongly at most 3 %, nothing
-hidden called at most 5 %. A failed diagnosis counts as no answer and has a line. Shares have exact (Clopper and
-Pearson) 95 % binomial intervals. The cases are different records, bands, configurations and sizes of two structures:
-intervals are those of this population, not of structures in general.
+hidden called at most 5 %. Those of them that the data can support (`cases.LEAST_SUPPORT`) have a line of their own: of
+the others the structure cannot support a claim. A failed diagnosis counts as no answer and has a line. Shares have
+exact (Clopper and Pearson) 95 % binomial intervals. The cases are different records, bands, configurations and sizes of
+two structures: intervals are those of this population, not of structures in general.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import numpy as np
 
 from blind.outcome import Outcome
 from blind.score import Line
+from real.cases import ANSWERS, LEAST_SUPPORT, LOOK_ALIKES
 
 QUIET = ("adequate", "unexplained", "undecided", "failed")
 OPEN = ("suspected", "ambiguous")
@@ -48,12 +50,18 @@ def wrongly(o: Outcome) -> bool:
     return names_a_cause(o) and (not o.reported or len(o.found) < len(o.reported))
 
 
+def supported(o: Outcome) -> bool:
+    """Return whether the data can support the claim of a clear effect."""
+    return o.large and o.oracle["support"] >= LEAST_SUPPORT
+
+
 def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
     """Return the lines of the table, and results other than shares as text."""
     cases = list(outcomes)
     nothing = [o for o in cases if not o.effects]
     hidden = [o for o in cases if o.effects]
     clear, small = [o for o in hidden if o.large], [o for o in hidden if not o.large]
+    able = [o for o in clear if supported(o)]
 
     def line(name: str, group: Sequence[Outcome], hits: Iterable[bool], target: str = "") -> Line:
         return Line(name, sum(hits), len(group), target)
@@ -62,6 +70,7 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
         line("nothing hidden: a cause named", nothing, map(wrongly, nothing), "<= 5 %"),
         line("  suspected or ambiguous", nothing, (o.verdict in OPEN for o in nothing)),
         line("clear effect: rightly", clear, map(rightly, clear), ">= 85 %"),
+        line("  where the data can support it", able, map(rightly, able), ">= 85 %"),
         line("clear effect: wrongly", clear, map(wrongly, clear), "<= 3 %"),
         line("  first candidate is right", clear, map(_first_is_right, clear)),
         line("  suspected or ambiguous, right among", clear, (o.verdict in OPEN and bool(o.found) for o in clear)),
@@ -84,8 +93,6 @@ def table(outcomes: Iterable[Outcome]) -> tuple[list[Line], list[str]]:
 
 
 def _first_is_right(o: Outcome) -> bool:
-    from real.cases import ANSWERS, LOOK_ALIKES
-
     right = (*ANSWERS[o.effects[0]], *LOOK_ALIKES.get((o.kind, o.effects[0]), ()))
     return bool(o.candidates) and o.candidates[0][0] in right
 
@@ -114,8 +121,8 @@ def by_effect(outcomes: Sequence[Outcome]) -> list[str]:
         counts = ", ".join(f"{n} {v}" for v, n in verdicts.items())
         first = sum(bool(o.effects) and _first_is_right(o) for o in own)
         right = f"right {sum(map(rightly, own))} wrong {sum(map(wrongly, own))} first {first}"
-        clear = sum(o.large for o in own)
-        texts += [f"  {kind:<11} {id or 'nothing':<18}{len(own):3d} ({clear} clear): {right};", f"    {counts}"]
+        clear = f"{sum(o.large for o in own)} clear, {sum(map(supported, own))} supported"
+        texts += [f"  {kind:<11} {id or 'nothing':<18}{len(own):3d} ({clear}):", f"    {right}; {counts}"]
     return texts
 
 

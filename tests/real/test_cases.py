@@ -133,6 +133,15 @@ def test_sizes_reach_their_aim(effect, aim):
     assert bool(np.any(found.shifts)) == (effect in ("sensor_mass", "suspension", "frequency_scale"))
 
 
+def test_support_is_a_ratio_of_likelihoods():
+    """Of residuals with the variances d^2 (1 + r^2) and d^2, each with the variance that fits best."""
+    r, n = 3.0, 7
+    before, after = 1.0 + r**2, 1.0
+    deviance = [(n - 1) * (np.log(variance) + 1.0) for variance in (before, after)]
+    assert cases.support(r, n) == pytest.approx(deviance[0] - deviance[1])
+    assert cases.support(0.0, n) == 0.0
+
+
 def test_ratio_of_shifts():
     # Differences between modes count by the discrepancy, what they have in common by the tolerance.
     uneven = np.array([0.002, -0.002])

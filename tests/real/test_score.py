@@ -18,13 +18,14 @@ NAN = float("nan")
 EMPTY = Case("modelab", ())
 
 
-def outcome(effect, verdict, *reported, ratio=10.0, structure="modelab", sizes=None, index=0):
+def outcome(effect, verdict, *reported, ratio=10.0, structure="modelab", sizes=None, index=0, support=20.0):
     """Return the outcome of an answer to a hidden effect, or to nothing."""
     hidden = None if effect is None else effect if isinstance(effect, Effect) else Effect(effect)
     answer = Answer(
         verdict, reported, (), sizes or {}, True, 50.0, NAN, 1.0, {}, {}, candidates=[(c, 1.0, 1.0) for c in reported]
     )
-    return outcome_of(1, index, structure, Draw(EMPTY, EMPTY, hidden, ratio=ratio if hidden else 0.0), answer)
+    drawn = Draw(EMPTY, EMPTY, hidden, ratio=ratio if hidden else 0.0, support=support)
+    return outcome_of(1, index, structure, drawn, answer)
 
 
 @pytest.mark.parametrize("verdict", ["adequate", "unexplained", "undecided", "suspected", "ambiguous", "failed"])
@@ -105,21 +106,23 @@ def test_table_counts_each_case_once():
         outcome("sensor_mass", "unexplained"),
         outcome("sensor_mass", "suspected", "sensor_mass"),
         outcome("sensor_mass", "failed"),
+        outcome("sensor_mass", "unexplained", support=13.8),
         outcome("sensor_mass", "adequate", ratio=2.9),
         outcome("sensor_mass", "named", "sensor_mass", ratio=2.9),
         outcome("sensor_mass", "named", "time_delay", ratio=2.9),
     ]
     assert counts(cases, "nothing hidden: a cause named") == (1, 4)
     assert counts(cases, "  suspected or ambiguous") == (1, 4)
-    assert counts(cases, "clear effect: rightly") == (2, 6)
-    assert counts(cases, "clear effect: wrongly") == (1, 6)
-    assert counts(cases, "  first candidate is right") == (3, 6)
-    assert counts(cases, "  suspected or ambiguous, right among") == (1, 6)
-    assert counts(cases, "  unexplained") == (1, 6)
-    assert counts(cases, "  adequate") == (0, 6)
+    assert counts(cases, "clear effect: rightly") == (2, 7)
+    assert counts(cases, "  where the data can support it") == (2, 6)
+    assert counts(cases, "clear effect: wrongly") == (1, 7)
+    assert counts(cases, "  first candidate is right") == (3, 7)
+    assert counts(cases, "  suspected or ambiguous, right among") == (1, 7)
+    assert counts(cases, "  unexplained") == (2, 7)
+    assert counts(cases, "  adequate") == (0, 7)
     assert counts(cases, "smaller effect: rightly") == (1, 3)
     assert counts(cases, "smaller effect: wrongly") == (1, 3)
-    assert counts(cases, "diagnoses that failed") == (1, 13)
+    assert counts(cases, "diagnoses that failed") == (1, 14)
 
 
 def test_the_limit_of_clear_effects():
