@@ -262,8 +262,18 @@ def test_a_cause_takes_at_least_half_of_the_misfit(monkeypatch, share):
     judgement = conclude(selection)
     assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
     assert bool(judgement.reported) == (share > 0.5)
-    # Another structural error may look the same.
+    # Partly explained claims less than named, so that evidence just above the threshold suffices.
     best = selection.explanations[0]
+    just_above = replace(best, evidence=selection.threshold + 0.1)
+    judgement = conclude(replace(selection, explanations=[just_above], alternatives=[]))
+    assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
+    below = replace(best, evidence=selection.threshold - 0.1)
+    assert not conclude(replace(selection, explanations=[below])).reported
+    # The reasons why a cause is not certain are listed.
+    doubtful = replace(best, fit=replace(best.fit, converged=False))
+    notes = " ".join(conclude(replace(selection, explanations=[doubtful])).notes)
+    assert share < 0.5 or ("not certain" in notes and "has not converged" in notes)
+    # Another structural error may look the same.
     (step,) = best.steps
     vague = replace(best, steps=(Step(replace(step.cause, unspecific=True), step.variant),))
     assert conclude(replace(selection, explanations=[vague, *selection.explanations[1:]])).answer == "unexplained"

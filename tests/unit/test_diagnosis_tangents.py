@@ -10,7 +10,14 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.screening import directions, in_common_basis, look_alike
+from receptance.diagnosis.screening import (
+    Direction,
+    coordinates_of,
+    directions,
+    in_common_basis,
+    look_alike,
+    scores_beside,
+)
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
 from receptance.identification import Law, Move, Tolerance
@@ -179,6 +186,23 @@ def test_a_common_basis_keeps_look_alikes_and_scalar_products() -> None:
             )
             assert look_alike(same, other) == pytest.approx(look_alike(first, second), abs=1e-8)
     assert in_common_basis([]) == []
+
+
+def test_scores_beside_a_variant_are_those_of_both_less_that_of_the_first() -> None:
+    fit = refit(make_model(), {})
+    causes = [CATALOGUE[id] for id in ("calibration_gain", "hammer_offset", "time_delay", "sensor_mass")]
+    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
+    small = in_common_basis(found)
+    rest = coordinates_of(fit.residual, found, small)
+
+    def decrease(*some: Direction) -> float:
+        slopes = np.hstack([one.slopes for one in some])
+        left = fit.residual + slopes @ np.linalg.lstsq(slopes, -fit.residual, rcond=1e-10)[0]
+        return float(fit.residual @ fit.residual - left @ left)
+
+    own = [decrease(found[0], one) - decrease(found[0]) for one in found[1:]]
+    assert max(own) > 1.0
+    np.testing.assert_allclose(scores_beside(small[0], small[1:], rest), own, rtol=1e-6, atol=1e-6)
 
 
 def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:

@@ -90,7 +90,7 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     elif found.ambiguous_between:
         reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
     else:
-        reason = f"{taken}, but this is not certain"
+        return Judgement("unexplained", notes=(f"{taken}, but this is not certain", *found.notes))
     return Judgement("unexplained", notes=(reason,))
 
 
@@ -175,7 +175,8 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         yield f"{name} is suspected only: a fast diagnosis names no cause"
     if one.implausible:
         yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
-    if one.evidence <= limit + MARGIN:
+    # What a discrepancy is allowed for is partly explained at most, which claims less.
+    if one.evidence <= limit + MARGIN and selection.discrepancy is None:
         yield f"{name} is suspected only: its effect is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:

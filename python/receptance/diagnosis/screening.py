@@ -240,6 +240,43 @@ def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
     return [replace(one, slopes=own) for one, own in zip(found, coordinates, strict=True)]
 
 
+def coordinates_of(
+    residual: NDArray[np.float64], found: Sequence[Direction], small: Sequence[Direction]
+) -> NDArray[np.float64]:
+    """Return residuals in the basis of `small`, which are the directions `found` in their common basis."""
+    products = np.concatenate([one.slopes.T @ residual for one in found])
+    together = np.hstack([one.slopes for one in small])
+    coordinates: NDArray[np.float64] = np.linalg.lstsq(together.T, products, rcond=DEPENDENT)[0]
+    return coordinates
+
+
+def scores_beside(first: Direction, others: Sequence[Direction], rest: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the predicted decrease of chi-square by each of some variants beside a first one, to first order.
+
+    Parameters
+    ----------
+    first : Direction
+        The variant that is fitted already.
+    others : sequence of Direction
+        The other ones.
+    rest : ndarray
+        The residuals of the fit without any of them, in the coordinates of the directions: see `coordinates_of`.
+    """
+    basis = first.basis
+
+    def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return values - basis @ (basis.T @ values)
+
+    after = left(rest)
+    found = np.zeros(len(others))
+    for i, one in enumerate(others):
+        if one.slopes.shape[1]:
+            slopes = left(one.basis)
+            solution, *_ = np.linalg.lstsq(slopes, after, rcond=DEPENDENT)
+            found[i] = after @ slopes @ solution
+    return found
+
+
 def detection_threshold(
     found: Sequence[Direction],
     penalty: float,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
@@ -29,12 +29,14 @@ from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import (
     Direction,
+    coordinates_of,
     detection_threshold,
     directions,
     in_common_basis,
     list_variants,
     look_alike,
     rank,
+    scores_beside,
 )
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, starts_from_singles, starts_of
 from receptance.diagnosis.thresholds import (
@@ -56,6 +58,10 @@ from receptance.diagnosis.thresholds import (
     VARIANTS_AGAIN,
 )
 from receptance.errors import ReceptanceError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _T = TypeVar("_T")
 
@@ -152,6 +158,8 @@ class Search:
         self._causes = causes
         self._most = most
         self._report = progress or Progress()
+        self._rest: NDArray[np.float64] | None = None
+        """Residuals of the base in the basis of the directions, where linear predictions are reliable."""
 
     def run(self) -> None:
         """Run all steps."""
@@ -175,7 +183,8 @@ class Search:
         """Screen all causes, and fit the best variants of each."""
         own, base = self.selection, self.selection.base
         variants, own.undecidable = list_variants(base, self._causes)
-        own.directions = in_common_basis(directions(base, variants, own.workers))
+        found = directions(base, variants, own.workers)
+        own.directions = in_common_basis(found)
         beside = own.discrepancy
         own.threshold = detection_threshold(
             own.directions,
@@ -188,6 +197,8 @@ class Search:
         ranked = rank(own.directions, own.penalty)
         leading = _first_of_each(ranked)[:LEADING_CAUSES]
         least = self._least_prediction(ranked)
+        if math.isfinite(least) and found:
+            self._rest = coordinates_of(base.residual, found, own.directions)
         fitted = [one for one in ranked if one.far or one in leading or one.predicted_evidence(own.penalty) >= least]
         # A far variant has no prediction, but other variants of its cause do.
         ids = {one.cause.id for one in fitted if not one.far}
@@ -301,6 +312,8 @@ class Search:
             # Where the best explanation is adequate, only those within the margin are extended.
             if root is not best and not extends_all and root.evidence < best.evidence - MARGIN:
                 continue
+            if self._has_no_effect_beside(root):
+                continue
             effects = self._effects_of_others(root.fit, root.ids)
             is_unreliable = root.adequacy.misfit > SCREENING_LIMIT
             likely = [one for one in effects if is_unreliable or one.predicted_evidence(own.penalty) > threshold]
@@ -312,6 +325,20 @@ class Search:
                     own.add(one)
                     found.append(one)
         return best_of_each(found)
+
+    def _has_no_effect_beside(self, root: Explanation) -> bool:
+        """Return whether no cause can have evidence beside an adequate one, as predicted from the base."""
+        own = self.selection
+        if self._rest is None or not root.passed or len(root.steps) > 1:
+            return False
+        ((cause, variant),) = root.steps
+        first = next((one for one in own.directions if one.is_of(cause.id, variant)), None)
+        if first is None or first.far:
+            return False
+        others = [one for one in own.directions if one.cause.id != cause.id and not one.far]
+        scores = scores_beside(first, others, self._rest)
+        gains = [score - own.penalty * one.count for score, one in zip(scores.tolist(), others, strict=True)]
+        return max(gains, default=-math.inf) < own.threshold - MARGIN
 
     def _effects_of_others(self, root: Fit, ids: frozenset[str]) -> list[Direction]:
         """Return the linear effects on a fit of all causes but some; no variant changes the data."""
