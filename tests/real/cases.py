@@ -16,8 +16,8 @@ How large an effect is counts in `ratio`, which the scoring uses:
 Whether the data can support a claim at all counts in `support`. The size of the discrepancy is unknown, and estimated
 from the same n values that show the effect: natural frequencies of all configurations where the effect moves modes,
 levels of the modes in all records elsewhere. Without the effect their variance is that of the discrepancy times
-1 + ratio^2, and the size of the effect takes one value, so twice the logarithm of the likelihood rises by no more than
-(n - 1) ln(1 + ratio^2).
+1 + ratio^2, so twice the logarithm of the likelihood rises by about n ln(1 + ratio^2), of which the size of the effect
+costs ln n.
 
 Sizes end where the effect would no longer be called by its name (`BOUNDS`).
 """
@@ -54,7 +54,7 @@ AIMS = (1.0, 4.0, 10.0, 30.0)
 CLEAR = 3.0
 """Ratio above which an effect is reported apart."""
 LEAST_SUPPORT = 2.0 * np.log(1000.0)
-"""Support from which the data can show an effect: odds of a thousand to one, before the price of the search."""
+"""Support from which the data can show an effect: odds of a thousand to one. It is less than the price of a search."""
 STEPPED_SINE_NOISE = 0.02
 """Relative standard deviation that the engineer states for the Brake-Reuss levels, which have no repeats."""
 BRAKE_REUSS_LEVELS = 3
@@ -169,7 +169,7 @@ class Draw:
     discrepancy: float = float("nan")
     """Rms relative error of these natural frequencies of the plain model."""
     support: float = 0.0
-    """Largest increase of twice the logarithm of the likelihood; see above."""
+    """Evidence that can be expected: twice the logarithm of the likelihood, less the price of the size; see above."""
 
 
 @dataclass(frozen=True)
@@ -253,8 +253,8 @@ def draw(seed: int, index: int, structure: str, effect: str, fit: Fit, aim: floa
 
 
 def support(ratio: float, values: int) -> float:
-    """Return the largest increase of twice the logarithm of the likelihood by an effect that some values show."""
-    return float((values - 1) * np.log1p(ratio**2))
+    """Return the evidence that can be expected of an effect that some values show."""
+    return float(values * np.log1p(ratio**2) - np.log(values))
 
 
 def solve(ratio: Callable[[float], float], aim: float, low: float, high: float) -> float:

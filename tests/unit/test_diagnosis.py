@@ -294,7 +294,7 @@ def test_an_unusual_size_is_suspected_and_shown() -> None:
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["sensor_mass"])
     assert verdict.vetoed == ()
     size = f"mass {1e3 * verdict.causes[0].parameters['sensor_mass.mass'][0]:.1f} g, where 0.0 g to 30.0 g is plausible"
-    note = f"with an unusual size: {size}; check the drawing or the stated value"
+    note = f"its size is unusual: {size}; check the drawing or the stated value"
     assert note in verdict.summary(1000)
     assert verdict.to_dict()["causes"][0]["vetoed"] == size
     assert note in html.unescape(verdict.to_html())

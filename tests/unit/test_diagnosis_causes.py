@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -610,8 +610,8 @@ def test_variants_of_little_effect_are_fitted_only_where_effects_are_not_small(
         if effect == "another material":
             factor = make_assembly(overhang, STEEL).receptance(LINES) / one.assembly.receptance(LINES)
         observations.append(replace(one, receptance=factor * one.receptance))
-    chosen: list[Direction] = []
-    monkeypatch.setattr(Search, "_fit", lambda self, steps, root, some: iter(chosen.extend(some) or ()))
+    calls: list[list[Direction]] = []
+    monkeypatch.setattr(Search, "_fit", lambda self, steps, root, some: iter(calls.append(list(some)) or ()))
     selection = Selection(fit_base(replace(MODEL, observations=tuple(observations))), 6.0)
     assert not selection.base.adequacy.passed
     Search(selection, list(CATALOGUE.values())).fit_singles()
@@ -619,10 +619,85 @@ def test_variants_of_little_effect_are_fitted_only_where_effects_are_not_small(
     least = 0.1 * ranked[0].predicted_evidence(6.0)
     weak = {one.step for one in ranked if one.predicted_evidence(6.0) < least}
     assert len(weak) > 10
-    left_out = {one.step for one in ranked} - {one.step for one in chosen}
+    left_out = {one.step for one in ranked} - {one.step for one in calls[0]}
     assert left_out <= weak
     # The best variants of four causes are fitted in any case.
     assert len(left_out) >= len(weak) - 4 if is_small else not left_out
+    # Where no fit is adequate the predictions were wrong, and the others are fitted as well.
+    assert {one.step for one in calls[-1]} == left_out if is_small else len(calls) == 1
+
+
+def test_a_variant_without_a_linear_effect_is_fitted_in_any_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A parameter that shapes the effect of others has none of its own to first order."""
+    chosen: list[Direction] = []
+    monkeypatch.setattr(Search, "_fit", lambda self, steps, root, some: iter(chosen.extend(some) or ()))
+    gain = CATALOGUE["calibration_gain"]
+    shape = replace(gain, id="shape", parameters=tuple(replace(one, secondary=True) for one in gain.parameters))
+    selection = Selection(fit_of_right_model(), 6.0)
+    Search(selection, [*CATALOGUE.values(), shape]).fit_singles()
+    assert selection.base.adequacy.passed
+    assert any(one.cause.id == "shape" for one in chosen)
+
+
+@pytest.mark.parametrize("second", [0.0, 9.0])
+def test_a_further_effect_beside_an_adequate_cause_is_predicted(second: float) -> None:
+    selection = Selection(fit_of_right_model(), 6.0)
+    search = Search(selection, list(CATALOGUE.values()))
+    search.fit_singles()
+    gain, delay = (
+        next(one for one in selection.directions if one.cause.id == id) for id in ("calibration_gain", "time_delay")
+    )
+    search._rest = sum(
+        size * one.slopes[:, 0] / np.linalg.norm(one.slopes[:, 0]) for size, one in ((40.0, gain), (second, delay))
+    )
+    root = Explanation((gain.step,), selection.base, 0.0, 50.0)
+    assert root.passed
+    assert search._has_no_effect_beside(root) == (second == 0.0)
+    # From another minimum of the base predictions do not hold.
+    search._rest = None
+    assert not search._has_no_effect_beside(root)
+
+
+@pytest.mark.parametrize(("evidence", "is_fitted"), [(-20.0, False), (50.0, True)])
+def test_look_alikes_of_a_cause_without_evidence_are_not_fitted(
+    monkeypatch: pytest.MonkeyPatch, evidence: float, is_fitted: bool
+) -> None:
+    selection = Selection(fit_of_right_model(), 6.0)
+    search = Search(selection, list(CATALOGUE.values()))
+    search.fit_singles()
+    sensor = next(one for one in selection.directions if one.cause.id == "sensor_mass")
+    selection.explanations = [Explanation((sensor.step,), selection.base, 0.0, evidence)]
+    seen: list[Any] = []
+    monkeypatch.setattr(Search, "_fit_near", lambda self, best, chosen: seen.append(chosen))
+    search.fit_look_alikes()
+    assert bool(seen) == is_fitted
+
+
+@pytest.mark.parametrize(("known", "continued"), [(np.inf, [0, 1, 2, 3, 4]), (100.0, [0, 1])])
+def test_variants_far_behind_a_known_fit_are_not_continued(
+    monkeypatch: pytest.MonkeyPatch, known: float, continued: list[int]
+) -> None:
+    """The limit is 100 + 60 + 0.3 * 900 = 430; without an adequate fit all go on."""
+    done: list[int] = []
+
+    def explored(number: int, chi_square: float) -> Any:
+        few = SimpleNamespace(chi_square=chi_square, misfit=5.0, evaluations=0, ends=[0])
+        few.go_on = lambda starts: done.append(number) or few
+        return few
+
+    sizes = (300.0, 420.0, 440.0, 600.0, 900.0)
+    fits = [explored(number, size) for number, size in enumerate(sizes)]
+    monkeypatch.setattr("receptance.diagnosis.selection.explore", lambda model, starts, *, far: fits[model])
+    chosen = [
+        Direction(
+            cause, Variant("all", cast(Any, number)), {"size": cause.parameters[0]}, np.zeros((1, 1)), False, 0.0, {}
+        )
+        for number, cause in enumerate([one for one in CATALOGUE.values() if one.parameters][:5])
+    ]
+    root: Any = SimpleNamespace(chi_square_on_few_lines=1000.0, chi_square=1000.0)
+    search = Search(Selection(root, 7.0), [])
+    list(search._explore("alternatives", ["x"] * 5, chosen, [[[{}]]] * 5, root, known))
+    assert done == continued
 
 
 @pytest.mark.parametrize("plausible", [None, (1.0,), "ab", (5.0, 1.0), (float("nan"), 1.0)])

@@ -209,7 +209,7 @@ def test_a_simplified_holder_is_off_by_a_quarter_at_most(field: str, factor: flo
     assert (verdict.verdict, [one.id for one in verdict.causes]) == (answer, [cause])
     ((value, _, _),) = verdict.causes[0].parameters.values()
     assert value == pytest.approx(np.log(factor), abs=2e-3)
-    unusual = [note for note in verdict.notes if "with an unusual size: density -" in note]
+    unusual = [note for note in verdict.notes if "its size is unusual: density -" in note]
     assert (len(unusual) == 1) == (answer == "suspected")
     assert all("where -25 % to +25 % is plausible; check the drawing" in note for note in unusual)
 

@@ -15,6 +15,7 @@ from receptance.diagnosis.screening import (
     coordinates_of,
     directions,
     in_common_basis,
+    list_variants,
     look_alike,
     scores_beside,
 )
@@ -190,19 +191,23 @@ def test_a_common_basis_keeps_look_alikes_and_scalar_products() -> None:
 
 def test_scores_beside_a_variant_are_those_of_both_less_that_of_the_first() -> None:
     fit = refit(make_model(), {})
-    causes = [CATALOGUE[id] for id in ("calibration_gain", "hammer_offset", "time_delay", "sensor_mass")]
-    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
+    causes = list(CATALOGUE.values())
+    found = [one for one in directions(fit, list_variants(fit, causes)[0]) if one.slopes.shape[1]]
+    # Units differ by many orders of magnitude.
+    norms = np.concatenate([np.linalg.norm(one.slopes, axis=0) for one in found])
+    assert norms.max() > 1e8 * norms.min()
     small = in_common_basis(found)
     rest = coordinates_of(fit.residual, found, small)
 
     def decrease(*some: Direction) -> float:
-        slopes = np.hstack([one.slopes for one in some])
-        left = fit.residual + slopes @ np.linalg.lstsq(slopes, -fit.residual, rcond=1e-10)[0]
-        return float(fit.residual @ fit.residual - left @ left)
+        slopes = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in some])
+        vectors, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
+        return float(np.sum((vectors[:, sizes > 1e-5 * sizes[0]].T @ fit.residual) ** 2))
 
-    own = [decrease(found[0], one) - decrease(found[0]) for one in found[1:]]
+    first = next(i for i, one in enumerate(found) if one.cause.id == "calibration_gain")
+    own = [decrease(found[first], one) - decrease(found[first]) for one in found]
     assert max(own) > 1.0
-    np.testing.assert_allclose(scores_beside(small[0], small[1:], rest), own, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(scores_beside(small[first], small, rest), own, atol=1e-2)
 
 
 def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:

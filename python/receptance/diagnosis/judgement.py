@@ -67,8 +67,8 @@ def conclude(selection: Selection) -> Judgement:
        share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing fit has
        not converged. `doubt_prediction` judges a named one by held-out data.
 
-    Where the selection allows for a discrepancy, every model is adequate. What would be named is then partly explained
-    if it takes at least half of the misfit; all other answers are unexplained.
+    Where the selection allows for a discrepancy, every model is adequate. What would be named, or suspected for its
+    evidence alone, is then partly explained if it takes at least half of the misfit; all other answers are unexplained.
     """
     found = _conclude(selection)
     return found if selection.discrepancy is None else _with_share(selection, found)
@@ -90,7 +90,8 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     elif found.ambiguous_between:
         reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
     else:
-        return Judgement("unexplained", notes=(f"{taken}, but this is not certain", *found.notes))
+        doubts = _doubts(selection, best, selection.threshold)
+        reason = f"{taken}, but this is not certain: {'; '.join(doubts) or '; '.join(found.notes)}"
     return Judgement("unexplained", notes=(reason,))
 
 
@@ -127,7 +128,8 @@ def _conclude(selection: Selection) -> Judgement:
         common = frozenset.intersection(*(one.ids for one in remaining))
         between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
-    doubts = list(_doubts(selection, remaining[0], limit))
+    verb = "is" if len(remaining[0].steps) == 1 else "are"
+    doubts = [f"{remaining[0].title} {verb} suspected only: {why}" for why in _doubts(selection, remaining[0], limit)]
     return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), notes=(*notes, *doubts))
 
 
@@ -169,60 +171,56 @@ def _withhold(alternative: Explanation, best: Explanation) -> str:
 
 
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
-    """Yield the reasons why the only explanation is suspected and not named."""
-    base, name = selection.base, one.title
+    """Yield the reasons why the only explanation is not certain: suspected, not named."""
+    base = selection.base
     if selection.fast:
-        yield f"{name} is suspected only: a fast diagnosis names no cause"
+        yield "a fast diagnosis names no cause"
     if one.implausible:
-        yield f"{name} is suspected only, with an unusual size: {_sizes(one)}; check the drawing or the stated value"
+        yield f"its size is unusual: {_sizes(one)}; check the drawing or the stated value"
     # What a discrepancy is allowed for is partly explained at most, which claims less.
     if one.evidence <= limit + MARGIN and selection.discrepancy is None:
-        yield f"{name} is suspected only: its effect is near the detection threshold"
+        yield "its effect is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
-        yield f"{name} is suspected only: {_describe(alternative)} is more likely"
+        yield f"{_describe(alternative)} is more likely"
     if one.fit.degrees_of_freedom < LEAST_FREEDOM:
-        yield f"{name} is suspected only: {_freedom(one.fit)}"
+        yield f"{_freedom(one.fit)}"
     strain = one.adequacy.strain
     # Beside a discrepancy the tolerances absorb a part of it.
     if strain.chance < STRAIN_CHANCE and selection.discrepancy is None:
         errors = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
         yield (
-            f"{name} is suspected only: it strains the tolerances beyond the 1 % level, in standard deviations "
-            f"{errors}; another cause may act"
+            f"it strains the tolerances beyond the 1 % level, in standard deviations {errors}; another cause may act"
         )
     if "joint_hysteretic_loss" in one.ids and selection.undecidable.get("exponential_window", "").startswith(TABLE):
         yield (
-            f"{name} is suspected only: an exponential window that the FRFs do not state has a similar effect, and "
+            f"an exponential window that the FRFs do not state has a similar effect, and "
             f"{TABLE}, which does not allow for it"
         )
     structure = any(cause.group == "structure" for cause, _ in one.steps)
     one_configuration = len(base.model.configurations) == 1 and structure
     if one_configuration:
         sources, another = base.model.separable
-        yield f"{name} is suspected only: one configuration does not distinguish {sources}; measure {another}"
+        yield f"one configuration does not distinguish {sources}; measure {another}"
     if structure and base.one_mode:
-        yield (
-            f"{name} is suspected only: one mode does not distinguish the joint from the parts; measure up to a "
-            "second one"
-        )
+        yield ("one mode does not distinguish the joint from the parts; measure up to a second one")
     only = None if one_configuration else _only_configuration(base, one)
     if only:
         yield (
-            f"{name} is suspected only: it improves {only} alone, where an effect of that tool or clamping may be the "
+            f"it improves {only} alone, where an effect of that tool or clamping may be the "
             "same; measure another configuration"
         )
     large = one.extraordinary if len(one.steps) > 1 else ()
     if large:
         sizes = ", ".join(f"{size} = {one.fit.values[size]:.3g}" for size in large)
         yield (
-            f"{name} are suspected only: {sizes} is large for a cause beside another one, and an effect that is not in "
+            f"{sizes} is large for a cause beside another one, and an effect that is not in "
             "the catalogue may act in place of both"
         )
     before = base.adequacy
     if len(one.steps) > 1 and before.misfit <= before.limit:
         yield (
-            f"{name} are suspected only: the misfit without them is within its limit, and an effect that is not in the "
+            "the misfit without them is within its limit, and an effect that is not in the "
             "catalogue may explain the rest"
         )
 

@@ -1,7 +1,8 @@
 """Screening: which variants apply to a fitted model, and their effect on its residuals to first order.
 
 The effect is that of a small size of the cause after a refit of all other unknowns. It determines the order of the
-fits, the detection threshold and the look-alikes. The evidence of a cause comes from its own fit.
+fits, the detection threshold and the look-alikes, and where effects are small the variants that are fitted. The
+evidence of a reported cause comes from its own fit.
 """
 
 from __future__ import annotations
@@ -229,8 +230,8 @@ def _estimate(
 def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
     """Return the directions with coordinates in a basis of all of them in place of the derivatives of all residuals.
 
-    They have the same scalar products, which is all that thresholds and look-alikes need, in as many numbers as there
-    are derivatives.
+    They have the same scalar products, which is all that thresholds, look-alikes and predictions need, in as many
+    numbers as there are derivatives.
     """
     if not found:
         return []
@@ -246,7 +247,9 @@ def coordinates_of(
     """Return residuals in the basis of `small`, which are the directions `found` in their common basis."""
     products = np.concatenate([one.slopes.T @ residual for one in found])
     together = np.hstack([one.slopes for one in small])
-    coordinates: NDArray[np.float64] = np.linalg.lstsq(together.T, products, rcond=DEPENDENT)[0]
+    # The derivatives have different units.
+    norms = np.linalg.norm(together, axis=0)
+    coordinates: NDArray[np.float64] = np.linalg.lstsq((together / norms).T, products / norms, rcond=DEPENDENT)[0]
     return coordinates
 
 
@@ -271,9 +274,8 @@ def scores_beside(first: Direction, others: Sequence[Direction], rest: NDArray[n
     found = np.zeros(len(others))
     for i, one in enumerate(others):
         if one.slopes.shape[1]:
-            slopes = left(one.basis)
-            solution, *_ = np.linalg.lstsq(slopes, after, rcond=DEPENDENT)
-            found[i] = after @ slopes @ solution
+            vectors, sizes, _ = np.linalg.svd(left(one.basis), full_matrices=False)
+            found[i] = np.sum(np.square(after @ vectors[:, sizes > DEPENDENT]))
     return found
 
 

@@ -124,14 +124,15 @@ def select(
 class Search:
     """The steps of a selection after the fit of the base; each adds explanations to the selection.
 
-    1. `fit_singles`: every cause is screened to first order and its best variants are fitted.
+    1. `fit_singles`: every cause is screened to first order and its best variants are fitted, except those of little
+       predicted effect where predictions are reliable.
     2. `refit_base`: the base is fitted again from the best explanation, because its first fit may have ended in a local
        minimum.
     3. `fit_variants`: the other variants of the best cause are fitted from its values, where it takes most of the
        misfit but is not adequate, or strains the tolerances.
     4. `fit_look_alikes`: causes with an effect like that of an adequate one are fitted from its joint, which is closer
        to the solution than that of the base. From the base the right cause may end in a local minimum.
-    5. `add_causes`: to the best explanations further causes are added, one at a time.
+    5. `add_causes`: to the best explanations further causes are added, one at a time, unless predictions exclude them.
     6. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
     7. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
@@ -197,27 +198,37 @@ class Search:
         ranked = rank(own.directions, own.penalty)
         leading = _first_of_each(ranked)[:LEADING_CAUSES]
         least = self._least_prediction(ranked)
-        if math.isfinite(least) and found:
+        if math.isfinite(least):
             self._rest = coordinates_of(base.residual, found, own.directions)
-        fitted = [one for one in ranked if one.far or one in leading or one.predicted_evidence(own.penalty) >= least]
+        fitted: list[Direction] = []
+        left_out: list[Direction] = []
+        for one in ranked:
+            # A parameter that only shapes the effect of others has none to first order.
+            has_prediction = any(not parameter.secondary for parameter in one.parameters.values())
+            is_weak = has_prediction and one.predicted_evidence(own.penalty) < least
+            (left_out if is_weak and not (one.far or one in leading) else fitted).append(one)
         # A far variant has no prediction, but other variants of its cause do.
         ids = {one.cause.id for one in fitted if not one.far}
         own.add(*(self._predict((), base, one) for one in ranked if not (one.far or one.cause.id in ids)))
         for explanation in self._fit((), base, fitted):
             own.add(explanation)
+        if left_out and not base.adequacy.passed and not any(one.passed for one in own.explanations):
+            # The predictions were wrong.
+            self._rest = None
+            for explanation in self._fit((), base, left_out):
+                own.add(explanation)
 
     def _least_prediction(self, ranked: Sequence[Direction]) -> float:
-        """Return the predicted evidence from which variants are fitted: where the linear prediction is reliable.
+        """Return the least predicted evidence of variants that are fitted; minus infinity where predictions are unsafe.
 
-        Effects are small on an adequate base, and on one that the linear effect of one variant makes adequate.
+        Effects are small on an adequate base, and where the linear effect of one variant explains the misfit.
         """
         own, base = self.selection, self.selection.base
-        if own.discrepancy is not None:
+        if own.discrepancy is not None or not ranked:
             return -math.inf
         if base.adequacy.passed:
             return own.threshold - MARGIN
-        left = base.chi_square - max((one.score for one in ranked), default=0.0)
-        if left > MISFIT_LIMIT * base.expected_chi_square:
+        if base.chi_square - max(one.score for one in ranked) > MISFIT_LIMIT * base.expected_chi_square:
             return -math.inf
         return PREDICTED_SHARE * max(one.predicted_evidence(own.penalty) for one in ranked)
 
@@ -230,6 +241,9 @@ class Search:
             again = refit(own.base.model, own.best.fit.values)
         except ReceptanceError:
             return
+        if again.chi_square < own.base.chi_square - MARGIN:
+            # The predictions were those of another minimum.
+            self._rest = None
         if again.chi_square < own.base.chi_square - CONVERGED:
             own.replace_base(again)
 
@@ -333,7 +347,7 @@ class Search:
             return False
         ((cause, variant),) = root.steps
         first = next((one for one in own.directions if one.is_of(cause.id, variant)), None)
-        if first is None or first.far:
+        if first is None or first.far or not first.slopes.shape[1]:
             return False
         others = [one for one in own.directions if one.cause.id != cause.id and not one.far]
         scores = scores_beside(first, others, self._rest)
@@ -458,8 +472,7 @@ class Search:
             # The joint of the best explanation is closer to the solution than that of an inadequate base.
             groups[-1] += [{**start, **best.fit.values} for group in groups for start in group]
         titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
-        adequate = [best.fit.chi_square_on_few_lines]
-        found = dict(self._explore("alternatives", titles, chosen, starts, base, adequate))
+        found = dict(self._explore("alternatives", titles, chosen, starts, base, best.fit.chi_square_on_few_lines))
         # The penalty is that of all lines: it is smaller beside chi-square on few lines, as that of the base is.
         share = base.chi_square_on_few_lines / base.chi_square
         explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + share * own.penalty * pair[0].count)
@@ -534,14 +547,15 @@ class Search:
         chosen: Sequence[Direction],
         starts: Sequence[list[list[dict[str, float]]]],
         root: Fit,
-        adequate: Sequence[float] = (),
+        known: float = math.inf,
     ) -> Iterator[tuple[Direction, Exploration]]:
         """Yield the variants with their fits on few lines, except those that have no value at any start.
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
         unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
         `root`, the fit without the cause, has not come far. A far variant goes on up to a misfit of `SCREENING_LIMIT`.
-        `adequate` has chi-square on few lines of adequate fits that are known already.
+        `known` is chi-square on few lines of an adequate fit that exists already; the leading variants need not go on
+        beside it.
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [
@@ -553,9 +567,10 @@ class Search:
             if few.ends:
                 yield direction, few
         without, limit = root.chi_square_on_few_lines, math.inf
-        if adequate or any(few.misfit <= MISFIT_LIMIT for _, few in found):
-            limit = behind_limit(without, (*adequate, *(few.chi_square for _, few in found)))
-        leading = {direction for direction, _ in _first_causes(_in_order(found), 0 if adequate else LEADING_CAUSES)}
+        is_known = math.isfinite(known)
+        if is_known or any(few.misfit <= MISFIT_LIMIT for _, few in found):
+            limit = behind_limit(without, (known, *(few.chi_square for _, few in found)))
+        leading = {direction for direction, _ in _first_causes(_in_order(found), 0 if is_known else LEADING_CAUSES)}
 
         def may_be_near(one: Direction, few: Exploration) -> bool:
             if one in leading or few.chi_square <= limit:

@@ -111,7 +111,7 @@ answer: each needs its look-alikes and intervals."""
 FINISHED = 3
 """Look-alikes of the best cause, and alternatives, that are fitted on all lines."""
 LEADING_CAUSES = 4
-"""Causes whose best variant is fitted on all lines in any case."""
+"""Causes whose best variant is fitted on all lines in any case where the model without them is not adequate."""
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
