@@ -653,10 +653,10 @@ def test_a_further_effect_beside_an_adequate_cause_is_predicted(second: float) -
     )
     root = Explanation((gain.step,), selection.base, 0.0, 50.0)
     assert root.passed
-    assert search._has_no_effect_beside(root) == (second == 0.0)
+    assert search._predicts_nothing_beside(root) == (second == 0.0)
     # From another minimum of the base predictions do not hold.
     search._rest = None
-    assert not search._has_no_effect_beside(root)
+    assert not search._predicts_nothing_beside(root)
 
 
 @pytest.mark.parametrize(("evidence", "is_fitted"), [(-20.0, False), (50.0, True)])

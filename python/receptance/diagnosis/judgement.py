@@ -171,20 +171,20 @@ def _withhold(alternative: Explanation, best: Explanation) -> str:
 
 
 def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
-    """Yield the reasons why the only explanation is not certain: suspected, not named."""
+    """Yield the reasons why the only explanation is not certain."""
     base = selection.base
     if selection.fast:
         yield "a fast diagnosis names no cause"
     if one.implausible:
         yield f"its size is unusual: {_sizes(one)}; check the drawing or the stated value"
-    # What a discrepancy is allowed for is partly explained at most, which claims less.
+    # Beside a discrepancy a cause explains the data partly at most, which claims less than a name.
     if one.evidence <= limit + MARGIN and selection.discrepancy is None:
         yield "its effect is near the detection threshold"
     alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
     if alternative is not None:
         yield f"{_describe(alternative)} is more likely"
     if one.fit.degrees_of_freedom < LEAST_FREEDOM:
-        yield f"{_freedom(one.fit)}"
+        yield _freedom(one.fit)
     strain = one.adequacy.strain
     # Beside a discrepancy the tolerances absorb a part of it.
     if strain.chance < STRAIN_CHANCE and selection.discrepancy is None:
@@ -194,7 +194,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         )
     if "joint_hysteretic_loss" in one.ids and selection.undecidable.get("exponential_window", "").startswith(TABLE):
         yield (
-            f"an exponential window that the FRFs do not state has a similar effect, and "
+            "an exponential window that the FRFs do not state has a similar effect, and "
             f"{TABLE}, which does not allow for it"
         )
     structure = any(cause.group == "structure" for cause, _ in one.steps)
@@ -203,7 +203,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         sources, another = base.model.separable
         yield f"one configuration does not distinguish {sources}; measure {another}"
     if structure and base.one_mode:
-        yield ("one mode does not distinguish the joint from the parts; measure up to a second one")
+        yield "one mode does not distinguish the joint from the parts; measure up to a second one"
     only = None if one_configuration else _only_configuration(base, one)
     if only:
         yield (

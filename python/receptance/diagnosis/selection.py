@@ -326,7 +326,7 @@ class Search:
             # Where the best explanation is adequate, only those within the margin are extended.
             if root is not best and not extends_all and root.evidence < best.evidence - MARGIN:
                 continue
-            if self._has_no_effect_beside(root):
+            if self._predicts_nothing_beside(root):
                 continue
             effects = self._effects_of_others(root.fit, root.ids)
             is_unreliable = root.adequacy.misfit > SCREENING_LIMIT
@@ -340,8 +340,8 @@ class Search:
                     found.append(one)
         return best_of_each(found)
 
-    def _has_no_effect_beside(self, root: Explanation) -> bool:
-        """Return whether no cause can have evidence beside an adequate one, as predicted from the base."""
+    def _predicts_nothing_beside(self, root: Explanation) -> bool:
+        """Return whether no other cause is predicted to have evidence beside an adequate explanation by one cause."""
         own = self.selection
         if self._rest is None or not root.passed or len(root.steps) > 1:
             return False
@@ -547,15 +547,15 @@ class Search:
         chosen: Sequence[Direction],
         starts: Sequence[list[list[dict[str, float]]]],
         root: Fit,
-        known: float = math.inf,
+        adequate: float = math.inf,
     ) -> Iterator[tuple[Direction, Exploration]]:
         """Yield the variants with their fits on few lines, except those that have no value at any start.
 
         Each is fitted shortly from its first group of starts, and yielded again after fits from all of its starts,
         unless it has fallen far behind an adequate one, and was predicted to. A fit that is still above chi-square of
         `root`, the fit without the cause, has not come far. A far variant goes on up to a misfit of `SCREENING_LIMIT`.
-        `known` is chi-square on few lines of an adequate fit that exists already; the leading variants need not go on
-        beside it.
+        `adequate` is chi-square on few lines of a fit that is adequate already: beside it the leading variants are not
+        continued in any case.
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [
@@ -567,10 +567,10 @@ class Search:
             if few.ends:
                 yield direction, few
         without, limit = root.chi_square_on_few_lines, math.inf
-        is_known = math.isfinite(known)
-        if is_known or any(few.misfit <= MISFIT_LIMIT for _, few in found):
-            limit = behind_limit(without, (known, *(few.chi_square for _, few in found)))
-        leading = {direction for direction, _ in _first_causes(_in_order(found), 0 if is_known else LEADING_CAUSES)}
+        is_adequate = math.isfinite(adequate)
+        if is_adequate or any(few.misfit <= MISFIT_LIMIT for _, few in found):
+            limit = behind_limit(without, (adequate, *(few.chi_square for _, few in found)))
+        leading = {direction for direction, _ in _first_causes(_in_order(found), 0 if is_adequate else LEADING_CAUSES)}
 
         def may_be_near(one: Direction, few: Exploration) -> bool:
             if one in leading or few.chi_square <= limit:
