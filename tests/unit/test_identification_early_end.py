@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import scipy_fits
 from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
-from receptance.diagnosis import diagnose
-from receptance.diagnosis.measurement_causes import truncation_time
+from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis.fitting import fit_base, refit
+from receptance.diagnosis.screening import directions
+from receptance.diagnosis.starts import starts_of
+from receptance.diagnosis.truncation import truncation_time
 from receptance.identification import Tolerance
 from receptance.identification.mapping import END, Parameters
 from receptance.identification.problem import Problem, Task, Unit
@@ -130,6 +135,40 @@ def test_early_end_is_detected_and_named(records: list[MeasuredFRF]) -> None:
     assert parameter[0] == pytest.approx(END_AT, abs=2e-4)
     found, _ = verdict.predict_natural_frequencies(make_assembly(0.08), 5000.0)
     np.testing.assert_allclose(found, make_assembly(0.08).natural_frequencies(5000.0), rtol=2e-3)
+
+
+def test_early_end_is_kept_where_lines_are_left_out(records: list[MeasuredFRF]) -> None:
+    """A third of the lines does not show it."""
+    model = Model(tuple(records), tuple(JOINT), threads=1).with_witnesses()
+    few = replace(model, observations=tuple(one.select(np.arange(0, LINES.size, 3)) for one in records))
+    assert truncation_time(few.receptances) is None
+    assert few.truncation == model.truncation == truncation_time(records)
+    assert [one.name for one in CATALOGUE["coarse_resolution"].variants(few)] == ["records end too early"]
+
+
+def test_early_end_that_is_detected_late_is_found(records: list[MeasuredFRF]) -> None:
+    """Between the detected end, 2 ms late, and the true one are a dozen local minima."""
+    model = replace(Model(tuple(records), tuple(JOINT), threads=1), truncation=END_AT + 2e-3)
+    cause = CATALOGUE["coarse_resolution"]
+    (variant,) = cause.variants(model)
+    base = fit_base(model)
+    (direction,) = directions(base, [(cause, variant)])
+    near, *_ = starts_of(direction, base)
+    ends = [start["coarse_resolution.end"] for start in near]
+    print([f"{1e3 * (end - END_AT):+.3f} ms" for end in ends])
+    assert min(abs(end - END_AT) for end in ends) < 1.5e-4
+    found = refit(variant.model, near[0])
+    assert found.values["coarse_resolution.end"] == pytest.approx(END_AT, abs=2e-4)
+    late = refit(variant.model, {**base.values, "coarse_resolution.end": END_AT + 2e-3})
+    assert late.chi_square > 2.0 * found.chi_square
+
+
+def test_stepped_sines_have_no_early_end(records: list[MeasuredFRF]) -> None:
+    stepped = [replace(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
+    assert truncation_time(stepped) is None
+    model = Model((*records[1:], *stepped), tuple(JOINT), threads=1).with_witnesses()
+    (variant,) = CATALOGUE["coarse_resolution"].variants(model)
+    assert [one.ends is None for one in variant.model.receptances] == [False] * (len(records) - 1) + [True]
 
 
 def test_decayed_response_has_no_early_end() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 from receptance import _checks
@@ -99,10 +99,10 @@ class Parameter:
             return self.typical
         return min(max(self.null + times * (self.typical - self.null), self.lower), self.upper)
 
-    def is_plausible(self, value: float) -> bool:
-        """Return whether a value lies in the plausible range."""
+    def is_plausible(self, lowest: float, highest: float | None = None) -> bool:
+        """Return whether a value, or a part of the interval from a lowest to a highest value, is plausible."""
         low, high = self.plausible
-        return low <= value <= high
+        return low <= (lowest if highest is None else highest) and lowest <= high
 
     def unknown(self, address: str, configurations: str | None = None, part: str = "", **changes: Any) -> CauseUnknown:
         """Return the parameter as the unknown of an address.
@@ -196,6 +196,9 @@ class Variant:
     far : bool
         Whether it differs from the model without it even where its parameters are null, so that the joint has to change
         first.
+    scan : dict of str to sequence of float
+        Values of a parameter at which chi-square has many local minima, by the name of its unknown. A fit starts at the
+        best of them.
     meaning, remedy : str
         Replace those of the cause for this variant.
     """
@@ -204,6 +207,7 @@ class Variant:
     model: Model
     local: bool = False
     far: bool = False
+    scan: Mapping[str, Sequence[float]] = field(default_factory=dict)
     meaning: str = ""
     remedy: str = ""
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Literal, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import Model, UndecidableError, require_beams, require_no_table, with_points
@@ -21,11 +20,6 @@ from receptance.diagnosis.thresholds import (
     SAME_PLACE,
     SENSOR_SHARE,
     SUSPENSION_PLACES,
-    TRUNCATION_FROM,
-    TRUNCATION_POINTS,
-    TRUNCATION_STEP,
-    TRUNCATION_WINDOW,
-    UNEVEN_LINES,
 )
 from receptance.identification.mapping import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.identification.observations import MeasuredFRF, Observation, altered
@@ -247,64 +241,16 @@ def _quantity_of(order: int) -> str:
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or record until the structure is at rest")
-    end = truncation_time(model.receptances)
+    end = model.truncation
     if end is None:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
-    ended = model.map_receptances(lambda one: altered(one, ends=end))
-    unknown = replace(p["end"], typical=end).unknown(END, lower=0.8 * end, upper=1.1 * end)
-    yield Variant("records end too early", ended.plus(unknown))
-
-
-def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
-    """Return the time in s after the hit at which records were truncated; None where they do not show it.
-
-    The lines of a record of the length T are multiples of 1 / T, and the corresponding response covers one period T.
-    A truncated record rings up to its end and is silent from there on.
-    """
-    found = [one for one in map(_power, records) if one is not None]
-    periods = [period for period, _ in found]
-    if not found or max(periods) > (1.0 + 1e-6) * min(periods):
-        return None
-    first = int(TRUNCATION_FROM * TRUNCATION_POINTS)
-    # Each record is normalised by its late power.
-    power = np.sum([one / np.mean(one[first:]) for _, one in found], axis=0)
-    width = int(TRUNCATION_WINDOW * TRUNCATION_POINTS)
-    largest, at = 0.0, 0
-    for i in range(first, TRUNCATION_POINTS - 4):
-        before, after = np.mean(power[i - width : i]), np.mean(power[i : min(i + width, TRUNCATION_POINTS - 2)])
-        # The ordinary decay over one window is not part of the step.
-        decay = max(float(np.mean(power[i - 2 * width : i - width]) / before), 1.0)
-        step = float(before / after) / decay
-        if step > largest:
-            largest, at = step, i
-    if largest <= TRUNCATION_STEP:
-        return None
-    # The window over the band spreads the response by 2 / band, so that it seems to end that much later. A fit that
-    # starts late ends in another optimum: over a period of a mode the phase of its end turns once.
-    spread = 2.0 / min(float(np.ptp(one.frequency_hz.real)) for one in records)
-    return at / TRUNCATION_POINTS * periods[0] - spread
-
-
-def _power(one: MeasuredFRF) -> tuple[float, NDArray[np.float64]] | None:
-    """Return the period of the lines in s, and the power of the acceleration after a unit impulse along it."""
-    lines = one.frequency_hz.real
-    if lines.size < 3:
-        return None
-    numbers = lines / float(np.min(np.diff(lines)))
-    spacing = float(np.polyfit(np.round(numbers), lines, 1)[0])
-    numbers = np.round(lines / spacing)
-    if np.max(np.abs(lines / spacing - numbers)) > UNEVEN_LINES:
-        return None
-    every = np.arange(numbers[0], numbers[-1] + 1)
-    angular = 2j * np.pi * one.frequency_hz
-    accelerance = np.interp(every, numbers, one.receptance * angular**2)
-    # A window over the band keeps the hit at time zero from ringing over the whole period.
-    accelerance = accelerance * np.hanning(every.size)
-    size = 8 * TRUNCATION_POINTS * (1 + int(every[-1]) // (4 * TRUNCATION_POINTS))
-    spectrum = np.zeros(size // 2 + 1, dtype=np.complex128)
-    spectrum[every.astype(int)] = accelerance
-    signal = np.fft.irfft(spectrum, size) ** 2
-    return 1.0 / spacing, signal.reshape(TRUNCATION_POINTS, -1).mean(axis=1)
+    ended = model.map_receptances(lambda one: one if one.force is not None else altered(one, ends=end))
+    low, high = 0.8 * end, 1.1 * end
+    unknown = replace(p["end"], typical=end).unknown(END, lower=low, upper=high)
+    # Chi-square has a minimum in each period of the highest frequency, and the lines show the end less accurately.
+    highest = max(float(one.frequency_hz.real.max()) for one in model.receptances)
+    ends = np.linspace(low, high, 2 + int(2.0 * highest * (high - low)))
+    yield Variant("records end too early", ended.plus(unknown), scan={unknown.name: ends.tolist()})
 
 
 MEASUREMENT_CAUSES = (

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from receptance.diagnosis.truncation import truncation_time
 from receptance.identification.mapping import Parameters, Site
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit, altered
 from receptance.identification.problem import Problem, Task
@@ -76,6 +77,8 @@ class Model:
     witnesses : tuple of MeasuredFRF and MeasuredFrequencies
         Observations that are changed with the others and never fitted. Their places decided where the parts of the
         diagnosed model are divided; other observations with the same causes are divided at the same places.
+    truncation : float or None
+        Time in s after the hit at which the records were truncated, where all their lines show it.
     seed : int
         Seed of the random numbers of its fits.
     threads : int or None
@@ -88,6 +91,7 @@ class Model:
     unknowns: tuple[Unknown, ...]
     tolerances: tuple[Tolerance, ...] = ()
     witnesses: tuple[Observation, ...] = ()
+    truncation: float | None = None
     seed: int = 0
     threads: int | None = None
     shorter: Model | None = field(default=None, init=False)
@@ -106,12 +110,16 @@ class Model:
         return self.map(share)
 
     def with_witnesses(self) -> Model:
-        """Return the model with one observation for each set of places as its witnesses."""
+        """Return the model with what its causes keep from all lines of all observations.
+
+        These are one observation for each set of places as its witnesses, and the time of a truncation: a model of some
+        lines does not show it.
+        """
         kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
         for one in self.observations:
             parts = [name for name, own in one.assembly.elements.items() if isinstance(own, Part)]
             kept.setdefault(tuple((name, *sorted(places_on(one, name))) for name in parts), one)
-        return replace(self, witnesses=tuple(kept.values()))
+        return replace(self, witnesses=tuple(kept.values()), truncation=truncation_time(self.receptances))
 
     @cached_property
     def task(self) -> Task:
