@@ -26,6 +26,7 @@ from receptance import (
 )
 from receptance.diagnosis import CATALOGUE, Model, Step, diagnose, engine
 from receptance.diagnosis.adequacy import Strain
+from receptance.diagnosis.causes import extend
 from receptance.diagnosis.discrepancy import (
     DAMPING,
     FREQUENCY,
@@ -38,7 +39,7 @@ from receptance.diagnosis.discrepancy import (
     resonant,
 )
 from receptance.diagnosis.fitting import fit_base
-from receptance.diagnosis.held_out import Improvement
+from receptance.diagnosis.held_out import Improvement, select_without
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES
@@ -283,6 +284,69 @@ def test_a_cause_takes_at_least_half_of_the_misfit(monkeypatch, share):
     assert not strained.adequacy.strain.chance > 1e-9
     judgement = conclude(replace(selection, explanations=[strained, *selection.explanations[1:]]))
     assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
+
+
+def test_evidence_beside_a_discrepancy_is_that_of_discrepancies_of_their_own():
+    selection = with_sensor(1).selection
+    base, best = selection.beside, selection.explanations[0]
+    own = fit_discrepancy(extend(base.model, best.steps), best.fit.values)
+    print(base.discrepancy, own.discrepancy)
+    assert best.gain == pytest.approx(base.deviance - own.deviance, abs=0.5)
+    assert best.evidence == pytest.approx(best.gain - selection.penalty)
+    # No start leads to a more likely base.
+    for values in (selection.base.values, best.fit.values, fit_base(base.model).values):
+        assert fit_discrepancy(base.model, values).deviance > base.deviance - 0.5
+    for one in selection.alternatives:
+        other = fit_discrepancy(extend(base.model, one.steps), one.fit.values)
+        assert one.gain == pytest.approx(base.deviance - other.deviance, abs=0.5)
+
+
+def test_a_cause_that_leads_without_a_discrepancy_is_tried_beside_it(monkeypatch):
+    """Here the fits that allow for a discrepancy do not find it."""
+    run = Search.run
+
+    def run_badly(search: Search) -> None:
+        run(search)
+        if search.selection.discrepancy is not None:
+            kept = [one for one in search.selection.explanations if "sensor_mass" not in one.ids]
+            search.selection.explanations = kept
+
+    monkeypatch.setattr(Search, "run", run_badly)
+    sensor = PointMass(mass=6e-3, part="tool", position=0.0)
+    found = diagnose(observed(0.001, 0.01, sensor, seed=1), JOINT, tolerances=TOLERANCES, causes=CAUSES)
+    print(found)
+    assert found.verdict == "partly explained"
+    assert [one.id for one in found.causes] == ["sensor_mass"]
+
+
+def test_folds_have_the_evidence_of_discrepancies_of_their_own():
+    selection = with_sensor(1).selection
+    left_out = selection.base.model.configurations[:1]
+    fold = select_without(selection, left_out)
+    best = fold.explanations[0]
+    assert best.ids == {"sensor_mass"}
+    base = fit_discrepancy(selection.beside.model.without(left_out), fold.base.values)
+    own = fit_discrepancy(extend(selection.beside.model, best.steps).without(left_out), best.fit.values)
+    assert fold.beside.deviance == pytest.approx(base.deviance, abs=0.5)
+    assert best.gain == pytest.approx(base.deviance - own.deviance, abs=0.5)
+
+
+def test_a_size_is_plausible_beside_a_discrepancy_if_a_part_of_its_interval_is():
+    best = with_sensor(1).explanation
+    ((name, parameter),) = best.parameters.items()
+    low, _ = best.fit.identification.interval(name)
+    size = best.fit.values[name]
+    for end, outside in ((0.5 * (low + size), False), (0.9 * low, True)):
+        declared = replace(parameter, plausible=(0.0, end))
+        changed = replace(best)
+        changed.__dict__["parameters"] = {name: declared}
+        assert not declared.is_plausible(size)
+        assert changed.implausible == ((name,) if outside else ())
+        exact = replace(best, has_discrepancy=False)
+        exact.__dict__["parameters"] = {name: declared}
+        assert exact.implausible == (name,)
+    assert declared.is_plausible(0.5 * end, 2.0 * size)
+    assert not declared.is_plausible(2.0 * end, 3.0 * end)
 
 
 def test_natural_frequencies_have_the_relative_error():

@@ -171,6 +171,8 @@ class DiscrepancyFit:
 
     Attributes
     ----------
+    model : Model
+        The model, with the standard deviations of the noise.
     discrepancy : Discrepancy
         The discrepancy, estimated with the fit.
     fit : Fit
@@ -180,6 +182,7 @@ class DiscrepancyFit:
         the errors of modes, not of lines: neighbouring lines have the same error.
     """
 
+    model: Model
     discrepancy: Discrepancy
     fit: Fit
     deviance: float
@@ -207,7 +210,7 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
     deviance += float(np.sum(np.square(fit.residual[fit.residual.size - priors :])))
     # Lines and priors may agree less with these parameters than their likelihood expects.
     larger = before.times(math.sqrt(max(fit.misfit, 1.0)))
-    return DiscrepancyFit(larger, refit(larger.allow(model), fit.values), deviance)
+    return DiscrepancyFit(model, larger, refit(larger.allow(model), fit.values), deviance)
 
 
 @dataclass(frozen=True, eq=False)

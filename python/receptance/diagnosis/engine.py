@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,12 @@ import numpy as np
 from receptance import _checks
 from receptance._threads import one_blas_thread
 from receptance.diagnosis.advice import advise
+from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
-from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit, fit_discrepancy, resonant
+from receptance.diagnosis.discrepancy import fit_discrepancy, resonant
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import in_parallel, refit
+from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
@@ -26,8 +26,6 @@ from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
-    DISCREPANCY_CAUSES,
-    DISCREPANCY_SELECTIONS,
     EXPLORING_LINES,
     KEPT_ON_INTERRUPT,
     LISTED,
@@ -203,23 +201,13 @@ def _beside_discrepancy(
 ) -> Verdict:
     """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
 
-    Each cause is tried again in fits that allow for a discrepancy: first that of the base, then that which the most
-    likely cause leaves, until it no longer changes. A large effect of a cause in the discrepancy would hide the cause.
-    These fits have fewer local minima. Where the best cause explains the data to their noise after all, the selection
-    without a discrepancy is repeated from it.
+    Fits that allow for a discrepancy have fewer local minima. Where the best cause explains the data to their noise
+    after all, the selection without a discrepancy is repeated from it.
     """
     first = verdict.selection
-    few = replace(resonant(first.base.model), threads=threads)
     try:
-        base = fit_discrepancy(few, first.base.values)
-        left = base.discrepancy
-        for _ in range(DISCREPANCY_SELECTIONS):
-            selection = select(few, catalogue, most=1, progress=report, discrepancy=left)
-            if selection.interrupted:
-                break
-            last, left = left, _least(few, base, selection)
-            if left.is_close(last):
-                break
+        base = fit_discrepancy(replace(resonant(first.base.model), threads=threads), first.base.values)
+        selection, base = select_beside(base, first, catalogue, report)
         judgement = conclude(selection)
         known = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
         again = None
@@ -262,29 +250,6 @@ def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanat
     except (ReceptanceError, UndecidableError):
         return None
     return found if found.passed else None
-
-
-def _least(few: Model, base: DiscrepancyFit, selection: Selection) -> Discrepancy:
-    """Return the discrepancy of the most likely model: of the base, or with one of the best causes.
-
-    Each has a discrepancy of its own.
-    """
-    singles = selection.singles[:DISCREPANCY_CAUSES]
-    fits = [partial(_with_discrepancy, few, one) for one in singles]
-    likely = [(base.deviance, base.discrepancy)]
-    for own in in_parallel(fits, selection.workers):
-        if own is not None:
-            added = len(own.fit.model.unknowns) - len(base.fit.model.unknowns)
-            likely.append((own.deviance + selection.penalty * added, own.discrepancy))
-    return min(likely, key=lambda pair: pair[0])[1]
-
-
-def _with_discrepancy(few: Model, one: Explanation) -> DiscrepancyFit | None:
-    """Return the fit of an explanation with a discrepancy of its own; None where it has no value."""
-    try:
-        return fit_discrepancy(extend(few, one.steps), one.fit.values)
-    except ReceptanceError:
-        return None
 
 
 def _verdict(
@@ -344,6 +309,7 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateC
     cause, variant = step
     sizes = one.sizes(cause)
     declared = {name: one.parameters[name] for name in sizes}
+    outside = {name: size for name, size in sizes.items() if name in one.implausible}
     return CandidateCause(
         id=cause.id,
         group=cause.group,
@@ -352,8 +318,8 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateC
         gain=one.gain,
         evidence=one.evidence,
         misfit=one.fit.misfit,
-        plausible=not set(one.implausible) & set(sizes),
-        vetoed=implausible(declared, sizes),
+        plausible=not outside,
+        vetoed=implausible(declared, outside),
         converged=one.fit.converged,
         together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
         look_alikes=_look_alikes(selection.directions, step),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from receptance.diagnosis.adequacy import Adequacy, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
-from receptance.diagnosis.discrepancy import Discrepancy
+from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
@@ -40,6 +41,10 @@ class Explanation:
     evidence: float
     expected: float = 0.0
     has_discrepancy: bool = False
+
+    def with_gain(self, gain: float) -> Explanation:
+        """Return it with another gain; the penalty is the same."""
+        return replace(self, gain=gain, evidence=self.evidence + gain - self.gain)
 
     @property
     def ids(self) -> frozenset[str]:
@@ -87,8 +92,15 @@ class Explanation:
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Names of the unknowns whose values lie outside their plausible range."""
-        return tuple(name for name, one in self.parameters.items() if not one.is_plausible(self.fit.values[name]))
+        """Names of the unknowns whose values lie outside their plausible range.
+
+        Beside a discrepancy, which moves sizes, the whole 95 % interval lies outside.
+        """
+        outside = [name for name, one in self.parameters.items() if not one.is_plausible(self.fit.values[name])]
+        if not outside or not self.has_discrepancy:
+            return tuple(outside)
+        interval = self.fit.identification.interval
+        return tuple(name for name in outside if not self.parameters[name].is_plausible(*interval(name)))
 
     @property
     def extraordinary(self) -> tuple[str, ...]:
@@ -157,7 +169,9 @@ class Selection:
     workers : int
         Number of fits that run at the same time.
     discrepancy : Discrepancy or None
-        The discrepancy of the base that all fits allow for.
+        The discrepancy that all fits allow for.
+    beside : DiscrepancyFit or None
+        With `discrepancy`: the fit of the base with a discrepancy of its own.
     fast : bool
         Whether the alternatives are not fitted.
     """
@@ -175,6 +189,7 @@ class Selection:
     interrupted: bool = False
     workers: int = 1
     discrepancy: Discrepancy | None = None
+    beside: DiscrepancyFit | None = None
     fast: bool = False
 
     @property
@@ -208,8 +223,13 @@ class Selection:
         return float(before - after)
 
     def share(self, one: Explanation) -> float:
-        """Return the share of the misfit of the base that an explanation takes."""
-        return 1.0 - one.fit.chi_square / self.base.chi_square
+        """Return the share of the misfit of the base that an explanation takes.
+
+        Beside a discrepancy it is that of the variance of the errors, whose logarithm the gain compares.
+        """
+        if self.discrepancy is None:
+            return 1.0 - one.fit.chi_square / self.base.chi_square
+        return 1.0 - math.exp(-one.gain / self.base.independent_values)
 
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
@@ -219,9 +239,7 @@ class Selection:
         """Replace the fit of the base by a better one; all evidence becomes relative to it."""
         less = self.gain(base.chi_square)
         self.base = base
-        self.explanations = [
-            replace(one, gain=one.gain - less, evidence=one.evidence - less) for one in self.explanations
-        ]
+        self.explanations = [one.with_gain(one.gain - less) for one in self.explanations]
 
     @property
     def evaluations_per_second(self) -> float:

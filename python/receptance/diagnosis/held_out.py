@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance._peaks import nearest_peak
+from receptance.diagnosis.beside_discrepancy import use_own_discrepancies
 from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
@@ -292,6 +293,8 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     found.add(*(one for one in fits[: len(chosen)] if one is not None))
     found.alternatives += [one for one in fits[len(chosen) :] if one is not None]
     found.alternatives.sort(key=lambda one: -one.evidence)
+    if selection.beside is not None:
+        use_own_discrepancies(found, selection.beside, configurations)
     return found
 
 

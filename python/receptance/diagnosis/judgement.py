@@ -102,7 +102,9 @@ def _conclude(selection: Selection) -> Judgement:
     best = selection.best
     if best is None or best.evidence <= limit:
         return _judge_base(selection)
-    passing = [one for one in selection.explanations if one.evidence > limit and one.passed]
+    # No model is adequate without its own discrepancy.
+    beside = selection.discrepancy is not None
+    passing = [one for one in selection.explanations if one.evidence > limit and (beside or one.passed)]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
         return Judgement("unexplained", notes=tuple(notes))

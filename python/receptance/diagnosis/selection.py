@@ -175,7 +175,8 @@ class Search:
             self._report.plan("together", 0)
             self.finish_best()
             self.prune()
-            if not self.selection.fast:
+            # Beside a discrepancy alternatives follow when the evidence of the causes is final.
+            if not self.selection.fast and self.selection.discrepancy is None:
                 self.fit_alternatives()
         except KeyboardInterrupt:
             self.selection.interrupted = True
@@ -457,7 +458,7 @@ class Search:
     def fit_alternatives(self) -> None:
         """Fit changes that are not causes to the base where a cause may be reported."""
         own, base = self.selection, self.selection.base
-        best = next((one for one in own.explanations if one.passed), None)
+        best = own.best if own.discrepancy else next((one for one in own.explanations if one.passed), None)
         # No change of a structure changes the quantity of the data.
         if best is None or best.evidence <= max(own.threshold, 0.0) or any(c.changes_data for c, _ in best.steps):
             self._report.plan("alternatives", 0)
