@@ -7,6 +7,7 @@ without it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -16,6 +17,7 @@ from receptance.diagnosis.explanation import Explanation, Selection, best_of_eac
 from receptance.diagnosis.fitting import in_parallel, refit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.progress import Progress
+from receptance.diagnosis.screening import detection_threshold
 from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.thresholds import DISCREPANCY_CAUSES, DISCREPANCY_SELECTIONS, LEADING_CAUSES
 from receptance.errors import ReceptanceError
@@ -45,6 +47,7 @@ def select_beside(
         selection = select(base.model, catalogue, most=1, progress=report, discrepancy=left)
         if selection.interrupted:
             return selection, base
+        selection.penalty = math.log(max(base.errors, 2.0))
         # Causes that lead without a discrepancy may be hidden by that of the base.
         leading = [*selection.singles[:DISCREPANCY_CAUSES], *first.singles[:LEADING_CAUSES]]
         found = _with_own_discrepancies(selection, base, leading)
@@ -59,6 +62,13 @@ def select_beside(
     known = {one.ids for one, _ in own}
     others = [one for one in selection.explanations if one.ids not in known]
     selection.explanations = best_of_each([*others, *(one for one, _ in own)])
+    selection.threshold = detection_threshold(
+        selection.directions,
+        selection.penalty,
+        deviance=partial(last.deviance, values=base.errors),
+        freedom=base.errors - (base.fit.independent_values - base.fit.degrees_of_freedom),
+        seed=base.model.seed,
+    )
     Search(selection, catalogue, progress=report).fit_alternatives()
     rivals = _with_own_discrepancies(selection, base, selection.alternatives)
     selection.alternatives = best_of_each(one.with_gain(base.deviance - fit.deviance) for one, fit in rivals)

@@ -263,7 +263,7 @@ def beyond_chance(verdict: Verdict) -> list[CandidateCause]:
 def _share(verdict: Verdict, one: CandidateCause) -> str:
     """Return the share that a cause explains of the misfit above noise, which an adequate explanation shows."""
     selection = verdict.selection
-    if selection.discrepancy is not None:
+    if selection.beside is not None:
         return wording.share(1.0, 1.0 - selection.share(one.explanation), 0.0)
     before, found = selection.base.misfit, verdict.explanation
     noise = 1.0 if found is None or not found.passed else found.fit.misfit

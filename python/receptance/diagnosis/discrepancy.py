@@ -180,12 +180,15 @@ class DiscrepancyFit:
     deviance : float
         Minus twice the logarithm of the likelihood, up to a constant that all models of the same data share. It counts
         the errors of modes, not of lines: neighbouring lines have the same error.
+    errors : int
+        Number of these errors.
     """
 
     model: Model
     discrepancy: Discrepancy
     fit: Fit
     deviance: float
+    errors: int
 
 
 def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
@@ -199,18 +202,18 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
         Values from which the fit starts.
     """
     fit = evaluate(model, start)
-    found, deviance = _most_likely(model, fit, DISCREPANCIES[0])
+    found, deviance, errors = _most_likely(model, fit, DISCREPANCIES[0])
     for _ in range(DISCREPANCY_ROUNDS):
         fit = refit(found.allow(model), fit.values)
         before = found
-        found, deviance = _most_likely(model, fit, before.frequency)
+        found, deviance, errors = _most_likely(model, fit, before.frequency)
         if found.is_close(before):
             break
     priors = sum(unknown.prior is not None for unknown in fit.task.parameters.unknowns)
     deviance += float(np.sum(np.square(fit.residual[fit.residual.size - priors :])))
     # Lines and priors may agree less with these parameters than their likelihood expects.
     larger = before.times(math.sqrt(max(fit.misfit, 1.0)))
-    return DiscrepancyFit(model, larger, refit(larger.allow(model), fit.values), deviance)
+    return DiscrepancyFit(model, larger, refit(larger.allow(model), fit.values), deviance, errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +256,8 @@ class _Errors:
     has_remainder: NDArray[np.bool_]
 
 
-def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, float]:
-    """Return the discrepancy with the largest likelihood of the errors of a fit, and the deviance of its modes.
+def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, float, int]:
+    """Return the discrepancy with the largest likelihood of the errors of a fit, the deviance and number of those.
 
     The effect of an error of frequency is the secant over plus and minus `shift`, a relative error.
     """
@@ -277,7 +280,7 @@ def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, flo
     own = np.clip(squares, smallest, largest)
     frequency, level, damping = np.sqrt(own).tolist()
     found = Discrepancy(frequency, level if numbers[LEVEL] else None, damping if numbers[DAMPING] else None)
-    return found, float(numbers @ (np.log(own) + squares / own))
+    return found, float(numbers @ (np.log(own) + squares / own)), int(numbers.sum())
 
 
 class _Expectation:

@@ -225,11 +225,11 @@ class Selection:
     def share(self, one: Explanation) -> float:
         """Return the share of the misfit of the base that an explanation takes.
 
-        Beside a discrepancy it is that of the variance of the errors, whose logarithm the gain compares.
+        Of errors of modes it is the share of their variance, the logarithm of which the gain compares.
         """
-        if self.discrepancy is None:
+        if self.beside is None:
             return 1.0 - one.fit.chi_square / self.base.chi_square
-        return 1.0 - math.exp(-one.gain / self.base.independent_values)
+        return 1.0 - math.exp(-one.gain / self.beside.errors)
 
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
