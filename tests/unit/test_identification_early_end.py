@@ -166,6 +166,9 @@ def test_early_end_that_is_detected_late_is_found(records: list[MeasuredFRF]) ->
 def test_stepped_sines_have_no_early_end(records: list[MeasuredFRF]) -> None:
     stepped = [replace(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
     assert truncation_time(stepped) is None
+    for lines in (1, 10):
+        narrow = stepped[0].select(np.arange(LINES.size) < lines)
+        assert truncation_time([*records, narrow]) == truncation_time(records)
     model = Model((*records[1:], *stepped), tuple(JOINT), threads=1).with_witnesses()
     (variant,) = CATALOGUE["coarse_resolution"].variants(model)
     assert [one.ends is None for one in variant.model.receptances] == [False] * (len(records) - 1) + [True]

@@ -20,7 +20,7 @@ from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
 from receptance.identification import Identification, Unknown, identify
 from receptance.identification.mapping import Site
-from receptance.identification.observations import Observation
+from receptance.identification.observations import MeasuredFRF, Observation
 from receptance.identification.unknowns import Law
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -632,6 +632,7 @@ class Campaign(Renderable):
         from receptance.diagnosis import diagnose
         from receptance.diagnosis.held_out import improvement
         from receptance.diagnosis.thresholds import LEAST_FREEDOM
+        from receptance.diagnosis.truncation import truncation_time
 
         self._check_unknowns()
         if not self.measurements:
@@ -669,9 +670,12 @@ class Campaign(Renderable):
                 progress=self.progress,
             )
         if held_out and verdict.final:
+            observations = tuple(one.observation for one in held_out.values())
             unseen = replace(
                 verdict.selection.base.model,
-                observations=tuple(one.observation for one in held_out.values()),
+                observations=observations,
+                # Held-out records may end at another time, or not at all.
+                truncation=truncation_time([one for one in observations if isinstance(one, MeasuredFRF)]),
                 tolerances=tuple(tolerances_of_measurements(held_out)),
             )
             found = improvement(verdict.selection, verdict.explanation, unseen, metrics)

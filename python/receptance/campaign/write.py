@@ -230,7 +230,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
-        if end is not None and isinstance(measurement.given, MeasuredFRF):
+        if end is not None and isinstance(measurement.given, MeasuredFRF) and measurement.given.force is None:
             data["measurements"][name]["ends"] = _quantity(end, units.TIME)
     _write_unknowns(data, base, explanation)
     _rebase_files(data, campaign.file.parent, folder)

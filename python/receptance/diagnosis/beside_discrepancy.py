@@ -8,19 +8,23 @@ without it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
-from receptance.diagnosis.causes import Cause, extend
-from receptance.diagnosis.discrepancy import DiscrepancyFit, fit_discrepancy
+from receptance.diagnosis.causes import Cause, Step, extend
+from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit, fit_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
 from receptance.diagnosis.fitting import in_parallel, refit
-from receptance.diagnosis.model import UndecidableError
+from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import detection_threshold
 from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.thresholds import DISCREPANCY_CAUSES, DISCREPANCY_SELECTIONS, LEADING_CAUSES
 from receptance.errors import ReceptanceError
+
+_Own = dict[frozenset[str], tuple[tuple[Step, ...], DiscrepancyFit]]
+"""Causes and their fit with a discrepancy of its own, by their ids."""
 
 
 def select_beside(
@@ -28,8 +32,8 @@ def select_beside(
 ) -> tuple[Selection, DiscrepancyFit]:
     """Return the fits of each cause that allow for a discrepancy, and that of the base, which may be a better one.
 
-    It is first that of the base, then that which the most likely cause leaves, until it no longer changes: a large
-    effect of a cause in the discrepancy would hide the cause.
+    The discrepancy is first that of the base, then that which the most likely cause leaves, until it no longer changes:
+    a large effect of a cause in the discrepancy would hide the cause.
 
     Parameters
     ----------
@@ -40,60 +44,123 @@ def select_beside(
     catalogue : sequence of Cause
         The causes that are tried.
     report : Progress
-        Reports each step.
+        Reports each step of the selections.
     """
     left = base.discrepancy
+    tried: set[frozenset[str]] = set()
+    own: _Own = {}
     for _ in range(DISCREPANCY_SELECTIONS):
-        selection = select(base.model, catalogue, most=1, progress=report, discrepancy=left)
+        used = left
+        selection = select(base.model, catalogue, most=1, progress=report, discrepancy=used)
         if selection.interrupted:
             return selection, base
-        selection.penalty = math.log(max(base.errors, 2.0))
         # Causes that lead without a discrepancy may be hidden by that of the base.
         leading = [*selection.singles[:DISCREPANCY_CAUSES], *first.singles[:LEADING_CAUSES]]
-        found = _with_own_discrepancies(selection, base, leading)
+        tried |= {one.ids for one in leading}
+        for one, fit in zip(leading, _fits(base.model, base.fit.values, leading, selection.workers), strict=True):
+            if fit is not None and (one.ids not in own or fit.deviance < own[one.ids][1].deviance):
+                own[one.ids] = one.steps, fit
         # The fit of the base may have ended in a local minimum.
-        starts = [selection.base.values, *(fit.fit.values for _, fit in found[:1])]
-        base = min((base, *(fit_discrepancy(base.model, one) for one in starts)), key=lambda one: one.deviance)
-        own = [(one.with_gain(base.deviance - fit.deviance), fit.discrepancy) for one, fit in found]
-        likely = max(own, key=lambda pair: pair[0].evidence, default=None)
-        last, left = left, base.discrepancy if likely is None or likely[0].evidence <= 0.0 else likely[1]
-        if left.is_close(last):
+        likely = min((fit for _, fit in own.values()), key=lambda fit: fit.deviance, default=base)
+        base = _most_likely(base.model, (base.fit.values, selection.base.values, likely.fit.values)) or base
+        selection.penalty = math.log(max(base.errors, 2.0))
+        least = [(0.0, base.discrepancy)]
+        for steps, fit in own.values():
+            gain = base.deviance - fit.deviance
+            least.append((selection.explain(steps, fit.fit).with_gain(gain).evidence, fit.discrepancy))
+        left = max(least, key=lambda pair: pair[0])[1]
+        if left.is_close(used):
             break
-    known = {one.ids for one, _ in own}
-    others = [one for one in selection.explanations if one.ids not in known]
-    selection.explanations = best_of_each([*others, *(one for one, _ in own)])
-    selection.threshold = detection_threshold(
-        selection.directions,
-        selection.penalty,
-        deviance=partial(last.deviance, values=base.errors),
-        freedom=base.errors - (base.fit.independent_values - base.fit.degrees_of_freedom),
-        seed=base.model.seed,
-    )
-    Search(selection, catalogue, progress=report).fit_alternatives()
-    rivals = _with_own_discrepancies(selection, base, selection.alternatives)
-    selection.alternatives = best_of_each(one.with_gain(base.deviance - fit.deviance) for one, fit in rivals)
+    _use_evidence(selection, base, own, tried)
     selection.beside = base
+    selection.threshold = _threshold(selection, used, base)
+    Search(selection, catalogue, progress=report).fit_alternatives()
+    fits = _fits(base.model, base.fit.values, selection.alternatives, selection.workers)
+    pairs = zip(selection.alternatives, fits, strict=True)
+    selection.alternatives = best_of_each(
+        one.with_gain(base.deviance - fit.deviance) for one, fit in pairs if fit is not None
+    )
     return selection, base
 
 
-def _with_own_discrepancies(
-    selection: Selection, base: DiscrepancyFit, found: Sequence[Explanation]
-) -> list[tuple[Explanation, DiscrepancyFit]]:
-    """Return explanations with their fits that have discrepancies of their own, the most likely one first.
+def _most_likely(model: Model, starts: Sequence[Mapping[str, float]]) -> DiscrepancyFit | None:
+    """Return the most likely fit from several starts; None where the model has no value at any of them."""
+    found = []
+    for start in starts:
+        try:
+            found.append(fit_discrepancy(model, start))
+        except ReceptanceError:
+            continue
+    return min(found, key=lambda one: one.deviance, default=None)
 
-    The explanations are fitted from there with the discrepancy of the selection. Those that have no value are left out.
+
+def _fits(
+    model: Model,
+    base: Mapping[str, float],
+    found: Sequence[Explanation],
+    workers: int,
+    left_out: Sequence[str] = (),
+) -> list[DiscrepancyFit | None]:
+    """Return the fits of explanations with discrepancies of their own; None for those that have no value.
+
+    Parameters
+    ----------
+    model : Model
+        The model without causes.
+    base : mapping of str to float
+        Values of its fit, from which each explanation is fitted as well.
+    found : sequence of Explanation
+        The explanations.
+    workers : int
+        Number of fits that run at the same time.
+    left_out : sequence of str
+        Configurations that are not fitted.
+    """
+    single = replace(model, threads=1)
+
+    def fitted(one: Explanation) -> DiscrepancyFit | None:
+        try:
+            extended = extend(single, one.steps)
+        except UndecidableError:
+            return None
+        return _most_likely(extended.without(left_out), (one.fit.values, {**one.fit.values, **base}))
+
+    return list(in_parallel([partial(fitted, one) for one in found], workers))
+
+
+def _use_evidence(selection: Selection, base: DiscrepancyFit, own: _Own, tried: set[frozenset[str]]) -> None:
+    """Replace the explanations that were tried by those with discrepancies of their own.
+
+    They are fitted from there with the discrepancy of the selection. All others have a smaller likelihood with that
+    one, and no more evidence than these.
     """
 
-    def fitted(one: Explanation) -> tuple[Explanation, DiscrepancyFit] | None:
+    def fitted(steps: tuple[Step, ...], fit: DiscrepancyFit) -> Explanation | None:
         try:
-            own = fit_discrepancy(extend(base.model, one.steps), one.fit.values)
-            common = refit(extend(selection.base.model, one.steps), own.fit.values)
+            common = refit(extend(selection.base.model, steps), fit.fit.values)
         except (ReceptanceError, UndecidableError):
             return None
-        return selection.explain(one.steps, common), own
+        return selection.explain(steps, common).with_gain(base.deviance - fit.deviance)
 
-    pairs = in_parallel([partial(fitted, one) for one in found], selection.workers)
-    return sorted((pair for pair in pairs if pair is not None), key=lambda pair: pair[1].deviance)
+    fits = in_parallel([partial(fitted, *one) for one in own.values()], selection.workers)
+    found = [one for one in fits if one is not None]
+    least = min((one.evidence for one in found), default=math.inf)
+    for one in selection.explanations:
+        if one.ids not in tried:
+            found.append(one.with_gain(one.gain - max(one.evidence - least, 0.0)))
+    selection.explanations = best_of_each(found)
+
+
+def _threshold(selection: Selection, used: Discrepancy, base: DiscrepancyFit) -> float:
+    """Return the evidence that the best cause reaches by chance, for as many values as there are errors of modes."""
+    unknowns = base.fit.independent_values - base.fit.degrees_of_freedom
+    return detection_threshold(
+        selection.directions,
+        selection.penalty,
+        deviance=partial(used.deviance, values=base.errors),
+        freedom=base.errors - unknowns,
+        seed=base.model.seed,
+    )
 
 
 def use_own_discrepancies(selection: Selection, beside: DiscrepancyFit, configurations: Sequence[str]) -> None:
@@ -108,17 +175,15 @@ def use_own_discrepancies(selection: Selection, beside: DiscrepancyFit, configur
     configurations : sequence of str
         Names of the configurations that are left out.
     """
-    base = fit_discrepancy(beside.model.without(configurations), selection.base.values)
-
-    def fitted(one: Explanation) -> Explanation | None:
-        try:
-            own = fit_discrepancy(extend(beside.model, one.steps).without(configurations), one.fit.values)
-        except (ReceptanceError, UndecidableError):
-            return None
-        return one.with_gain(base.deviance - own.deviance)
-
+    base = _most_likely(beside.model.without(configurations), (selection.base.values, beside.fit.values))
+    if base is None:
+        return
     both = [*selection.explanations, *selection.alternatives]
-    found = list(in_parallel([partial(fitted, one) for one in both], selection.workers))
+    fits = _fits(beside.model, base.fit.values, both, selection.workers, configurations)
+    found = [
+        None if fit is None else one.with_gain(base.deviance - fit.deviance)
+        for one, fit in zip(both, fits, strict=True)
+    ]
     count = len(selection.explanations)
     selection.beside = base
     selection.explanations = best_of_each(one for one in found[:count] if one is not None)

@@ -178,8 +178,8 @@ class DiscrepancyFit:
     fit : Fit
         The fit.
     deviance : float
-        Minus twice the logarithm of the likelihood, up to a constant that all models of the same data share. It counts
-        the errors of modes, not of lines: neighbouring lines have the same error.
+        Minus twice the logarithm of the likelihood of the errors of modes and of their noise, up to a constant that
+        models of the same data share. Lines do not count: neighbouring ones have the same error.
     errors : int
         Number of these errors.
     """
@@ -280,7 +280,10 @@ def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, flo
     own = np.clip(squares, smallest, largest)
     frequency, level, damping = np.sqrt(own).tolist()
     found = Discrepancy(frequency, level if numbers[LEVEL] else None, damping if numbers[DAMPING] else None)
-    return found, float(numbers @ (np.log(own) + squares / own)), int(numbers.sum())
+    # Errors far below the noise are no smaller than those of its size.
+    noise = expectation.noise / np.maximum(numbers, 1)
+    deviance = numbers @ (np.log(own + noise) + (squares + noise) / (own + noise))
+    return found, float(deviance), int(numbers.sum())
 
 
 class _Expectation:
@@ -293,6 +296,17 @@ class _Expectation:
         one, s, y = errors.factors, errors.slopes, errors.values
         self._products = np.array([one * one, one * s, s * s, one * y, s * y, y * y])
         self._weighted = np.empty_like(self._products)
+
+    @property
+    def noise(self) -> NDArray[np.float64]:
+        """Variance of the effects by noise alone, of each kind, times their number, `(3,)`: inverse mean precisions."""
+        errors = self._errors
+        ones, _, ss, *_ = self._sums(self._products, 1.0 / errors.noise)
+        precision = np.bincount(errors.kinds, ones, REMAINDER)
+        number = np.bincount(errors.kinds, minlength=REMAINDER)
+        precision[FREQUENCY] += np.sum(ss[errors.modes < errors.count])
+        number[FREQUENCY] += errors.count
+        return np.asarray(np.square(number) / np.maximum(precision, np.finfo(float).tiny))
 
     def squares(self, variances: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of the expected squares of each kind of effects, and of the remainders, `(4,)`."""

@@ -204,7 +204,7 @@ def _beside_discrepancy(
     Fits that allow for a discrepancy have fewer local minima. Where the best cause explains the data to their noise
     after all, the selection without a discrepancy is repeated from it.
     """
-    first = verdict.selection
+    first, base = verdict.selection, None
     try:
         base = fit_discrepancy(replace(resonant(first.base.model), threads=threads), first.base.values)
         selection, base = select_beside(base, first, catalogue, report)
@@ -216,7 +216,8 @@ def _beside_discrepancy(
     except ReceptanceError:
         return verdict
     except KeyboardInterrupt:
-        return verdict.interrupt(report.position, tried=True)
+        verdict = verdict.interrupt(report.position, tried=True)
+        return verdict if base is None else replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
     if selection.interrupted or (again is not None and again.interrupted):
         verdict = verdict.interrupt(report.position, tried=True)
         return replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
@@ -227,6 +228,9 @@ def _beside_discrepancy(
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
     if judgement.answer != "partly explained":
         return replace(verdict, notes=notes, discrepancy=base.discrepancy, base_fit=base.fit)
+    # Reasons against causes without a discrepancy may contradict the answer beside it.
+    overruled = conclude(first).notes
+    notes = tuple(note for note in notes if note not in overruled)
     found = _verdict(selection, replace(judgement, notes=notes), 1, (), report)
     return replace(
         found,

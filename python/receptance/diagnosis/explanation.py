@@ -94,7 +94,7 @@ class Explanation:
     def implausible(self) -> tuple[str, ...]:
         """Names of the unknowns whose values lie outside their plausible range.
 
-        Beside a discrepancy, which moves sizes, the whole 95 % interval lies outside.
+        Beside a discrepancy, which moves sizes, these are the unknowns whose 95 % interval has no plausible value.
         """
         outside = [name for name, one in self.parameters.items() if not one.is_plausible(self.fit.values[name])]
         if not outside or not self.has_discrepancy:
@@ -147,7 +147,8 @@ class Selection:
     base : Fit
         The model without causes.
     penalty : float
-        Penalty of each unknown in evidence: the logarithm of the number of independent measured values.
+        Penalty of each unknown in evidence: the logarithm of the number of independent measured values, or of errors of
+        modes beside a discrepancy.
     threshold : float
         Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
     directions : list of Direction
@@ -225,11 +226,11 @@ class Selection:
     def share(self, one: Explanation) -> float:
         """Return the share of the misfit of the base that an explanation takes.
 
-        Of errors of modes it is the share of their variance, the logarithm of which the gain compares.
+        Beside a discrepancy it is the share of the variance of the errors of modes, a geometric mean over their kinds.
         """
         if self.beside is None:
             return 1.0 - one.fit.chi_square / self.base.chi_square
-        return 1.0 - math.exp(-one.gain / self.beside.errors)
+        return -math.expm1(-max(one.gain, 0.0) / self.beside.errors)
 
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""

@@ -278,6 +278,7 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     found = replace(
         selection,
         base=base,
+        # Errors of modes are counted in all configurations.
         penalty=selection.penalty if selection.beside is not None else math.log(max(base.independent_values, 2.0)),
         explanations=[],
         tried=[],

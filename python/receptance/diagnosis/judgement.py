@@ -102,7 +102,7 @@ def _conclude(selection: Selection) -> Judgement:
     best = selection.best
     if best is None or best.evidence <= limit:
         return _judge_base(selection)
-    # No model is adequate without its own discrepancy.
+    # Beside a discrepancy adequacy is not tested: each model would need its own one.
     beside = selection.discrepancy is not None
     passing = [one for one in selection.explanations if one.evidence > limit and (beside or one.passed)]
     if not passing:

@@ -18,6 +18,7 @@ from receptance.diagnosis.thresholds import (
     HIT_STEP,
     LARGE_SIZE,
     SAME_PLACE,
+    SCANNED_ENDS,
     SENSOR_SHARE,
     SUSPENSION_PLACES,
 )
@@ -249,7 +250,7 @@ def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     unknown = replace(p["end"], typical=end).unknown(END, lower=low, upper=high)
     # Chi-square has a minimum in each period of the highest frequency, and the lines show the end less accurately.
     highest = max(float(one.frequency_hz.real.max()) for one in model.receptances)
-    ends = np.linspace(low, high, 2 + int(2.0 * highest * (high - low)))
+    ends = np.linspace(low, high, min(2 + int(2.0 * highest * (high - low)), SCANNED_ENDS))
     yield Variant("records end too early", ended.plus(unknown), scan={unknown.name: ends.tolist()})
 
 

@@ -110,10 +110,9 @@ class Model:
         return self.map(share)
 
     def with_witnesses(self) -> Model:
-        """Return the model with what its causes keep from all lines of all observations.
+        """Return the model with what causes need of all its lines, which models of fewer lines keep.
 
-        These are one observation for each set of places as its witnesses, and the time of a truncation: a model of some
-        lines does not show it.
+        These are one observation for each set of places as its witnesses, and the time of a truncation.
         """
         kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
         for one in self.observations:

@@ -216,6 +216,8 @@ TRUNCATION_FROM = 0.3
 """Earliest truncation, as a share of the period."""
 TRUNCATION_POINTS = 400
 """Instants of a period."""
+SCANNED_ENDS = 1000
+"""Most ends of a record from which the start of a fit is chosen."""
 UNEVEN_LINES = 0.02
 """Largest deviation of a line from a multiple of the spacing, in spacings."""
 

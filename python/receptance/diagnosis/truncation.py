@@ -24,7 +24,8 @@ def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
     A truncated record rings up to its end and is silent from there on.
     """
     # A stepped sine has no end.
-    found = [power for one in records if one.force is None and (power := _power(one)) is not None]
+    known = [(one, power) for one in records if one.force is None and (power := _power(one)) is not None]
+    found = [power for _, power in known]
     periods = [period for period, _ in found]
     if not found or max(periods) > (1.0 + 1e-6) * min(periods):
         return None
@@ -44,7 +45,7 @@ def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
         return None
     # The window over the band spreads the response by 2 / band, so that it seems to end that much later. A fit that
     # starts late ends in another optimum: over a period of a mode the phase of its end turns once.
-    spread = 2.0 / min(float(np.ptp(one.frequency_hz.real)) for one in records)
+    spread = 2.0 / min(float(np.ptp(one.frequency_hz.real)) for one, _ in known)
     return at / TRUNCATION_POINTS * periods[0] - spread
 
 
