@@ -23,8 +23,8 @@ from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.thresholds import DISCREPANCY_CAUSES, DISCREPANCY_SELECTIONS, LEADING_CAUSES
 from receptance.errors import ReceptanceError
 
-_Own = dict[frozenset[str], tuple[tuple[Step, ...], DiscrepancyFit]]
-"""Causes and their fit with a discrepancy of its own, by their ids."""
+_Own = dict[tuple[Step, ...], DiscrepancyFit]
+"""Fits with a discrepancy of their own, by causes and variants."""
 
 
 def select_beside(
@@ -58,17 +58,17 @@ def select_beside(
         leading = [*selection.singles[:DISCREPANCY_CAUSES], *first.singles[:LEADING_CAUSES]]
         tried |= {one.ids for one in leading}
         for one, fit in zip(leading, _fits(base.model, base.fit.values, leading, selection.workers), strict=True):
-            if fit is not None and (one.ids not in own or fit.deviance < own[one.ids][1].deviance):
-                own[one.ids] = one.steps, fit
+            if fit is not None and (one.steps not in own or fit.deviance < own[one.steps].deviance):
+                own[one.steps] = fit
         # The fit of the base may have ended in a local minimum.
-        likely = min((fit for _, fit in own.values()), key=lambda fit: fit.deviance, default=base)
+        likely = min(own.values(), key=lambda fit: fit.deviance, default=base)
         base = _most_likely(base.model, (base.fit.values, selection.base.values, likely.fit.values)) or base
         selection.penalty = math.log(max(base.errors, 2.0))
-        least = [(0.0, base.discrepancy)]
-        for steps, fit in own.values():
+        found = [(0.0, base.discrepancy)]
+        for steps, fit in own.items():
             gain = base.deviance - fit.deviance
-            least.append((selection.explain(steps, fit.fit).with_gain(gain).evidence, fit.discrepancy))
-        left = max(least, key=lambda pair: pair[0])[1]
+            found.append((selection.explain(steps, fit.fit).with_gain(gain).evidence, fit.discrepancy))
+        left = max(found, key=lambda pair: pair[0])[1]
         if left.is_close(used):
             break
     _use_evidence(selection, base, own, tried)
@@ -142,7 +142,7 @@ def _use_evidence(selection: Selection, base: DiscrepancyFit, own: _Own, tried: 
             return None
         return selection.explain(steps, common).with_gain(base.deviance - fit.deviance)
 
-    fits = in_parallel([partial(fitted, *one) for one in own.values()], selection.workers)
+    fits = in_parallel([partial(fitted, *one) for one in own.items()], selection.workers)
     found = [one for one in fits if one is not None]
     least = min((one.evidence for one in found), default=math.inf)
     for one in selection.explanations:

@@ -55,6 +55,7 @@ from receptance.diagnosis.thresholds import (
     MODE_PROMINENCE,
     SAME_MODE,
 )
+from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
@@ -200,8 +201,15 @@ def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
         The model, with the standard deviations of the noise.
     start : mapping of str to float
         Values from which the fit starts.
+
+    Raises
+    ------
+    ReceptanceError
+        The model has no value at the start.
     """
     fit = evaluate(model, start)
+    if not np.isfinite(fit.chi_square):
+        raise ReceptanceError("the model cannot be evaluated at the start of a fit with a discrepancy")
     found, deviance, errors = _most_likely(model, fit, DISCREPANCIES[0])
     for _ in range(DISCREPANCY_ROUNDS):
         fit = refit(found.allow(model), fit.values)
