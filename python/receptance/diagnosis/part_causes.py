@@ -286,6 +286,7 @@ PART_CAUSES = (
         change=_flutes,
         meaning="the fluted part is thinner than the full circle that the model has there",
         remedy="model the flutes with their effective diameter; a plain blank of the same size confirms it",
+        unspecific=True,
     ),
     Cause(
         id="tool_modulus",
