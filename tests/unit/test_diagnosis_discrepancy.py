@@ -548,6 +548,15 @@ def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     assert contradicted.explanation is None
 
 
+def test_beside_errors_of_the_size_of_the_noise_no_cause_is_reported(monkeypatch):
+    monkeypatch.setattr(engine, "BEYOND_NOISE", 1.01 * with_sensor(1).adequacy.misfit)
+    sensor = PointMass(mass=6e-3, part="tool", position=0.0)
+    found = diagnose(observed(0.001, 0.01, sensor, seed=1), JOINT, tolerances=TOLERANCES, causes=CAUSES)
+    assert (found.verdict, found.causes) == ("unexplained", ())
+    assert found.discrepancy is not None
+    assert not any("beside a discrepancy" in note for note in found.notes)
+
+
 def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     found = diagnose(observed(0.005, 0.05), JOINT, tolerances=TOLERANCES, causes=CAUSES)
     print(found)

@@ -26,6 +26,7 @@ from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
+    BEYOND_NOISE,
     EXPLORING_LINES,
     KEPT_ON_INTERRUPT,
     LISTED,
@@ -225,8 +226,9 @@ def _beside_discrepancy(
         repeated = _verdict(again, conclude(again), most, line_notes, report)
         if repeated.verdict != "unexplained":
             return repeated
-    notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
-    if judgement.answer != "partly explained":
+    is_near_noise = first.base.misfit < BEYOND_NOISE
+    notes = verdict.notes if is_near_noise else tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
+    if judgement.answer != "partly explained" or is_near_noise:
         return replace(verdict, notes=notes, discrepancy=base.discrepancy, base_fit=base.fit)
     # Reasons against causes without a discrepancy may contradict the answer beside it.
     overruled = conclude(first).notes
