@@ -62,7 +62,7 @@ def select_beside(
                 own[one.steps] = fit
         # The fit of the base may have ended in a local minimum.
         likely = min(own.values(), key=lambda fit: fit.deviance, default=base)
-        base = _most_likely(base.model, (base.fit.values, selection.base.values, likely.fit.values)) or base
+        base = _likeliest(base.model, (base.fit.values, selection.base.values, likely.fit.values)) or base
         selection.penalty = math.log(max(base.errors, 2.0))
         found = [(0.0, base.discrepancy)]
         for steps, fit in own.items():
@@ -83,7 +83,7 @@ def select_beside(
     return selection, base
 
 
-def _most_likely(model: Model, starts: Sequence[Mapping[str, float]]) -> DiscrepancyFit | None:
+def _likeliest(model: Model, starts: Sequence[Mapping[str, float]]) -> DiscrepancyFit | None:
     """Return the most likely fit from several starts; None where the model has no value at any of them."""
     found = []
     for start in starts:
@@ -123,7 +123,7 @@ def _fits(
             extended = extend(single, one.steps)
         except UndecidableError:
             return None
-        return _most_likely(extended.without(left_out), (one.fit.values, {**one.fit.values, **base}))
+        return _likeliest(extended.without(left_out), (one.fit.values, {**one.fit.values, **base}))
 
     return list(in_parallel([partial(fitted, one) for one in found], workers))
 
@@ -175,7 +175,7 @@ def use_own_discrepancies(selection: Selection, beside: DiscrepancyFit, configur
     configurations : sequence of str
         Names of the configurations that are left out.
     """
-    base = _most_likely(beside.model.without(configurations), (selection.base.values, beside.fit.values))
+    base = _likeliest(beside.model.without(configurations), (selection.base.values, beside.fit.values))
     if base is None:
         return
     both = [*selection.explanations, *selection.alternatives]
