@@ -47,7 +47,7 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import detection_threshold
 from receptance.diagnosis.selection import Search
-from receptance.diagnosis.thresholds import DISCREPANCY_LINES
+from receptance.diagnosis.thresholds import DISCREPANCY_LINES, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.identification import Tolerance, Unknown
 
@@ -276,6 +276,18 @@ def test_a_cause_takes_at_least_half_of_the_misfit(monkeypatch, share):
     assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
     below = replace(best, evidence=selection.threshold - 0.1)
     assert not conclude(replace(selection, explanations=[below])).reported
+    # A plausible rival within the margin counts, although it is below the threshold itself.
+    rival = replace(selection.explanations[1], evidence=selection.threshold - 1.0)
+    assert conclude(replace(selection, explanations=[just_above, rival], alternatives=[])).answer == "unexplained"
+    behind = replace(rival, evidence=selection.threshold - MARGIN)
+    judgement = conclude(replace(selection, explanations=[just_above, behind], alternatives=[]))
+    assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
+    # An implausible one leaves nothing above the threshold.
+    ((name, parameter),) = best.parameters.items()
+    odd = replace(best, evidence=selection.threshold + 0.1)
+    odd.__dict__["parameters"] = {name: replace(parameter, plausible=(0.0, 1e-9))}
+    assert odd.implausible == (name,)
+    assert not conclude(replace(selection, explanations=[odd, rival], alternatives=[])).reported
     # The reasons why a cause is not certain are listed.
     doubtful = replace(best, fit=replace(best.fit, converged=False))
     notes = " ".join(conclude(replace(selection, explanations=[doubtful])).notes)

@@ -104,7 +104,9 @@ def _conclude(selection: Selection) -> Judgement:
         return _judge_base(selection)
     # Beside a discrepancy adequacy is not tested: each model would need its own one.
     beside = selection.discrepancy is not None
-    passing = [one for one in selection.explanations if one.evidence > limit and (beside or one.passed)]
+    # An explanation beside a discrepancy needs no margin above the limit, but one to those below it as well.
+    least = best.evidence - MARGIN if beside else limit
+    passing = [one for one in selection.explanations if one.evidence > least and (beside or one.passed)]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
         return Judgement("unexplained", notes=tuple(notes))
@@ -121,7 +123,7 @@ def _conclude(selection: Selection) -> Judgement:
     if alternative is not None:
         reason = _withhold(alternative, (remaining or near)[0])
         return Judgement("unexplained", notes=(*notes, reason), alternative=alternative)
-    if not remaining:
+    if not remaining or remaining[0].evidence <= limit:
         return Judgement("unexplained", notes=tuple(notes))
     unfinished = [one for one in remaining if not one.fit.converged]
     for one in unfinished:
