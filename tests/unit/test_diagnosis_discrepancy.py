@@ -382,6 +382,15 @@ def test_causes_without_a_discrepancy_of_their_own_come_last(monkeypatch):
     assert len(selection.explanations) > 2
 
 
+def test_alternatives_are_fitted_although_the_best_explanation_is_not_adequate():
+    found = with_sensor(1).selection
+    best = replace(found.explanations[0])
+    best.__dict__["passed"] = False
+    selection = replace(found, explanations=[best], alternatives=[])
+    Search(selection, [CATALOGUE[id] for id in CAUSES[:2]]).fit_alternatives()
+    assert selection.alternatives
+
+
 def test_errors_below_the_noise_are_not_evidence():
     """Eight natural frequencies with errors of one half, of one and of one and a half times the noise."""
     bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])

@@ -131,8 +131,8 @@ def _fits(
 def _use_evidence(selection: Selection, base: DiscrepancyFit, own: _Own, tried: set[frozenset[str]]) -> None:
     """Replace the explanations that were tried by those with discrepancies of their own.
 
-    They are fitted from there with the discrepancy of the selection. All others have a smaller likelihood with that
-    one, and no more evidence than these.
+    These are fitted with the discrepancy of the selection, from the values of their own fits. The others were less
+    likely with that discrepancy, and get no more evidence than these.
     """
 
     def fitted(steps: tuple[Step, ...], fit: DiscrepancyFit) -> Explanation | None:

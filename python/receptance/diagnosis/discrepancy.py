@@ -288,8 +288,8 @@ def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, flo
     own = np.clip(squares, smallest, largest)
     frequency, level, damping = np.sqrt(own).tolist()
     found = Discrepancy(frequency, level if numbers[LEVEL] else None, damping if numbers[DAMPING] else None)
-    # Errors far below the noise are no smaller than those of its size.
-    noise = expectation.noise / np.maximum(numbers, 1)
+    # With the noise, because errors far below it are not smaller than others below it.
+    noise = expectation.noise
     deviance = numbers @ (np.log(own + noise) + (squares + noise) / (own + noise))
     return found, float(deviance), int(numbers.sum())
 
@@ -307,14 +307,15 @@ class _Expectation:
 
     @property
     def noise(self) -> NDArray[np.float64]:
-        """Variance of the effects by noise alone, of each kind, times their number, `(3,)`: inverse mean precisions."""
+        """Variance of an effect that is estimated from the noise alone, for each kind, `(3,)`."""
         errors = self._errors
         ones, _, ss, *_ = self._sums(self._products, 1.0 / errors.noise)
         precision = np.bincount(errors.kinds, ones, REMAINDER)
         number = np.bincount(errors.kinds, minlength=REMAINDER)
         precision[FREQUENCY] += np.sum(ss[errors.modes < errors.count])
         number[FREQUENCY] += errors.count
-        return np.asarray(np.square(number) / np.maximum(precision, np.finfo(float).tiny))
+        # The inverse of the mean precision.
+        return np.asarray(number / np.maximum(precision, np.finfo(float).tiny))
 
     def squares(self, variances: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of the expected squares of each kind of effects, and of the remainders, `(4,)`."""

@@ -226,10 +226,12 @@ def _beside_discrepancy(
         repeated = _verdict(again, conclude(again), most, line_notes, report)
         if repeated.verdict != "unexplained":
             return repeated
-    is_near_noise = first.base.misfit < BEYOND_NOISE
-    notes = verdict.notes if is_near_noise else tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
-    if judgement.answer != "partly explained" or is_near_noise:
-        return replace(verdict, notes=notes, discrepancy=base.discrepancy, base_fit=base.fit)
+    unexplained = replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
+    if first.base.misfit < BEYOND_NOISE:
+        return unexplained
+    notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
+    if judgement.answer != "partly explained":
+        return replace(unexplained, notes=notes)
     # Reasons against causes without a discrepancy may contradict the answer beside it.
     overruled = conclude(first).notes
     notes = tuple(note for note in notes if note not in overruled)

@@ -104,7 +104,7 @@ def _conclude(selection: Selection) -> Judgement:
         return _judge_base(selection)
     # Beside a discrepancy adequacy is not tested: each model would need its own one.
     beside = selection.discrepancy is not None
-    # An explanation beside a discrepancy needs no margin above the limit, but one to those below it as well.
+    # Beside a discrepancy the best one may be just above the limit, so rivals below the limit count as well.
     least = best.evidence - MARGIN if beside else limit
     passing = [one for one in selection.explanations if one.evidence > least and (beside or one.passed)]
     if not passing:

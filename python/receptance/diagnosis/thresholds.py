@@ -133,7 +133,7 @@ LEAST_SHARE = 0.5
 """Least share of the misfit that a cause takes where it explains the data partly."""
 BEYOND_NOISE = 4.0
 """Misfit of the base from which a cause is reported beside a discrepancy: the errors of the model are twice the noise.
-Smaller ones are not told from noise, and a foreign effect near it was reported as a cause."""
+Beside smaller errors foreign effects have been reported as causes."""
 DISCREPANCY_LINES = 300
 """Lines of each receptance of fits that allow for a discrepancy."""
 DISCREPANCIES = (1e-4, 0.3)
