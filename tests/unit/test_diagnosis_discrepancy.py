@@ -447,6 +447,7 @@ def test_folds_have_the_evidence_of_discrepancies_of_their_own():
     base = fit_discrepancy(selection.beside.model.without(left_out), fold.base.values)
     own = fit_discrepancy(extend(selection.beside.model, best.steps).without(left_out), best.fit.values)
     assert fold.beside.deviance == pytest.approx(base.deviance, abs=0.5)
+    assert best.evidence == pytest.approx(best.gain - selection.penalty)
     assert best.gain == pytest.approx(base.deviance - own.deviance, abs=0.5)
 
 
