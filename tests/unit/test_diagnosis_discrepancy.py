@@ -382,6 +382,17 @@ def test_causes_without_a_discrepancy_of_their_own_come_last(monkeypatch):
     assert len(selection.explanations) > 2
 
 
+def test_evidence_of_other_causes_is_at_most_that_of_the_least_likely_one_that_was_tried():
+    found = with_sensor(1).selection
+    best, last = found.explanations[0], found.explanations[-1]
+    own = fit_discrepancy(extend(found.beside.model, best.steps), best.fit.values)
+    selection = replace(found, explanations=[best, last.with_gain(1e4)])
+    beside_discrepancy._use_evidence(selection, found.beside, {best.steps: own}, {best.ids})
+    first, second = selection.explanations
+    assert (first.ids, second.ids) == (best.ids, last.ids)
+    assert second.evidence == pytest.approx(first.evidence)
+
+
 def test_alternatives_are_fitted_although_the_best_explanation_is_not_adequate():
     found = with_sensor(1).selection
     best = replace(found.explanations[0])
