@@ -246,6 +246,7 @@ def test_campaign_without_unknowns_is_predicted_from_given_values(monkeypatch: p
     ("edit", "arguments", "words"),
     [
         (None, ["identify", "campain.toml"], "file or folder campain.toml; did you mean campaign.toml?"),
+        (None, ["diagnose", "er32"], "folder er32; `receptance example er32` writes the example of this name"),
         (None, ["identify"], "CAMPAIGN"),
         (None, ["identify", "campaign.toml", "--jsn", "a"], "--jsn"),
         (None, ["identify", ".", "--json", "campaign.toml"], "--json names campaign.toml, which is the campaign"),

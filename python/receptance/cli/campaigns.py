@@ -42,6 +42,12 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     """Read a campaign, and check that no file that it reads would be overwritten."""
     from receptance.campaign import load
 
+    if not path.exists():
+        from receptance.examples import EXAMPLES
+
+        if str(path) in EXAMPLES:
+            named = f"`receptance example {path}` writes the example of this name"
+            raise InputError(f"there is no campaign file or folder {path}; {named}")
     found = load(path, progress=progress)
     targets.protect(found.file, "the campaign file")
     files = [name for measured in found.measurements.values() for name in measured.files]
