@@ -370,6 +370,24 @@ def test_fits_without_a_value_leave_out_their_cause_or_start(monkeypatch, place)
     assert ({"sensor_mass"} in [one.ids for one in fold.explanations]) == (place == "base")
 
 
+def test_the_better_one_of_two_starts_is_the_fit_with_its_own_discrepancy(monkeypatch):
+    selection = with_sensor(1).selection
+    base, best = selection.beside, selection.explanations[0]
+    own = fit_discrepancy(extend(base.model, best.steps), best.fit.values)
+    for better in (0, 1):
+        starts = []
+
+        def fitted(model, start, starts=starts, better=better):
+            starts.append(start)
+            return replace(own, deviance=own.deviance - 10.0 * (len(starts) == better + 1))
+
+        monkeypatch.setattr(beside_discrepancy, "fit_discrepancy", fitted)
+        (found,) = beside_discrepancy._fits(base.model, base.fit.values, [best], 1)
+        # From the fit with the common discrepancy, and from the base.
+        assert starts == [best.fit.values, {**best.fit.values, **base.fit.values}]
+        assert found.deviance == own.deviance - 10.0
+
+
 def test_causes_without_a_discrepancy_of_their_own_come_last(monkeypatch):
     monkeypatch.setattr(beside_discrepancy, "DISCREPANCY_CAUSES", 1)
     monkeypatch.setattr(beside_discrepancy, "LEADING_CAUSES", 1)
@@ -649,4 +667,9 @@ def test_expected_squares_are_those_of_the_whole_covariance() -> None:
     gain = prior[:, None] * effects.T @ np.linalg.inv((effects * prior) @ effects.T + np.diag(errors.noise))
     expected = np.square(gain @ errors.values) + prior - np.diag(gain @ effects) * prior
     kinds = np.concatenate([errors.kinds, [FREQUENCY] * 2, np.full(line.size, 3)])
-    assert _Expectation(errors).squares(variances) == pytest.approx(np.bincount(kinds, expected), rel=1e-9)
+    expectation = _Expectation(errors)
+    assert expectation.squares(variances) == pytest.approx(np.bincount(kinds, expected), rel=1e-9)
+    # Each effect alone has the precision of its column.
+    precision = np.square(effects[:, :10]).T @ (1.0 / errors.noise)
+    of_kinds = [precision[kinds[:10] == kind] for kind in (FREQUENCY, LEVEL, DAMPING)]
+    assert expectation.noise == pytest.approx([1.0 / np.mean(own) for own in of_kinds])
