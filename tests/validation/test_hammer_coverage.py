@@ -8,7 +8,7 @@ import pytest
 from validation import hammer_coverage as coverage
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20"))
-RUNS = 200
+RUNS = 150
 
 
 @pytest.mark.slow
