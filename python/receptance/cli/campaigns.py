@@ -46,8 +46,8 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
         from receptance.examples import EXAMPLES
 
         if str(path) in EXAMPLES:
-            named = f"`receptance example {path}` writes the example of this name"
-            raise InputError(f"there is no campaign file or folder {path}; {named}")
+            hint = f"`receptance example {path}` writes the example of this name"
+            raise InputError(f"there is no campaign file or folder {path}; {hint}")
     found = load(path, progress=progress)
     targets.protect(found.file, "the campaign file")
     files = [name for measured in found.measurements.values() for name in measured.files]

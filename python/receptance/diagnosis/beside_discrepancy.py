@@ -147,7 +147,9 @@ def _use_evidence(selection: Selection, base: DiscrepancyFit, own: _Own, tried: 
     least = min((one.evidence for one in found), default=math.inf)
     for one in selection.explanations:
         if one.ids not in tried:
-            found.append(one.with_gain(one.gain - max(one.evidence - least, 0.0)))
+            # Exactly as much at most: of equal evidence those that were tried come first.
+            excess = max(one.evidence - least, 0.0)
+            found.append(replace(one, gain=one.gain - excess, evidence=min(one.evidence, least)))
     selection.explanations = best_of_each(found)
 
 
