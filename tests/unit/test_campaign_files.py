@@ -203,6 +203,12 @@ class TestHammer:
         assert read.measurements["m"].files == ("0.csv", "1.csv", "2.csv")
         assert any("H1 of 3 hits" in note for note in read.notes)
         assert "H1 of 2 hits" in " ".join(load(tmp_path, f"{text}\ndrop_hits = [2]", "hammer records").notes)
+        with pytest.warns(match="reversed sensor or hammer"):
+            turned = load(tmp_path, f"{text}\nreverse = true", "hammer records").measurements["m"].frf
+        right = read.measurements["m"].frf
+        assert turned is not None
+        assert right is not None
+        assert np.allclose(turned.receptance, -right.receptance)
 
     def test_limit_of_force_drop(self, tmp_path: Path, hammer: Path) -> None:
         shutil.copy(hammer / "short.npz", tmp_path)

@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 
 from receptance import units
+from receptance._reading import Reading, campaign_keys
 from receptance._text import shown
 from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue
@@ -267,16 +268,7 @@ def read_entry(table: FileFields, folder: Path) -> FRF:
     """Return the FRF of a measurement, selected by `entry` if the file holds several."""
     from receptance.io import read_all, read_frf
 
-    options: dict[str, Any] = {
-        "format": table.format,
-        "quantity": table.quantity,
-        "unit": table.unit,
-        "coherence": None if table.coherence is None else folder / table.coherence,
-        "ignore_coherence": table.ignore_coherence or None,
-        "variables": table.variables or None,
-        "columns": table.columns or None,
-    }
-    given = {key: value for key, value in options.items() if value is not None}
+    given = _reading(table, folder, records=False)
     if table.entry.number is None:
         found = read_frf(folder / table.file, **given)
     else:
@@ -294,6 +286,14 @@ def read_entry(table: FileFields, folder: Path) -> FRF:
             f"`entry = {{ response = 0, excitation = 0 }}`; there are {known}"
         )
     return _with_stated_properties(found, table)
+
+
+def _reading(table: FileFields | HammerTable, folder: Path, *, records: bool) -> Reading:
+    """Return the keywords of `read_all` that a table gives."""
+    keys = {name: getattr(table, key) for name, key in campaign_keys(records=records).items()}
+    if keys.get("coherence") is not None:
+        keys["coherence"] = folder / keys["coherence"]
+    return cast(Reading, {name: value for name, value in keys.items() if value})
 
 
 def _entry(things: Sequence[object], number: int) -> FRF:
@@ -407,14 +407,8 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
     from receptance.io import read_time_series
     from receptance.measurement import HammerRecords
 
-    options: dict[str, Any] = {
-        "format": table.format,
-        "sample_rate_hz": table.sample_rate,
-        "unit": table.units or None,
-        "variables": table.variables or None,
-        "columns": table.columns or None,
-    }
-    given = {key: value for key, value in options.items() if value is not None}
+    given = _reading(table, folder, records=True)
+    given.pop("reverse", None)  # of the FRF that is estimated
     names = [table.file] if isinstance(table.file, str) else table.file
     if not names:
         raise ValueError("is an empty list, expected at least one file")
@@ -448,13 +442,14 @@ def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF
     hits = find_hits(records, **{key: value for key, value in options.items() if value is not None})
     if table.drop_hits:
         hits = hits.without(*table.drop_hits, reason="dropped by the campaign")
-    return estimate_frf(
+    frf = estimate_frf(
         hits,
         estimator=table.estimator,
         decay_rate=table.decay_rate,
         force_drop_db=table.force_drop_db,
         force_window_s=None if table.force_window == "none" else table.force_window,
     )
+    return frf.flipped() if table.reverse else frf
 
 
 def _unsigned(written: str) -> str:

@@ -30,6 +30,7 @@ from pydantic import (
 )
 
 from receptance import units
+from receptance._reading import campaign_keys, reading_options
 from receptance._text import shown
 from receptance.campaign.values import (
     Address,
@@ -397,28 +398,37 @@ class EntryTable(SchemaTable):
     """number of the excitation, counted from 0, or its name in the file"""
 
 
-class FileFields(SchemaTable):
+_KEY_TYPES = {
+    "coherence": DataFile | None,
+    "unit": str | None,
+    "units": dict[str, str] | None,
+    "sample_rate": Annotated[float, amount(units.FREQUENCY)] | None,
+}
+"""Types of keys that differ from those of the keywords of `receptance.io.read`."""
+
+
+def _reading_table(name: str, *, records: bool) -> type[SchemaTable]:
+    """Return the table whose keys are the options of reading an FRF, or time records."""
+    declared = reading_options()
+    entries: dict[str, Any] = {}
+    for keyword, key in campaign_keys(records=records).items():
+        kind, option = declared[keyword]
+        default = False if kind is bool else None
+        entries[key] = (_KEY_TYPES.get(key, kind), Field(default, description=option.text))
+    return create_model(name, __base__=SchemaTable, __module__=__name__, **entries)
+
+
+_FRFReading = _reading_table("FRFReading", records=False)
+_RecordsReading = _reading_table("RecordsReading", records=True)
+
+
+class FileFields(_FRFReading):  # type: ignore[misc, valid-type]
     """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
 
     file: DataFile
     """path, relative to the campaign file: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
-    format: str | None = None
-    """format of the file, if its ending does not determine it"""
-    quantity: Literal["receptance", "mobility", "accelerance"] | None = None
-    """measured quantity, if the file does not state it"""
-    unit: str | None = None
-    """unit of the FRF, if the file does not state it, such as `"m/s^2/N"`"""
     entry: EntryTable = EntryTable.default()
     """the FRF to read, if the file holds several FRFs, responses or excitations"""
-    coherence: DataFile | None = None
-    """another file with the coherence"""
-    ignore_coherence: bool = False
-    """whether the coherence in the file is ignored"""
-    variables: dict[str, str] = Field(default={})
-    """names of the variables for `frequency_hz`, `values` and `coherence` in an NPZ, MAT or HDF5 file of another
-    program"""
-    columns: list[str] = Field(default=[])
-    """header of a table that has none, `["frequency [Hz]", "accelerance real [m/s^2/N]", ...]`"""
     averages: Annotated[int, Field(ge=1)] | None = None
     """number of averages, if the file does not state it"""
     standard_deviation: DeviationShare | None = None
@@ -485,27 +495,17 @@ class FRFTable(FileFields, _Response):
     """amplitude of a stepped sine; it determines the level of joints in micro-slip on each line"""
 
 
-class HammerTable(_Response):
+class HammerTable(_RecordsReading, _Response):  # type: ignore[misc, valid-type]
     """Force and response of hammer hits against time, from which the FRF is estimated."""
 
     kind: Literal["hammer records"]
     """`"hammer records"`"""
     file: Annotated[DataFile | list[DataFile], of_types(str, list, what="the name of a file, or a list of them")]
     """path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"""
-    format: str | None = None
-    """format of the files, if their ending does not determine it"""
     force: Channel
     """name of the force channel, or its number counted from 0"""
     motion: Channel
     """name of the response channel, or its number counted from 0"""
-    units: dict[str, str] = Field(default={})
-    """units of channels, if the files do not state them, `{ hammer = "N", tip = "m/s^2" }`"""
-    variables: dict[str, str] = Field(default={})
-    """names of the variables for the time, `time_s`, and the channels in NPZ, MAT or HDF5 files of another program"""
-    columns: list[str] = Field(default=[])
-    """header of tables that have none, `["time [s]", "hammer [N]", "tip [m/s^2]"]`"""
-    sample_rate: Frequency | None = None
-    """samples per second, if the files do not state it"""
     full_scale_force: Force | None = None
     """full scale of the force channel; without it an overload is detected only by a flat top"""
     trigger: Force | None = None

@@ -133,6 +133,10 @@ def _tip(
         found = " and ".join(given) or "neither an assembly, a measurement nor a file"
         problems.add(path, f"has {found}, expected one of the three")
         return None
+    if table.file is None:
+        for key in sorted(table.model_fields_set - {"assembly", "measurement", "bands"}):
+            where = "" if table.measurement is None else f" or in [measurements.{table.measurement}]"
+            problems.add((*path, key), f"is given without `file`, whose contents it describes, expected it there{where}")
     if table.assembly is not None:
         if table.bands is not None:
             text = "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead"

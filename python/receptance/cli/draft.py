@@ -354,6 +354,8 @@ class Draft:
             table = {"kind": one.table["kind"], "assembly": one.name}
             table |= {"role": "hold out"} if one.held_out else {}
             table |= {**one.table, "file": _relative(one.file, self.folder)}
+            if "coherence" in table:
+                table["coherence"] = _relative(table["coherence"], self.folder)
             table |= {"sensor": "accelerometer"} if self.sensor else {}
             yield from (f"{key} = {_value(value)}" for key, value in table.items())
         yield ""

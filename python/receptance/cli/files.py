@@ -6,14 +6,14 @@ import inspect
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from receptance._reading import Option, Reading, reading_options
 from receptance.cli.running import (
     InputError,
     Overwrite,
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 READING = "Reading of files that do not state everything"
 """Group of options in the help."""
-FORMATS = "uff, csv, npz, mat, hdf5, cutpro or dataphysics"
 
 MeasurementNumber = Annotated[
     int | None,
@@ -44,98 +43,62 @@ MeasurementNumber = Annotated[
     ),
 ]
 
-
-@dataclass(frozen=True)
-class ReadingOptions:
-    """The options of a command that say how to read measurement files; the fields declare them."""
-
-    quantity: Annotated[
-        str | None,
-        typer.Option(
-            rich_help_panel=READING,
-            metavar="NAME",
-            help="Quantity of FRFs if the file does not state it: receptance, mobility or accelerance.",
-        ),
-    ] = None
-    unit: Annotated[
-        list[str] | None,
-        typer.Option(
-            rich_help_panel=READING,
-            metavar="UNIT",
-            help="Unit of FRFs, such as m/s^2/N; for time records CHANNEL=UNIT for each channel.",
-        ),
-    ] = None
-    variable: Annotated[
-        list[str] | None,
-        typer.Option(
-            rich_help_panel=READING,
-            metavar="ROLE=NAME",
-            help="Variable in MAT, HDF5 or NPZ files of other programs: frequency_hz=NAME, values=NAME, time_s=NAME, "
-            "CHANNEL=NAME.",
-        ),
-    ] = None
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            rich_help_panel=READING,
-            metavar="NAMES",
-            help="Header with units of a table, separated by commas, if it has none or one with other names: "
-            "'frequency \\[Hz],real \\[g/N],imag \\[g/N],coherence'.",
-        ),
-    ] = None
-    coherence: Annotated[
-        Path | None,
-        typer.Option(rich_help_panel=READING, metavar="FILE", help="Another file with the coherence of the FRF."),
-    ] = None
-    ignore_coherence: Annotated[
-        bool, typer.Option("--ignore-coherence", rich_help_panel=READING, help="Ignore the coherence of the FRFs.")
-    ] = False
-    sample_rate: Annotated[
-        float | None,
-        typer.Option(
-            rich_help_panel=READING, metavar="HZ", help="Sample rate of time records if the file does not state it."
-        ),
-    ] = None
-    source_format: Annotated[
-        str | None,
-        typer.Option(
-            "--from",
-            rich_help_panel=READING,
-            metavar="FORMAT",
-            help=f"Format of the file if its ending does not determine it: {FORMATS}.",
-        ),
-    ] = None
-
-    @property
-    def keywords(self) -> dict[str, Any]:
-        """Keyword arguments of `receptance.io.read_all`."""
-        return {
-            "format": self.source_format,
-            "quantity": self.quantity,
-            "unit": _units_of(self.unit),
-            "variables": _named_values(self.variable, "--variable", "ROLE=NAME") or None,
-            "columns": None if self.columns is None else self.columns.split(","),
-            "coherence": self.coherence,
-            "ignore_coherence": self.ignore_coherence,
-            "sample_rate_hz": self.sample_rate,
-        }
+_REPEATED = {"unit", "variables", "coherence_variables"}
+"""Options that are given once for each channel or variable."""
+_LISTED = {"columns", "coherence_columns"}
+"""Options whose values are separated by commas."""
 
 
-def takes_reading(*without: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the options of `ReadingOptions`, but for some, in place of its parameter `reading`."""
+def takes_reading(*, several: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of reading in place of its parameter `reading`, the keywords of `read_all`.
+
+    With `several` the command reads several files, and `coherence` is a list with a file for each.
+    """
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:
-        options = [one for one in fields(ReadingOptions) if one.name not in without]
-        hints = get_type_hints(ReadingOptions, include_extras=True)
+        added = [_parameter(name, kind, option, several) for name, (kind, option) in reading_options().items()]
 
         def called(**values: Any) -> None:
-            command(reading=ReadingOptions(**{one.name: values.pop(one.name) for one in options}), **values)
+            given = {one.name: values.pop(one.name) for one in added}
+            command(reading=reading_of(given), **values)
 
-        kind = inspect.Parameter.KEYWORD_ONLY
-        added = [inspect.Parameter(one.name, kind, default=one.default, annotation=hints[one.name]) for one in options]
         return with_parameters(command, called, added, without="reading")
 
     return with_options
+
+
+def _parameter(name: str, kind: Any, option: Option, several: bool) -> inspect.Parameter:
+    """Return the parameter of a command for an option of reading."""
+    typed: Any = {bool: bool, float | None: float | None}.get(kind, str | None)
+    text = option.text
+    if name == "coherence":
+        typed = list[Path] | None if several else Path | None
+        text += "; once for each file in their order" if several else ""
+    elif name in _REPEATED:
+        typed = list[str] | None
+        text += "; may be repeated"
+    elif name in _LISTED:
+        text += "; separated by commas"
+    declared = typer.Option(
+        f"--{option.option or name.replace('_', '-')}",
+        rich_help_panel=READING,
+        metavar=option.value or None,
+        help=f"{text[0].upper()}{text[1:]}.".replace("[", r"\["),
+    )
+    default = False if kind is bool else None
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[typed, declared]
+    )
+
+
+def reading_of(given: Mapping[str, Any]) -> Reading:
+    """Return the keywords of `read_all` from options of a command, without those that were not given."""
+    found = {name: value for name, value in given.items() if value is not None and value is not False and value != []}
+    for name in _REPEATED & found.keys():
+        found[name] = _units_of(found[name]) if name == "unit" else _named_values(found[name], name)
+    for name in _LISTED & found.keys():
+        found[name] = found[name].split(",")
+    return cast(Reading, found)
 
 
 @contextmanager
@@ -148,37 +111,39 @@ def collected_warnings() -> Iterator[list[str]]:
     notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
 
 
-def read_measurements(source: Path, reading: ReadingOptions, number: int | None) -> tuple[list[Measurement], list[str]]:
+def read_measurements(source: Path, reading: Reading, number: int | None) -> tuple[list[Measurement], list[str]]:
     """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
     from receptance.io import read_all
 
     with collected_warnings() as notes:
-        found = read_all(source, **reading.keywords)
+        found = read_all(source, **reading)
     if number is not None and number > len(found):
         raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
     return found if number is None else [found[number - 1]], notes
 
 
-def _named_values(given: Sequence[str] | None, option: str, form: str) -> dict[str, str]:
+def _named_values(given: Sequence[str], name: str, form: str = "ROLE=NAME") -> dict[str, str]:
     """Return names and values, separated by the last =, because names may contain one and units do not."""
+    _, option = reading_options()[name]
+    words = f"--{option.option or name}"
     found: dict[str, str] = {}
-    for text in given or ():
-        name, sign, value = text.rpartition("=")
-        if not sign or not name or not value:
-            raise InputError(f"{option} is {text!r}, expected {form}")
-        if name in found:
-            raise InputError(f"{option} is given twice for {name!r}, expected one")
-        found[name] = value
+    for text in given:
+        key, sign, value = text.rpartition("=")
+        if not sign or not key or not value:
+            raise InputError(f"{words} is {text!r}, expected {form}")
+        if key in found:
+            raise InputError(f"{words} is given twice for {key!r}, expected one")
+        found[key] = value
     return found
 
 
-def _units_of(given: Sequence[str] | None) -> str | dict[str, str] | None:
+def _units_of(given: Sequence[str]) -> str | dict[str, str]:
     """Return the unit of FRFs, or the units of channels."""
-    if not given:
-        return None
-    if len(given) == 1 and "=" not in given[0]:
-        return given[0]
-    return _named_values(given, "--unit", "one unit, or CHANNEL=UNIT for each channel")
+    return (
+        given[0]
+        if len(given) == 1 and "=" not in given[0]
+        else _named_values(given, "unit", "one unit, or CHANNEL=UNIT for each channel")
+    )
 
 
 # Commands -------------------------------------------------------------------------------------------------------------
@@ -190,7 +155,7 @@ NoWindow = Annotated[bool, typer.Option("--no-window", help="Do not open the fig
 @takes_targets()
 def show(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="File with FRFs, coherences or time records.")],
-    reading: ReadingOptions,
+    reading: Reading,
     targets: Targets,
     no_window: NoWindow = False,
     number: MeasurementNumber = None,
@@ -206,7 +171,7 @@ def show(
     targets.require_new()
     with input_errors():
         found, warned = read_measurements(source, reading, number)
-        read_as = reading.source_format or file_format(source)
+        read_as = reading.get("format") or file_format(source)
     contents = FileContents(source.name, FORMATS[read_as].title, tuple(found), tuple(warned))
     targets.show(contents)
     if not no_window and not targets.asked:
@@ -238,7 +203,7 @@ def convert(
         Path,
         typer.Argument(metavar="OUT", help="Output file: .uff, .ufb, .csv, .npz, .mat, .h5 or .frf."),
     ],
-    reading: ReadingOptions,
+    reading: Reading,
     form: Annotated[
         str | None, typer.Option("--as", metavar="NAME", help="Write FRFs as receptance, mobility or accelerance.")
     ] = None,

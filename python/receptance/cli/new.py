@@ -10,14 +10,15 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
 from receptance import units
 from receptance._files import check_target, created_folder, read_whole, write_whole
+from receptance._reading import Reading, campaign_keys
 from receptance._text import instead_of, one_of, printable, shown
-from receptance.cli.files import ReadingOptions, takes_reading
+from receptance.cli.files import reading_of, takes_reading
 from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors
 from receptance.errors import ReceptanceWarning
 
@@ -52,13 +53,13 @@ _OPTION = 30
 _T = TypeVar("_T")
 
 
-@takes_reading("coherence")
+@takes_reading(several=True)
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the campaign; it is created.")],
     files: Annotated[
         list[Path], typer.Argument(metavar="FILES", help="Files with FRFs or hammer hits, one for each overhang.")
     ],
-    reading: ReadingOptions,
+    reading: Reading,
     overhang: Annotated[
         list[str] | None,
         typer.Option(
@@ -145,7 +146,8 @@ def new(
     console = targets.console()
     with warnings.catch_warnings(), input_errors():
         warnings.simplefilter("ignore", ReceptanceWarning)
-        contents = [one for file in files for one in _contents(file, reading, asked, answers, force, motion)]
+        readings = _by_file(files, reading)
+        contents = [o for file in files for o in _contents(file, readings[file], asked, answers, force, motion)]
         _name_apart(contents)
         print_table(console, _files_table(contents))
         _weights(contents, averages, standard_deviation, answers)
@@ -316,7 +318,7 @@ def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:
 
 def _contents(
     file: Path,
-    reading: ReadingOptions,
+    reading: Reading,
     asked: dict[str, Any],
     answers: _Answers,
     force: str | None,
@@ -329,11 +331,11 @@ def _contents(
 
     while True:
         try:
-            found = read_all(file, **reading.keywords)
+            found = read_all(file, **reading)
             break
         except FileFormatError as error:
             wanted = next((name for name in ("columns", "unit") if f"--{name}" in str(error)), "")
-            if not answers.interactive or not wanted or getattr(reading, wanted):
+            if not answers.interactive or not wanted or wanted in reading or error.file != file.name:
                 raise
             # Files of one analyser are alike, so that an answer holds for those that need it.
             if wanted not in asked:
@@ -343,10 +345,10 @@ def _contents(
                     if wanted == "columns"
                     else answers.ask("Unit of the numbers", _units, "m/s^2/N, or hammer=N, tip=g")
                 )
-            reading = replace(reading, **{wanted: asked[wanted]})
+            reading = cast(Reading, {**reading, **reading_of({wanted: asked[wanted]})})
     frfs = [one for one in found if isinstance(one, FRF)]
     series = [one for one in found if isinstance(one, TimeSeries)]
-    keys = _reading_keys(reading.keywords)
+    keys = _reading_keys(reading, records=not frfs)
     if len(frfs) == 1:
         return [MeasuredFile(file=file, name=file.stem, measured=frfs[0], table=_frf_keys(file, frfs[0], keys))]
     if frfs:
@@ -368,8 +370,7 @@ def _contents(
             f"{shlex.quote(str(file))} OUT --number N"
         )
     raise InputError(
-        f"{file} holds {found[0]!r} and no FRF; join it with its FRF by receptance convert FRF-FILE OUT.npz "
-        f"--coherence {shlex.quote(str(file))}"
+        f"{file} holds {found[0]!r} and no FRF, expected the file of its FRF with --coherence {shlex.quote(str(file))}"
     )
 
 
@@ -402,16 +403,27 @@ def _hammer_keys(
                 f"{one_of(own or series.channels)}"
             )
         table[key] = given or own[0]
-    if "unit" in keys:
-        keys = {**{k: v for k, v in keys.items() if k != "unit"}, "units": keys["unit"]}
     return {**table, **keys}
 
 
-def _reading_keys(options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options of `read_all` as keys of a measurement."""
-    keys = {key: value for key, value in options.items() if value and key != "sample_rate_hz"}
-    if options["sample_rate_hz"] is not None:
-        keys["sample_rate"] = f"{options['sample_rate_hz']:.15g} Hz"
+def _by_file(files: Sequence[Path], reading: Reading) -> dict[Path, Reading]:
+    """Return the options of reading for each file, with its own file of coherence."""
+    several: Any = reading.pop("coherence", [])
+    if several and len(several) != len(files):
+        raise InputError(
+            f"{len(several)} --coherence {'is' if len(several) == 1 else 'are'} given for {len(files)} files, expected "
+            "one for each in their order"
+        )
+    own: list[Any] = [{"coherence": one} for one in several] or [{}] * len(files)
+    return {file: cast(Reading, {**reading, **one}) for file, one in zip(files, own, strict=True)}
+
+
+def _reading_keys(reading: Reading, *, records: bool) -> dict[str, Any]:
+    """Return options of `read_all` as keys of a measurement."""
+    names = campaign_keys(records=records)
+    keys = {names[name]: value for name, value in reading.items() if name in names}
+    if "sample_rate_hz" in reading:
+        keys["sample_rate"] = f"{reading['sample_rate_hz']:.15g} Hz"
     return keys
 
 

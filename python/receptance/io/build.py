@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from os import PathLike
-from typing import Any, TypedDict, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance._reading import Reading
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
@@ -25,29 +25,24 @@ _GIVE_UNIT = (
 )
 
 
-class ReadKeywords(TypedDict, total=False):
-    """Keyword arguments of `read`."""
+class ReadKeywords(Reading, total=False):
+    """Keyword arguments of `read`: the options of reading, and coordinates."""
 
-    quantity: str | None
-    unit: str | Mapping[str, str] | None
     responses: Coordinate | Sequence[Coordinate] | None
     excitations: Coordinate | Sequence[Coordinate] | None
-    coherence: str | PathLike[str] | None
-    ignore_coherence: bool
-    variables: Mapping[str, str] | None
-    columns: Sequence[str] | None
-    sample_rate_hz: float | None
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Validated options of `read`; None for those not given."""
+    """Validated options of `read` that readers need; None for those not given."""
 
     quantity: Form | None = None
     unit: str | Mapping[str, str] | None = None
     responses: tuple[Coordinate, ...] | None = None
     excitations: tuple[Coordinate, ...] | None = None
     ignore_coherence: bool = False
+    conjugate: bool = False
+    reverse: bool = False
     variables: Mapping[str, str] | None = None
     columns: Sequence[str] | None = None
     sample_rate_hz: float | None = None
@@ -79,11 +74,20 @@ class ReadOptions:
                 options[name] = tuple(value)
             elif name == "sample_rate_hz":
                 options[name] = _checks.positive("read", name, value, unit="Hz")
-            elif name == "ignore_coherence":
+            elif name in ("ignore_coherence", "conjugate", "reverse"):
                 options[name] = bool(value)
             if isinstance(value, Mapping) and not all(isinstance(text, str) for pair in value.items() for text in pair):
                 raise TypeError(f"{name} is {value!r}, expected texts for texts")
         return ReadOptions(**options)
+
+    def turned(self, values: NDArray[Any]) -> tuple[NDArray[Any], list[str]]:
+        """Return the values of an FRF, conjugated and reversed if that was asked for, with the notes."""
+        notes = []
+        if self.conjugate:
+            values, notes = values.conj(), ["conjugated on request"]
+        if self.reverse:
+            values, notes = -values, [*notes, "sign changed on request"]
+        return values, notes
 
     def channel_units(self, names: Sequence[str]) -> list[str | None]:
         """Return the given unit of each channel of a time series, or None; one unit for several channels raises."""
@@ -247,8 +251,15 @@ def make_frf(
             fields[name] = given
         elif name not in fields:
             fields[name] = tuple(side)
+    values, turned = options.turned(values)
     return make(
-        FRF, frequency_hz=frequency_hz, values=values, form=form, coherence=coherence, notes=tuple(notes), **fields
+        FRF,
+        frequency_hz=frequency_hz,
+        values=values,
+        form=form,
+        coherence=coherence,
+        notes=(*notes, *turned),
+        **fields,
     )
 
 

@@ -134,9 +134,11 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
     values = arrays.get("values")
     if values is None or values.dtype.kind not in "iufc":
         raise FileFormatError("there is no numeric array 'values'")
+    values, turned = options.turned(_shaped("values", values, shape))
+    texts = _texts(about, without=DRIVE_POINT_NOTE)
     frf = FRF(
         frequency_hz=lines,
-        values=_shaped("values", values, shape),
+        values=values,
         form=about.get("form", ""),
         responses=sides["responses"],
         excitations=sides["excitations"],
@@ -144,7 +146,7 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
         averages=about.get("averages"),
         labels=_labels(about),
         **quality,
-        **_texts(about, without=DRIVE_POINT_NOTE),
+        **{**texts, "notes": (*texts["notes"], *turned)},
     )
     _check_options_agree(frf, options)
     if options.responses is None and options.excitations is None:

@@ -64,10 +64,15 @@ _START = 4096
 _MAX_LISTED = 6
 """Most measurements listed in a message."""
 
+_OF_COHERENCE = (
+    "this is the coherence of an FRF, whose options are coherence_columns and coherence_variables (on the command line "
+    "--coherence-columns and --coherence-variable)"
+)
+
 _Measurement = TypeVar("_Measurement", bound=Measurement)
 
 
-def read(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> Measurement:
+def read(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> Measurement:
     """Return the only measurement in a file: an FRF, a time series or a coherence.
 
     The format is detected from the contents. Quantity and unit are taken from the file or the options, never guessed.
@@ -87,8 +92,13 @@ def read(path: str | PathLike[str], *, format: str | None = None, **options: Unp
         Where motion was measured and loads acted, if the file does not state it.
     coherence : path, optional
         Another file with the coherence of the FRF.
+    coherence_variables, coherence_columns : optional
+        As `variables` and `columns`, for that file.
     ignore_coherence : bool, optional
         Read an FRF without its coherence.
+    conjugate, reverse : bool, optional
+        Replace an FRF by its complex conjugate, if it is written for e^(-i w t), or change its sign, if the sensor or
+        the hammer was reversed; as `FRF.conjugated` and `FRF.flipped`.
     variables : mapping, optional
         For NPZ, MAT and HDF5 files of other programs, the names of the variables: for an FRF of "frequency_hz", of
         "values" (or "real" and "imaginary", or "magnitude" and "phase_deg" or "phase_rad") and of "coherence", for a
@@ -121,11 +131,11 @@ def read(path: str | PathLike[str], *, format: str | None = None, **options: Unp
     >>> read("tip.csv")
     FRF(receptance in m/N, 1 x 1, 2 lines from 10 to 20 Hz)
     """
-    measurements = read_all(path, format=format, **options)
+    measurements = read_all(path, **options)
     return _only(path, measurements, measurements, "measurements")
 
 
-def read_frf(path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]) -> FRF:
+def read_frf(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> FRF:
     """Return the only FRF in a file and ignore other contents; see `read`.
 
     Raises
@@ -141,14 +151,12 @@ def read_frf(path: str | PathLike[str], *, format: str | None = None, **options:
     >>> read_frf("tip.npz").form
     'mobility'
     """
-    measurements = read_all(path, format=format, **options)
+    measurements = read_all(path, **options)
     frfs = [measurement for measurement in measurements if isinstance(measurement, FRF)]
     return _only(path, frfs, measurements, "FRFs")
 
 
-def read_time_series(
-    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
-) -> TimeSeries:
+def read_time_series(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> TimeSeries:
     """Return the only time series in a file and ignore other contents; see `read`.
 
     Raises
@@ -164,7 +172,7 @@ def read_time_series(
     >>> read_time_series("hit.h5").quantities
     ('force', 'acceleration')
     """
-    measurements = read_all(path, format=format, **options)
+    measurements = read_all(path, **options)
     series = [measurement for measurement in measurements if isinstance(measurement, TimeSeries)]
     return _only(path, series, measurements, "time series")
 
@@ -187,9 +195,7 @@ def _listing(measurements: Sequence[Measurement]) -> str:
     return "; ".join(shown + ["..."] * (len(measurements) > _MAX_LISTED))
 
 
-def read_all(
-    path: str | PathLike[str], *, format: str | None = None, **options: Unpack[ReadKeywords]
-) -> list[Measurement]:
+def read_all(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> list[Measurement]:
     """Return all measurements in a file; see `read` for the options.
 
     Examples
@@ -202,10 +208,15 @@ def read_all(
     ['before', 'after']
     """
     path = Path(path)
+    format = options.pop("format", None)
     coherence_file = options.pop("coherence", None)
-    checked = ReadOptions.checked(options)
+    of_coherence = {name: options.pop(f"coherence_{name}", None) for name in ("variables", "columns")}  # type: ignore[misc]
+    checked, checked_of_coherence = ReadOptions.checked(options), ReadOptions.checked(of_coherence)
     if format is not None:
         _checks.one_of("", "format", format, FORMATS)
+    for name, value in of_coherence.items():
+        if value is not None and coherence_file is None:
+            raise ValueError(f"coherence_{name} is given without coherence, the file that it describes")
     with error_location(file=path.name):
         measurements = _read(path, format, checked)
         if coherence_file is not None:
@@ -214,7 +225,9 @@ def read_all(
                     f"coherence was given, but there is no FRF in the file: it holds {measurements[0]!r}"
                 )
             measurements = [
-                _with_coherence(measurement, Path(coherence_file)) if isinstance(measurement, FRF) else measurement
+                _with_coherence(measurement, Path(coherence_file), checked_of_coherence)
+                if isinstance(measurement, FRF)
+                else measurement
                 for measurement in measurements
             ]
     return measurements
@@ -284,12 +297,10 @@ def _check_options_apply(measurements: Sequence[Measurement], kind: str, options
     series = [measurement for measurement in measurements if isinstance(measurement, TimeSeries)]
     has_frf = any(isinstance(measurement, FRF) for measurement in measurements)
     for name, applies, contents in (
-        ("quantity", has_frf, "FRF"),
-        ("responses", has_frf, "FRF"),
-        ("excitations", has_frf, "FRF"),
+        *((name, has_frf, "FRF") for name in ("quantity", "responses", "excitations", "conjugate", "reverse")),
         ("sample_rate_hz", bool(series), "time series"),
     ):
-        if getattr(options, name) is not None and not applies:
+        if getattr(options, name) not in (None, False) and not applies:
             raise FileFormatError(
                 f"{name} was given, but there is no {contents} in the file: it holds {measurements[0]!r}"
             )
@@ -304,12 +315,17 @@ def _check_options_apply(measurements: Sequence[Measurement], kind: str, options
             raise FileFormatError(f"{name} was given, but the file is a {FORMATS[kind].title}")
 
 
-def _with_coherence(frf: FRF, path: Path) -> FRF:
+def _with_coherence(frf: FRF, path: Path, options: ReadOptions) -> FRF:
     """Return an FRF with the coherence of another file."""
     if frf.coherence is not None:
         raise FileFormatError(f"the file contains a coherence, but coherence={str(path)!r} was given")
-    with error_location(file=path.name):
-        measurements = _read(path, None, ReadOptions())
+    try:
+        with error_location(file=path.name):
+            measurements = _read(path, None, options)
+    except FileFormatError as error:
+        raise FileFormatError(
+            f"{error.problem}; {_OF_COHERENCE}", error.file, error.line, error.byte, error.place
+        ) from None
     coherences = [measurement for measurement in measurements if isinstance(measurement, Coherence)]
     matching = [
         coherence
