@@ -52,6 +52,19 @@ def errors_of(campaign: Campaign) -> list[str]:
     return sorted({error.name for tolerances in campaign.tolerances.values() for error in tolerances})
 
 
+def test_large_relative_tolerances_keep_the_sign(tmp_path: Path) -> None:
+    """A loss factor with 50 % would be negative at two standard deviations; its logarithm is fitted instead."""
+    text = changed(
+        ('poisson_ratio = 0.22\ntolerance = { youngs_modulus = "0.5 %",',
+         'poisson_ratio = 0.22\nloss_factor = 0.001\ntolerance = { loss_factor = "50 %", youngs_modulus = "0.5 %",')
+    )  # fmt: skip
+    tolerances = load(tmp_path, text).tolerances["short"]
+    (loss,) = [one for one in tolerances if one.name == "materials.carbide.loss_factor"]
+    assert loss.relative
+    assert set(loss.moves.values()) == {0.5}
+    assert not any(one.relative for one in tolerances if one is not loss)
+
+
 def test_list_of_tolerance_errors(campaign: Campaign) -> None:
     """A blank's diameter and a material are one error everywhere; an overhang that an assembly sets is its own."""
     assert errors_of(campaign) == [

@@ -76,6 +76,13 @@ def test_a_campaign_from_options(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert left() == BEFORE | {"a/b/campaign.toml"}
 
 
+def test_flutes_have_an_effective_diameter(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(tool="30 mm x 16 mm, 20 mm")) == 0
+    flutes, shank = tomllib.loads(Path("made/campaign.toml").read_text())["parts"]["tool"]["segments"]
+    assert flutes["tolerance"]["outer_diameter"] == "3 %"
+    assert shank["tolerance"]["outer_diameter"] == "0.05 %"
+
+
 def test_the_file_is_commented_and_holds_the_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(title='A "tool"')) == 0
     text = Path("made/campaign.toml").read_text()

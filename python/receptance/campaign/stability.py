@@ -136,7 +136,9 @@ def _tip(
     if table.file is None:
         for key in sorted(table.model_fields_set - {"assembly", "measurement", "bands"}):
             where = "" if table.measurement is None else f" or in [measurements.{table.measurement}]"
-            problems.add((*path, key), f"is given without `file`, whose contents it describes, expected it there{where}")
+            problems.add(
+                (*path, key), f"is given without `file`, whose contents it describes, expected it there{where}"
+            )
     if table.assembly is not None:
         if table.bands is not None:
             text = "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead"

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
     from receptance.campaign.schema import CampaignTable, ElementTable
     from receptance.model.assembly import Assembly
 
-Errors = dict[str, dict[str, float]]
-"""Standard deviations in SI units, by name of the error and by address of the parameter, while they are collected."""
+Errors = dict[tuple[str, bool], dict[str, float]]
+"""Standard deviations while they are collected, by name of the error, by whether they are of the logarithm (else in SI
+units), and by address of the parameter."""
+_LARGE = 0.2
+"""Relative standard deviation above which it is that of the logarithm: the value then keeps its sign."""
 Deviations = dict[str, Deviation]
 """Standard deviations by address."""
 _Inherited = tuple[str, "KeyPath", Deviation]
@@ -36,8 +39,14 @@ _Inherited = tuple[str, "KeyPath", Deviation]
 
 def _tolerances(errors: Errors) -> tuple[Tolerance, ...]:
     """Return errors as tolerances of a fit or a prediction; standard deviations of zero are left out."""
-    some = {name: {a: d for a, d in moves.items() if d} for name, moves in errors.items()}
-    return tuple(Tolerance(name=name, moves=moves) for name, moves in some.items() if moves)
+    some = {key: {a: d for a, d in moves.items() if d} for key, moves in errors.items()}
+    return tuple(Tolerance(name=name, moves=moves, relative=log) for (name, log), moves in some.items() if moves)
+
+
+def _put(errors: Errors, name: str, address: str, deviation: Deviation, value: float) -> None:
+    """Add the standard deviation of a parameter to the errors of a name."""
+    log = deviation.relative and deviation.amount > _LARGE and value != 0.0
+    errors.setdefault((name, log), {})[address] = deviation.amount if log else deviation.of(value)
 
 
 def tolerances_of_measurements(measurements: Mapping[str, Measurement]) -> list[Tolerance]:
@@ -91,7 +100,7 @@ def with_attachments(
     known: Iterable[Tolerance], names: Iterable[str], campaign: CampaignTable, built: Built
 ) -> tuple[Tolerance, ...]:
     """Return the errors of an assembly with those of sensors and attachments on it."""
-    errors = {one.name: dict(one.moves) for one in known}
+    errors = {(one.name, one.relative): dict(one.moves) for one in known}
     for name in names:
         section = "sensors" if name in built.sensors else "attachments"
         tolerance = getattr(campaign, section)[name].tolerance
@@ -99,7 +108,7 @@ def with_attachments(
         for address, path, deviation in _own((section, name), name, tolerance):
             if address not in built.unknowns:
                 value = float(getattr(point, address.split(".", 1)[1]))
-                errors.setdefault(deviation.name or path_text(path), {})[address] = deviation.of(value)
+                _put(errors, deviation.name or path_text(path), address, deviation, value)
     return _tolerances(errors)
 
 
@@ -107,8 +116,7 @@ def _add(errors: Errors, assembly: Assembly, inherited: Iterable[_Inherited], ta
     """Add the standard deviations of parameters of an assembly, except for those that are taken."""
     for address, path, deviation in inherited:
         if address not in taken and address in assembly.parameters:
-            title = deviation.name or path_text(path)
-            errors.setdefault(title, {})[address] = deviation.of(assembly.get(address))
+            _put(errors, deviation.name or path_text(path), address, deviation, assembly.get(address))
 
 
 def _identified(assembly: Assembly, built: Built) -> set[str]:

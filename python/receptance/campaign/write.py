@@ -352,7 +352,8 @@ def _write_assembly(
     for error in one.tolerances:
         for address, deviation in error.moves.items():
             if address.split(".", 1)[0] in owners and address not in identified:
-                written = _quantity_at(address, abs(deviation))
+                share = f"{100.0 * abs(deviation):.15g} %"
+                written = share if error.relative else _quantity_at(address, abs(deviation))
                 table["tolerance"][address] = {"value": written, "name": error.name}
     fresh = {k: v for k, v in one.found.conditions.items() if k not in one.given.conditions}
     if fresh:

@@ -26,7 +26,8 @@ MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in
 """Materials by name, with a small loss factor."""
 _TOLERANCES = {
     "materials": {"youngs_modulus": "1 %", "density": "0.5 %", "loss_factor": "50 %"},
-    "tool": {"length": "0.1 mm", "outer_diameter": "0.05 %", "inner_diameter": "0.3 %"},  # shanks are ground, h6
+    "flutes": {"length": "0.1 mm", "outer_diameter": "3 %", "inner_diameter": "0.3 %"},  # an effective diameter
+    "shank": {"length": "0.1 mm", "outer_diameter": "0.05 %", "inner_diameter": "0.3 %"},  # ground, h6
     "holder": {"length": "0.1 mm", "outer_diameter": "0.1 %", "inner_diameter": "0.3 %"},
     "sensors": {"mass": "2 %"},
 }
@@ -287,17 +288,22 @@ class Draft:
             "of each assembly, and has an error of its own in each clamping."
         )
         shank = replace(self.tool[-1], length=self.measurements[0].overhang - before)
-        yield from self._part("tool", [*self.tool[:-1], shank])
+        if self.tool[:-1]:
+            yield from _comment(
+                "In front of the shank the diameter is an effective one, of the round bar as stiff as the flutes."
+            )
+        yield from self._part("tool", self.tool[:-1], "flutes")
+        yield from self._part("tool", [shank], "shank")
         yield from _comment("The holder, from its nose on; `core` is the shank of the tool in its bore.")
-        yield from self._part("holder", self.holder)
+        yield from self._part("holder", self.holder, "holder")
 
-    def _part(self, name: str, pieces: Sequence[HolderRow]) -> Iterator[str]:
+    def _part(self, name: str, pieces: Sequence[HolderRow], kind: str) -> Iterator[str]:
         for piece in pieces:
             segment = {key: readable(getattr(piece, key), units.LENGTH) for key in _SIZES if getattr(piece, key)}
             segment |= {key: getattr(piece, key) for key in ("material", "core") if getattr(piece, key)}
             yield f"[[parts.{name}.segments]]"
             yield from (f"{key} = {_value(value)}" for key, value in segment.items())
-            known = {key: text for key, text in _TOLERANCES[name].items() if key in segment}
+            known = {key: text for key, text in _TOLERANCES[kind].items() if key in segment}
             if "core" in segment:
                 del known["inner_diameter"]  # the bore is that of its core
             yield f"tolerance = {_value(known)}"
