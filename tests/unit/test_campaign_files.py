@@ -186,7 +186,26 @@ class TestFRF:
         assert read.measurements["m"].notes
 
 
+def test_the_same_data_twice(tmp_path: Path) -> None:
+    """Another file with the same numbers is named; another place or other noise is another measurement."""
+    write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=values()))
+    write(tmp_path / "copy.npz", FRF(frequency_hz=LINES, values=values(), label="copy"))
+    again = '\n\n[measurements.again]\nkind = "frf"\nassembly = "long"\nfile = "copy.npz"'
+    words = r"measurements\.again: its data are exactly those of measurements\.m \(m\.npz, copy\.npz\)"
+    with pytest.warns(match=words):
+        read = load(tmp_path, f'file = "m.npz"{again}')
+    assert sum("exactly those of" in note for note in read.notes) == 1
+    write(tmp_path / "copy.npz", FRF(frequency_hz=LINES, values=values() * (1.0 + 1e-9)))
+    assert not load(tmp_path, f'file = "m.npz"{again}').notes
+
+
 class TestHammer:
+    def test_the_same_record_twice(self, tmp_path: Path, hammer: Path) -> None:
+        for name in ("short.npz", "copy.npz"):
+            shutil.copy(hammer / "short.npz", tmp_path / name)
+        text = 'file = ["short.npz", "copy.npz"]\nforce = "hammer"\nmotion = "tip"'
+        assert "the same record more than once: short.npz and copy.npz" in mistake(tmp_path, text, "hammer records")
+
     def test_records_of_several_files(self, tmp_path: Path, hammer: Path) -> None:
         """Each hit in a file of its own, as some recorders write them."""
         with np.load(hammer / "short.npz", allow_pickle=False) as file:

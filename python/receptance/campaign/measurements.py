@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -238,6 +239,30 @@ class MeasurementReader:
         return seen
 
 
+def note_repeated(measurements: Mapping[str, Measurement], builder: Builder) -> None:
+    """Add a note on each FRF whose data and places are exactly those of an earlier one, of any assembly."""
+    data = {
+        name: (frf.frequency_hz.tobytes(), frf.receptance.tobytes(), frf.response, frf.excitation)
+        for name, one in measurements.items()
+        if (frf := one.frf) is not None
+    }
+    for first, second in equal_pairs(data):
+        one, other = measurements[first], measurements[second]
+        files = ", ".join(dict.fromkeys((*one.files, *other.files)))
+        builder.note(
+            ("measurements", second),
+            f"its data are exactly those of measurements.{first} ({files}), so that they count twice; remove one of the "
+            "two, or name the file that belongs to it",
+        )
+        builder.warnings.append(builder.notes[-1])
+
+
+def equal_pairs(data: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the names of equal data, each with the first one of the same data."""
+    first: dict[Any, str] = {}
+    return [(first[value], name) for name, value in data.items() if first.setdefault(value, name) != name]
+
+
 def _files(written: str | list[str] | None) -> tuple[str, ...]:
     return (written,) if isinstance(written, str) else tuple(written or ())
 
@@ -412,9 +437,15 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
     names = [table.file] if isinstance(table.file, str) else table.file
     if not names:
         raise ValueError("is an empty list, expected at least one file")
+    series = {name: read_time_series(folder / name, **given) for name in names}
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    for first, second in equal_pairs({name: (one.values.tobytes(),) for name, one in series.items()}):
+        repeated += [f"{first} and {second}"]
+    if repeated:
+        raise ValueError(f"has the same record more than once: {', '.join(repeated)}; expected each record once")
     return [
         HammerRecords.from_series(
-            read_time_series(folder / name, **given),
+            series[name],
             force=table.force,
             responses=table.motion,
             excitation=_unsigned(table.excitation.direction),

@@ -15,7 +15,7 @@ from receptance import _checks
 from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
-from receptance.campaign.measurements import Measurement, MeasurementReader
+from receptance.campaign.measurements import Measurement, MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, translate
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.tolerances import tolerances_of_assembly
@@ -91,6 +91,7 @@ def campaign_fields(
         measured = reader.measurement(name)
         if measured is not None:
             measurements[name] = measured
+    note_repeated(measurements, builder)
     possible = {name: reader.candidate(name) for name in table.candidates}
     places = _places(table, built, builder)
     cuts: dict[str, CampaignCut | None] = {}
