@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from receptance.campaign.problems import CampaignError
+from receptance.campaign.run import joints_to_invert, observed_unknowns
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies
-from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -70,26 +71,27 @@ class CampaignCheck(Result):
         elif not one.unknowns:
             fit = 'no unknowns, expected such as "joint.k_theta" under [unknowns]'
         else:
-            try:
-                one.base_model()
-            except ValueError:
-                fit = "no measurement depends on an unknown"
+            fit = _refusal(lambda: observed_unknowns(one, one.to_identify))
         weights = [name for name, measured in one.to_identify.items() if not measured.observation.weighted]
         lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
-        tolerances = any(measured.tolerances for measured in one.to_identify.values())
+        identify = fit or _refusal(one.fitted)
         measured = {measurement.assembly for measurement in one.measurements.values()}
-        seen = [measured.frf.assembly for measured in one.to_identify.values() if measured.frf is not None]
-        points = any(isinstance(element, PointJoint) for assembly in seen for element in assembly.elements.values())
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
+        tips = [tip for cut in one.cuts.values() for tip in (cut.x, cut.y)]
+        predicted = any(tip is not None and tip.assembly for tip in tips)
         return {
-            "identify": fit or (lacks if tolerances else ""),
-            "predict": fit
+            "identify": identify,
+            "predict": (identify if one.unknowns else "")
             or ("" if one.held_out or one.unmeasured else "no held-out measurement, no assembly unmeasured"),
-            "transfer": fit or ("" if len(measured) > 1 else "one measured assembly, expected two or more"),
+            "transfer": fit
+            or ("" if len(measured) > 1 else "one measured assembly, expected two or more")
+            or _refusal(one.transferred),
             "diagnose": fit or lacks,
-            "invert": fit or ("" if points else "no FRF of an assembly with a point joint"),
-            "next": fit or ("" if one.candidates else "no candidates, expected [candidates.NAME]"),
-            "stability": speeds if one.cuts else "no cuts, expected [cuts.NAME]",
+            "invert": fit or _refusal(lambda: joints_to_invert(one)),
+            "next": identify or ("" if one.candidates else "no candidates, expected [candidates.NAME]"),
+            "stability": (speeds or (identify if predicted and one.unknowns else ""))
+            if one.cuts
+            else "no cuts, expected [cuts.NAME]",
             "catalogue": "" if one.table.catalogue is not None else "no tools and holders, expected [catalogue]",
         }
 
@@ -212,6 +214,15 @@ class CampaignCheck(Result):
         left = len(drawings) - len(titled)
         more = f"  ·  {left} more shapes are not drawn" if left else ""
         return draw_assemblies(titled, ax, title=f"{self.campaign.title}{more}")
+
+
+def _refusal(require: Callable[[], object]) -> str:
+    """Return the reason for which a command would refuse the campaign; empty if it would not."""
+    try:
+        require()
+    except CampaignError as error:
+        return error.problems[0].text
+    return ""
 
 
 def _shape(item: tuple[str, Any]) -> Any:

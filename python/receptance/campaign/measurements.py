@@ -251,8 +251,8 @@ def note_repeated(measurements: Mapping[str, Measurement], builder: Builder) -> 
         files = ", ".join(dict.fromkeys((*one.files, *other.files)))
         builder.note(
             ("measurements", second),
-            f"its data are exactly those of measurements.{first} ({files}), so that they count twice; remove one of the "
-            "two, or name the file that belongs to it",
+            f"its data are exactly those of measurements.{first} ({files}), so that they count twice; remove one of "
+            "the two, or name the file that belongs to it",
         )
         builder.warnings.append(builder.notes[-1])
 

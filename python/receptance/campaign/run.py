@@ -335,6 +335,22 @@ class Campaign(Renderable):
         tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
         return [table for table in tables if table.rows]
 
+    def fitted(self) -> tuple[list[Unknown], list[str], list[Tolerance]]:
+        """Return the unknowns of a fit, notes on those that are left out, and the errors.
+
+        Raises
+        ------
+        CampaignError
+            There are no unknowns or no measurements, or measurements have no weights.
+        """
+        seen = self.to_identify
+        self._check_unknowns()
+        if not seen:
+            text = 'there is no measurement for identification, expected one with the role "identify"'
+            raise CampaignError.about(self.file, text)
+        unknowns, left_out = observed_unknowns(self, seen)
+        return unknowns, left_out, weighted_tolerances(self, seen)
+
     def identify(self) -> Identification:
         """Identify the unknowns on the measurements that are not held out.
 
@@ -345,15 +361,9 @@ class Campaign(Renderable):
         ReceptanceError
             The model cannot be evaluated at any of the starts.
         """
-        seen = self.to_identify
-        self._check_unknowns()
-        if not seen:
-            text = 'there is no measurement for identification, expected one with the role "identify"'
-            raise CampaignError.about(self.file, text)
-        unknowns, left_out = observed_unknowns(self, seen)
+        unknowns, left_out, tolerances = self.fitted()
         settings = self.table.settings
-        tolerances = weighted_tolerances(self, seen)
-        observations = [measured.observation for measured in seen.values()]
+        observations = [measured.observation for measured in self.to_identify.values()]
         lines = sum(o.frequency_hz.size for o in observations)
         by_level, unknowns, options = fit_options(self, observations, unknowns)
         self.progress(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
@@ -421,7 +431,7 @@ class Campaign(Renderable):
         from receptance.identification import InverseCoupling, InverseCouplings, invert_coupling
         from receptance.identification.pointwise_joint import TERMS
 
-        groups = _groups(self, joint)
+        groups = joints_to_invert(self, joint)
         found: dict[str, InverseCoupling] = {}
         notes: list[str] = []
         provenance = self.provenance()
@@ -554,6 +564,14 @@ class Campaign(Renderable):
 
         return stability_of_campaign(self, identified, cuts=cuts)
 
+    def transferred(self) -> list[Tolerance]:
+        """Return the errors of all measurements, whose assemblies `transfer` predicts; raise if it cannot."""
+        self._check_unknowns()
+        if len({measurement.assembly for measurement in self.measurements.values()}) < 2:
+            text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
+            raise CampaignError.about(self.file, text)
+        return weighted_tolerances(self, self.measurements)
+
     def transfer(
         self,
         *,
@@ -576,15 +594,11 @@ class Campaign(Renderable):
         """
         from receptance.identification import transfer
 
-        self._check_unknowns()
-        if len({measurement.assembly for measurement in self.measurements.values()}) < 2:
-            text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
-            raise CampaignError.about(self.file, text)
+        tolerances = self.transferred()
         notes = list(self.notes)
         if any(measurement.held_out for measurement in self.measurements.values()):
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
         measured, settings = self.measurements, self.table.settings
-        tolerances = weighted_tolerances(self, measured)
         observations = [
             measurement.observation.configured(measurement.assembly, measurement.observation.conditions)
             for measurement in measured.values()
@@ -820,7 +834,7 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tu
     return kept, notes
 
 
-def _groups(campaign: Campaign, joint: str | None) -> dict[str, tuple[str, dict[str, Measurement]]]:
+def joints_to_invert(campaign: Campaign, joint: str | None = None) -> dict[str, tuple[str, dict[str, Measurement]]]:
     """Return by name a joint and its FRFs; joints that differ between assemblies are listed for each assembly."""
     from receptance.identification.pointwise_joint import TERMS
 
