@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receptance.campaign.problems import CampaignError
+from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.identification import MeasuredFRF
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.mapping import Site
@@ -266,10 +266,11 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
-        if isinstance(seen, MeasuredFRF):
-            frfs.append(replace(forecast.observed(seen), name=name, assembly=measured.assembly))
-        else:
-            frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))
+        with errors_about(campaign.file, f"{name}: "):
+            if isinstance(seen, MeasuredFRF):
+                frfs.append(replace(forecast.observed(seen), name=name, assembly=measured.assembly))
+            else:
+                frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))
     for name in unmeasured:
         campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
         try:
@@ -279,7 +280,8 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
-        found = _unmeasured(name, campaign, forecast, notes)
+        with errors_about(campaign.file, f"{name}: "):
+            found = _unmeasured(name, campaign, forecast, notes)
         frequencies += [found[0]] if found[0] is not None else []
         frfs.append(found[1])
     if not frequencies and not frfs:
@@ -378,7 +380,12 @@ def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float
         raise CampaignError.about(
             campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
         )
-    modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
+    try:
+        modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
+    except ValueError as error:
+        expected = "expected one near those of the measurements"
+        problem = Issue(("prediction", "upper"), f"is {upper:g} Hz for predictions: {error}; {expected}")
+        raise CampaignError(campaign.file, [problem]) from None
     lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     if lower >= upper:
         text = f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"

@@ -201,6 +201,8 @@ def errors_about(file: Path | str, prefix: str = "") -> Iterator[None]:
     """Raise a ValueError of the library as an error about a file."""
     try:
         yield
+    except CampaignError:
+        raise
     except ValueError as error:
         raise CampaignError.about(file, f"{prefix}{error}") from error
 
