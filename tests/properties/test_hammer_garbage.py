@@ -66,7 +66,8 @@ def draw(random):
         "high_hz": random.uniform(0.1, 0.6) * rate,
     }
     some = [{name: value for name, value in each.items() if random.random() < 0.3} for each in (search, options)]
-    some[0]["double_hits"] = str(random.choice(["drop", "keep"]))
+    some[0]["double_hit_loss_db"] = float(random.choice([0.0, 3.0, np.inf]))
+    some[0]["deviating_hits"] = str(random.choice(["drop", "keep"]))
     some[1] |= {
         "estimator": str(random.choice(["H1", "H2", "Hv"])),
         "decay_rate": float(random.choice([0.0, 10.0, 1e3, 1e6])),

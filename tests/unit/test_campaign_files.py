@@ -264,18 +264,18 @@ class TestHammer:
         load(tmp_path, text + '\nfloor = "2 %"' + other, "hammer records")
 
     def test_limit_of_second_contact(self, tmp_path: Path, hammer: Path) -> None:
-        """The third hit has a second contact of 27 %; where that is not looked for it can still be dropped by hand."""
+        """The third hit has a second contact of 27 %, a loss of 4.8 dB; where it is kept it can be dropped by hand."""
         shutil.copy(hammer / "medium.npz", tmp_path)
         text = 'file = "medium.npz"\nforce = "hammer"\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]\ndrop_hits = [3]'
         notes = {
-            share: " ".join(load(tmp_path, f"{text}\ndouble_share = {share}", "hammer records").notes)
-            for share in (0.05, 0.5)
+            limit: " ".join(load(tmp_path, f"{text}\ndouble_hit_loss_db = {limit}", "hammer records").notes)
+            for limit in (4, 6)
         }
-        assert "hit 3 dropped: double hit: a contact with 27 %" in notes[0.05]
-        assert "double hit" not in notes[0.5]
-        assert "hit 3 dropped: dropped by the campaign" in notes[0.5]
-        with pytest.raises(CampaignError, match="double_share"):
-            load(tmp_path, f"{text}\ndouble_share = 1.5", "hammer records")
+        assert "hit 3 dropped: double hit: a contact with 27 %" in notes[4]
+        assert "double hit:" not in notes[6]
+        assert "hit 3 dropped: dropped by the campaign" in notes[6]
+        with pytest.raises(CampaignError, match="double_hit_loss_db"):
+            load(tmp_path, f"{text}\ndouble_hit_loss_db = -1", "hammer records")
 
     @pytest.mark.parametrize(
         ("measurement", "words"),

@@ -466,8 +466,8 @@ def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF
         "trigger": table.trigger,
         "duration_s": table.duration,
         "pre_trigger_s": table.pre_trigger,
-        "double_hits": table.double_hits,
-        "double_share": table.double_share,
+        "double_hit_loss_db": table.double_hit_loss_db,
+        "deviating_hits": table.deviating_hits,
         "separation_s": table.separation,
     }
     hits = find_hits(records, **{key: value for key, value in options.items() if value is not None})

@@ -514,10 +514,10 @@ class HammerTable(_RecordsReading, _Response):  # type: ignore[misc, valid-type]
     """length of the block of a hit; by default the time between hits"""
     pre_trigger: TimeOrZero | None = None
     """time from the beginning of a block to the trigger, by default 10 ms, if a record holds several hits"""
-    double_hits: Literal["drop", "keep"] = "drop"
-    """treatment of double hits: leave them out, or use them with a force window that spans all contacts"""
-    double_share: ShareAboveZero | None = None
-    """smallest peak of a second contact, over that of the first, that makes a double hit; by default 0.02"""
+    double_hit_loss_db: Annotated[float, Field(ge=0.0)] | None = None
+    """largest loss of the force's spectrum, in dB, of a double hit that is used: 0 drops all of them; by default 3"""
+    deviating_hits: Literal["drop", "keep"] = "drop"
+    """treatment of hits whose FRF has another sign or gain than that of the majority, or none"""
     separation: Time | None = None
     """contacts closer than this are one double hit, if a record holds several hits; by default 100 ms"""
     drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])

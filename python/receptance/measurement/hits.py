@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
+from receptance.measurement import agreement
 from receptance.measurement.records import HammerRecords
 from receptance.report import Column, Renderable, Table
 
@@ -33,15 +34,21 @@ _RINGING_SAMPLES = 16
 """Samples from a contact within which the ringing of the filter may exceed the trigger."""
 _SMOOTHED_TRIGGER = 0.3
 """Share of the trigger above which the smoothed force is a contact."""
+_BAND = 0.1
+"""Least magnitude of a force's spectrum at the end of its band, relative to the largest."""
 _SWING = 0.5
 """Least negative force between a contact and a lobe of its ringing, relative to the peak of the lobe: ringing
 alternates, and a hammer does not pull."""
-_FLAT_SAMPLES = 4
-"""Least number of equal samples of a flat top."""
+_FLAT_SAMPLES = 3
+"""Least number of equal samples of a flat top. A rounded top of three equal samples drops by less than three steps."""
 _EXTREME = 0.3
 """Least share of the largest magnitude at which an extreme may be clipped; the lower extreme of a force is silence."""
-_FLAT_STEP = 3.0
+_FLAT_STEP = 4.0
 """Steps of the digitiser by which the signal drops beside a flat top; it drops less beside a rounded one."""
+_CHANCE_STEPS = 50.0
+"""Steps of the digitiser by which the signal drops beside two equal samples that are not equal by chance."""
+_ROUNDED = 1.5
+"""Ratio of the second drop from a rounded top of two equal samples to the first; that of a parabola is 2."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +147,23 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     return contact.release + best + ends, float(heights[best])
 
 
+def spectrum_loss_db(force: NDArray[np.float64]) -> float:
+    """Return the depth in dB of the deepest dip in the spectrum of contacts `(n,)`, down to 20 dB below its maximum.
+
+    A dip is a line with less force than a lower and a higher line: the decrease of a pulse's spectrum with frequency is
+    no dip.
+    """
+    magnitude = np.abs(np.fft.rfft(force, 4 * force.size))
+    band = magnitude[: int(np.flatnonzero(magnitude >= _BAND * magnitude.max())[-1]) + 1]
+    beside = np.minimum(np.maximum.accumulate(band), np.maximum.accumulate(band[::-1])[::-1])
+    return 20.0 * float(np.log10(np.max(beside / np.maximum(band, 1e-15 * band.max()))))
+
+
 def clipped_samples(signal: NDArray[np.float64]) -> int:
-    """Return the number of equal samples at the clipped extreme of a signal, 0 if it is not clipped."""
+    """Return the number of equal samples at the clipped extreme of a signal, 0 if it is not clipped.
+
+    Two equal samples may be chance: they are an overload if the recorder's range ends there.
+    """
     size = float(np.abs(signal).max())
     # A slow signal on a coarse digitiser has flat tops as well, but drops from them by single steps.
     step = float(np.diff(np.unique(signal)).min(initial=np.inf))
@@ -155,10 +177,19 @@ def _flat_top_length(signal: NDArray[np.float64], step: float) -> int:
     begins, ends = changes[::2], changes[1::2]
     longest = int(np.argmax(ends - begins))
     count = int(ends[longest] - begins[longest])
-    if count < _FLAT_SAMPLES or top <= 0.0:
+    if count < 2 or top <= 0.0:
         return 0
-    beside = [signal[i] for i in (begins[longest] - 1, ends[longest]) if 0 <= i < signal.size]
-    return count if all(top - value > _FLAT_STEP * step for value in beside) else 0
+    first, last = int(begins[longest]), int(ends[longest]) - 1
+    drops = [top - signal[i] for i in (first - 1, last + 1) if 0 <= i < signal.size]
+    if count >= _FLAT_SAMPLES:
+        return count if all(drop > _FLAT_STEP * step for drop in drops) else 0
+    second_drops = [
+        signal[near] - signal[far]
+        for near, far in ((first - 1, first - 2), (last + 1, last + 2))
+        if 0 <= far < signal.size
+    ]
+    steep = any(second < _ROUNDED * drop for drop, second in zip(drops, second_drops, strict=False))
+    return count if steep and all(drop > _CHANCE_STEPS * step for drop in drops) else 0
 
 
 @dataclass(frozen=True)
@@ -293,7 +324,7 @@ def single_records(records: Sequence[HammerRecords]) -> Iterator[tuple[NDArray[n
         yield from zip(record.force, record.response, strict=True)
 
 
-DoubleHits = Literal["drop", "keep"]
+DeviatingHits = Literal["drop", "keep"]
 _TRIGGER_SHARE = 0.1
 """Default trigger as a share of the largest force."""
 _MAX_IN_WARNING = 5
@@ -310,6 +341,10 @@ _RINGING = 3.0
 """Response before a hit, relative to the lowest of all hits, above which an earlier hit is still ringing,"""
 _RINGING_SHARE = 3e-3
 """and relative to the largest response."""
+_SECOND_CONTACT = 0.02
+"""Least peak of a second contact relative to the first."""
+_FAR_ABOVE = 5.0
+"""Peak of a hit, relative to the median of the others, that may be an overload where its gain deviates as well."""
 
 
 def find_hits(
@@ -319,16 +354,18 @@ def find_hits(
     duration_s: float | None = None,
     pre_trigger_s: float = 0.01,
     one_per_record: bool | None = None,
-    double_hits: DoubleHits = "drop",
-    double_share: float = 0.02,
+    double_hit_loss_db: float = 3.0,
+    deviating_hits: DeviatingHits = "drop",
     separation_s: float = 0.1,
 ) -> Hits:
     """Find the hits in records, and keep or drop each with a reason.
 
-    A hit begins where the force exceeds the trigger. It is dropped if the hammer touches again within its block (a
-    second pulse of the same shape, detected by a matched filter down to `double_share` of its peak or six times the
-    noise, without the frequencies at which a recorder's anti-alias filter rings), if a channel is overloaded (98 % of a
-    given full scale, or a flat top), and if the record does not contain its whole block.
+    A hit begins where the force exceeds the trigger. A second contact within its block is a pulse of the same shape,
+    detected by a matched filter down to 2 % of its peak or six times the noise, without the frequencies at which a
+    recorder's anti-alias filter rings. The hit is dropped if the second contact takes more than `double_hit_loss_db`
+    from the force's spectrum. It is dropped as well if a channel is overloaded (98 % of a given full scale, or a flat
+    top), if the record does not contain its whole block, and if its FRF has another sign or gain than those of the
+    other hits, or none.
 
     Parameters
     ----------
@@ -342,10 +379,13 @@ def find_hits(
         Time from the beginning of a block to the trigger, in records with several hits.
     one_per_record : bool, optional
         Whether each record is the block of a single hit; by default if there are several records.
-    double_hits : {"drop", "keep"}, optional
-        Whether to keep double hits; they are valid, because the force window then spans all contacts.
-    double_share : float, optional
-        Smallest peak of a second contact, relative to the first.
+    double_hit_loss_db : float, optional
+        Largest loss of a double hit that is kept: depth in dB of the deepest dip of the force's spectrum, down to 20 dB
+        below its maximum. A second contact with the share a of the force causes (1 - a) / (1 + a). The force window of
+        a kept hit spans all contacts. 0 drops every double hit, infinity keeps all.
+    deviating_hits : {"drop", "keep"}, optional
+        Whether to drop a hit whose FRF contradicts those of the majority (`receptance.measurement.agreement`), or to
+        keep it with a note.
     separation_s : float, optional
         In a record with several hits, contacts closer than this are a double hit.
 
@@ -362,7 +402,8 @@ def find_hits(
     Warns
     -----
     ReceptanceWarning
-        Dropped hits, pulses of negative force, and a response still ringing from an earlier hit.
+        Dropped hits, pulses of negative force, hits that contradict each other, and a response still ringing from an
+        earlier hit.
 
     Examples
     --------
@@ -374,10 +415,13 @@ def find_hits(
     >>> find_hits(records, pre_trigger_s=0.1)
     Hits(2 of 2 kept, blocks of 1.09998 s)
     """
-    settings = _Settings(trigger, duration_s, pre_trigger_s, one_per_record, double_hits, double_share, separation_s)
+    settings = _Settings(
+        trigger, duration_s, pre_trigger_s, one_per_record, double_hit_loss_db, deviating_hits, separation_s
+    )
     checked = _checked_records(records)
     search = _Search(checked, settings)
-    hits = tuple(search.classify(number, *candidate) for number, candidate in enumerate(search.candidates(), start=1))
+    classified = [search.classify(number, *place) for number, place in enumerate(search.candidates(), start=1)]
+    hits = tuple(search.compared(classified))
     notes = dict.fromkeys(note for record in checked for note in record.notes)
     messages = [f"hit {hit.number} dropped: {hit.reason}" for hit in hits if not hit.kept]
     messages += [f"hit {hit.number}: {hit.note}" for hit in hits if hit.kept and hit.note]
@@ -402,12 +446,12 @@ class _Settings:
     duration_s: float | None
     pre_trigger_s: float
     one_per_record: bool | None
-    double_hits: DoubleHits
-    double_share: float
+    double_hit_loss_db: float
+    deviating_hits: DeviatingHits
     separation_s: float
 
     def __post_init__(self) -> None:
-        for name in ("trigger", "duration_s", "double_share", "separation_s"):
+        for name in ("trigger", "duration_s", "separation_s"):
             if getattr(self, name) is not None:
                 _checks.positive("find_hits", name, getattr(self, name))
         _checks.not_negative("find_hits", "pre_trigger_s", self.pre_trigger_s, unit="s")
@@ -416,7 +460,19 @@ class _Settings:
                 f"find_hits: pre_trigger_s is {self.pre_trigger_s:g} s, expected less than duration_s, "
                 f"{self.duration_s:g} s"
             )
-        _checks.one_of("find_hits", "double_hits", self.double_hits, DoubleHits)
+        if not self.double_hit_loss_db >= 0.0:
+            raise ValueError(f"find_hits: double_hit_loss_db is {self.double_hit_loss_db!r}, expected zero or more dB")
+        _checks.one_of("find_hits", "deviating_hits", self.deviating_hits, DeviatingHits)
+
+
+@dataclass(frozen=True)
+class _SecondPulse:
+    """Second pulse of a hit: first sample, peak over that of the contact, end of the last pulse, loss of the spectrum."""
+
+    onset: int
+    share: float
+    release: int
+    loss_db: float
 
 
 class _Search:
@@ -516,15 +572,59 @@ class _Search:
             start=self._start(first.onset),
         )
         stop = hit.start + self.n_samples
-        reason = (
-            self._truncated(row, hit, stop) or self._overload(row, hit.start, stop) or self._next_hit(row, index, stop)
-        )
-        double, release = self._double_hit(row, index, stop)
-        if double and self.settings.double_hits == "keep":
-            hit = replace(hit, release=release, note=double)
-            double = ""
-        ringing = self._ringing(row, first, stop)
-        return replace(hit, reason=reason or double, note="; ".join(text for text in (hit.note, ringing) if text))
+        overload, equal_samples = self._overload(row, hit.start, stop)
+        reason = self._truncated(row, hit, stop) or overload or self._next_hit(row, index, stop)
+        second = self._second_pulse(row, index, stop)
+        second_note = ""
+        if second is not None:
+            delay_ms = 1e3 * (second.onset - first.onset) / self.rate
+            text = (
+                f"{100.0 * second.share:.2g} % of the force {delay_ms:.3g} ms later "
+                f"takes up to {second.loss_db:.2g} dB from the force's spectrum"
+            )
+            if second.loss_db < self.settings.double_hit_loss_db:
+                hit = replace(hit, release=second.release)
+                second_note = f"a second pulse (a contact, or ringing of a filter) with {text}"
+            else:
+                limit = f"double_hit_loss_db is {self.settings.double_hit_loss_db:g}"
+                reason = reason or f"double hit: a contact with {text} ({limit})"
+        notes = (second_note, equal_samples, self._ringing(row, first, stop))
+        return replace(hit, reason=reason, note="; ".join(text for text in notes if text))
+
+    def compared(self, hits: Sequence[Hit]) -> list[Hit]:
+        """Return the hits, those that contradict the other kept ones with the reason, or a note."""
+        kept = [index for index, hit in enumerate(hits) if hit.kept]
+        cuts = [(hits[index].record, slice(hits[index].start, hits[index].start + self.n_samples)) for index in kept]
+        if len(cuts) < 2:
+            return list(hits)
+        force = np.array([self.forces[row][cut] for row, cut in cuts])
+        deviations = agreement.deviating_hits(force, np.array([self.responses[row][cut] for row, cut in cuts]))
+        compared = list(hits)
+        for position, deviation in deviations.items():
+            hit = hits[kept[position]]
+            others = np.median([abs(hits[index].peak) for index in kept if index != kept[position]])
+            text = self._contradiction(deviation, len(cuts) == 2, abs(hit.peak), float(others))
+            if len(cuts) == 2 or self.settings.deviating_hits == "keep":
+                compared[kept[position]] = replace(hit, note="; ".join(filter(None, (hit.note, text))))
+            else:
+                compared[kept[position]] = replace(hit, reason=f'{text} (deviating_hits = "keep" keeps it)')
+        return compared
+
+    def _contradiction(self, deviation: agreement.Deviation, pair: bool, peak: float, others: float) -> str:
+        """Return the sentence on a hit whose FRF differs from the others."""
+        other = "the other hit" if pair else "the other hits"
+        channel = "" if self.responses[0].shape[1] == 1 else f" of channel {deviation.channel}"
+        if deviation.fault is agreement.Fault.REVERSED:
+            return f"its response{channel} has the opposite sign to {other}: hit from the other side, or polarity"
+        if deviation.fault is agreement.Fault.UNRELATED:
+            return f"its response{channel} does not belong to its force, unlike {other}: check cable and trigger"
+        if pair:
+            ratio = max(deviation.gain, 1.0 / deviation.gain)
+            return f"the FRFs{channel} of the two hits differ by a factor of {ratio:.3g}: one of them is wrong"
+        text = f"its FRF{channel} is {deviation.gain:.2g} times that of {other}: another gain, range or place"
+        if peak > _FAR_ABOVE * others:
+            text += f", or an overload: its force reaches {peak:.4g}, that of {other} {others:.4g}"
+        return text
 
     def _truncated(self, row: int, hit: Hit, stop: int) -> str:
         if hit.onset == 0:
@@ -534,19 +634,26 @@ class _Search:
         missing = stop - self.forces[row].size
         return f"truncated: the record ends {missing / self.rate:.3g} s before the block" if missing > 0 else ""
 
-    def _overload(self, row: int, start: int, stop: int) -> str:
-        channels = [("the force", self.forces[row][start:stop], self.records[row].full_scale_force)]
+    def _overload(self, row: int, start: int, stop: int) -> tuple[str, str]:
+        """Return the description of an overload, or an empty text, and of two equal samples that may be one."""
+        channels = [("the force", "full_scale_force", self.forces[row][start:stop], self.records[row].full_scale_force)]
         limits = self.records[row].full_scale_response
         for index, response in enumerate(self.responses[row][start:stop].T):
             name = "the response" if self.responses[row].shape[1] == 1 else f"response channel {index}"
-            channels.append((name, response, None if limits is None else float(limits[index])))
-        for name, values, limit in channels:
+            channels.append((name, "full_scale_response", response, None if limits is None else float(limits[index])))
+        question = ""
+        for name, option, values, limit in channels:
             largest = float(np.abs(values).max(initial=0.0))
             if limit is not None and largest >= _OVERLOAD * limit:
-                return f"overload: {name} reaches {largest:.4g}, full scale is {limit:.4g}"
-            if values.size and (count := clipped_samples(values)):
-                return f"overload: {name} has a flat top of {count} samples at {largest:.4g}"
-        return ""
+                return f"overload: {name} reaches {largest:.4g}, full scale is {limit:.4g}", ""
+            count = clipped_samples(values) if values.size else 0
+            if count >= _FLAT_SAMPLES:
+                return f"overload: {name} has a flat top of {count} samples at {largest:.4g}", ""
+            if count and limit is None:
+                question = (
+                    f"the two largest samples of {name} are equal, {largest:.4g}: an overload? ({option} decides)"
+                )
+        return "", question
 
     def _next_hit(self, row: int, index: int, stop: int) -> str:
         later = self.groups[row][index + 1 :]
@@ -555,25 +662,24 @@ class _Search:
         delay = (later[0][0].onset - self.groups[row][index][0].onset) / self.rate
         return f"the next hit follows after {delay:.3g} s, within the block"
 
-    def _double_hit(self, row: int, index: int, stop: int) -> tuple[str, int]:
-        """Return the description of a double hit or an empty text, and the end of the last contact."""
+    def _second_pulse(self, row: int, index: int, stop: int) -> _SecondPulse | None:
+        """Return the largest pulse after the first contact of a hit, if there is one."""
         contacts = self.groups[row][index]
         first = contacts[0]
         later = self.groups[row][index + 1 :]
         end = min([stop, *(group[0].onset for group in later)])
         others = [contact for contact in contacts[1:] if contact.onset < end]
-        others = [contact for contact in others if contact.peak >= self.settings.double_share * first.peak]
+        others = [contact for contact in others if contact.peak >= _SECOND_CONTACT * first.peak]
         pulses = [(contact.onset, contact.peak / first.peak) for contact in others]
         release = max([first.release, *(contact.release for contact in others)])
-        matched = second_contact(self.forces[row], first, end, self.settings.double_share)
+        matched = second_contact(self.forces[row], first, end, _SECOND_CONTACT)
         if matched is not None and not pulses:
             pulses.append(matched)
             release = max(release, matched[0] + first.release - first.onset)
         if not pulses:
-            return "", release
+            return None
         onset, share = max(pulses, key=lambda pulse: pulse[1])
-        delay_ms = 1e3 * (onset - first.onset) / self.rate
-        return f"double hit: a contact with {100.0 * share:.2g} % of the force {delay_ms:.3g} ms later", release
+        return _SecondPulse(onset, share, release, spectrum_loss_db(self.forces[row][first.onset : release]))
 
     def _ringing(self, row: int, contact: Contact, stop: int) -> str:
         before = self._pre_trigger(row, contact)
