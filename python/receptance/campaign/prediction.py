@@ -115,6 +115,11 @@ class Prediction(Result):
             *fit,
         ]
 
+    @property
+    def rejection(self) -> tuple[str, ...]:
+        """Why the fit is rejected; empty if it is accepted or there is none."""
+        return () if self.identified is None else self.identified.rejection
+
     def warnings(self) -> list[str]:
         """Return the advice of the fit."""
         return [] if self.identified is None else self.identified.warnings()

@@ -390,10 +390,18 @@ def stability_of_campaign(
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
             tips = Tips(campaign, identified, directions)
-            found[cut.name] = replace(_lobes(campaign, cut, tips, speeds), provenance=provenance)
+            lobes = _lobes(campaign, cut, tips, speeds)
+            rejection = (*_rejection_of_fit(cut, identified), *lobes.rejection)
+            found[cut.name] = replace(lobes, rejection=rejection, provenance=provenance)
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
+
+
+def _rejection_of_fit(cut: CampaignCut, identified: Identification | None) -> tuple[str, ...]:
+    """Return the rejection of the fit if it predicts a tip of a cut."""
+    predicted = any(tip is not None and tip.assembly for tip in (cut.x, cut.y))
+    return identified.rejection if predicted and identified is not None else ()
 
 
 def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.float64]) -> Lobes:

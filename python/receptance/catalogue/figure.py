@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.catalogue import ToolPrediction, ToolSummary
+    from receptance.catalogue import CatalogueSummary, ToolPrediction
 
 _LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""
@@ -62,13 +61,14 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
         axes, f"{prediction.row.name} in {prediction.row.holder}", "frequency (Hz)", "receptance of the tip (\u00b5m/N)"
     )
     add_legend(figure, ncols=3)
-    return figure
+    return finished(figure, prediction.rejection)
 
 
-def draw_catalogue(tools: Sequence[ToolSummary], title: str = "", ax: Axes | None = None) -> Figure:
+def draw_catalogue(catalogue: CatalogueSummary, ax: Axes | None = None) -> Figure:
     """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency; see `Result.plot`."""
     figure = surface(ax, 9.0, 5.8)
     axes = figure.subplots()
+    tools = catalogue.tools
     shown = [tool for tool in tools if tool.values is not None and tool.interval is not None]
     holders = list(dict.fromkeys(tool.holder for tool in shown))
     for index, holder in enumerate(holders):
@@ -91,7 +91,7 @@ def draw_catalogue(tools: Sequence[ToolSummary], title: str = "", ax: Axes | Non
     if hidden:
         axes.text(0.01, 0.01, f"{hidden} without a mode", transform=axes.transAxes, fontsize=8, color=PALE)
     x_label = "natural frequency of the most flexible mode (Hz)"
-    set_up(axes, title, x_label, "dynamic stiffness (N/\u00b5m)", grid="both")
+    set_up(axes, catalogue.provenance.title, x_label, "dynamic stiffness (N/\u00b5m)", grid="both")
     if len(holders) <= _LARGEST_LEGEND:
         add_legend(figure, ncols=6)
-    return finished(figure)
+    return finished(figure, catalogue.rejection)

@@ -55,6 +55,8 @@ class ToolPrediction:
         `(k, 3)` standard deviations of their logarithms.
     level : float
         Level of the intervals.
+    rejection : tuple of str
+        Rejection of the fit; empty if it is accepted or there is none.
     notes : tuple of str
         Notes for the user.
     """
@@ -68,6 +70,7 @@ class ToolPrediction:
     modes_deviation: NDArray[np.float64]
     level: float
     drawn: NDArray[np.complex128] = field(repr=False)
+    rejection: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -108,7 +111,7 @@ class ToolPrediction:
             values=self.receptance,
             label=self.row.name,
             source="predicted by receptance",
-            notes=("predicted, not measured",),
+            notes=("predicted, not measured", *self.rejection),
         )
 
 
@@ -220,6 +223,7 @@ class _ToolPredictor:
             modes_deviation=np.sqrt(modes_deviation**2 + modes.log_variances(variance)),
             level=self.level,
             drawn=self._drawn(tool.row, forecast, np.sqrt(variance)),
+            rejection=() if self.identified is None else self.identified.rejection,
             notes=tuple(notes),
         )
 

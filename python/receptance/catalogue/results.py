@@ -69,6 +69,8 @@ class ToolSummary:
         `(3, 2)` its interval; None without a mode.
     notes : tuple of str
         Notes for the user.
+    rejection : tuple of str
+        As in `ToolPrediction`.
     """
 
     name: str
@@ -77,6 +79,7 @@ class ToolSummary:
     values: NDArray[np.float64] | None
     interval: NDArray[np.float64] | None
     notes: tuple[str, ...]
+    rejection: tuple[str, ...] = ()
 
 
 def summaries(predictions: Iterable[ToolPrediction]) -> Iterator[ToolSummary]:
@@ -84,7 +87,8 @@ def summaries(predictions: Iterable[ToolPrediction]) -> Iterator[ToolSummary]:
     for prediction in predictions:
         mode, row = prediction.most_flexible, prediction.row
         values, interval = (None, None) if mode is None else (prediction.modes[mode], prediction.modes_interval[mode])
-        yield ToolSummary(row.name, row.holder, len(prediction.modes), values, interval, prediction.notes)
+        count, notes = len(prediction.modes), prediction.notes
+        yield ToolSummary(row.name, row.holder, count, values, interval, notes, prediction.rejection)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +113,11 @@ class CatalogueSummary(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Catalogue"
+
+    @property
+    def rejection(self) -> tuple[str, ...]:
+        """Why the fit is rejected; empty if it is accepted or there is none."""
+        return tuple(dict.fromkeys(text for tool in self.tools for text in tool.rejection))
 
     def tables(self) -> list[Table]:
         """Return the most flexible mode of the first tools."""
@@ -157,7 +166,7 @@ class CatalogueSummary(Result):
         """Draw dynamic stiffness over natural frequency; see `Result.plot`."""
         from receptance.catalogue.figure import draw_catalogue
 
-        return draw_catalogue(self.tools, self.provenance.title, ax)
+        return draw_catalogue(self, ax)
 
 
 def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[ToolPrediction]:
@@ -221,7 +230,8 @@ def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobe
         draws=prediction.drawn[:, :, None, None] * identity,
         cuts=chosen.drawn(len(prediction.drawn), settings.seed),
     )
-    return replace(chosen.label(lobes), probability=settings.probability)
+    rejection = (*prediction.rejection, *lobes.rejection)
+    return replace(chosen.label(lobes), probability=settings.probability, rejection=rejection)
 
 
 def write_depths(

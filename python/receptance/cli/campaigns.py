@@ -144,7 +144,7 @@ def identify(
     """Identify the unknown parameters of a campaign, with intervals."""
     read, found = run_on_campaign(campaign, targets, lambda read: read.identify(), seed)
     targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
-    targets.require(found.converged and not found.advice)
+    targets.require(not found.advice)
 
 
 @takes_targets("if the fit has advice")
@@ -181,7 +181,7 @@ def predict(
         answer = "no" if no else "yes"
         targets.console().print(f"At most {at_most:g} %: {answer}, the largest error is {worst:.2f} %{lost}")
         targets.require(not no, always=True)
-    targets.require(not found.warnings())
+    targets.require(not found.warnings() and not found.rejection)
 
 
 @takes_targets("if the fits have advice or an assembly is not predicted")
@@ -201,7 +201,7 @@ def transfer(
     if targets.draws and not found.modes and not found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
     targets.show(found)
-    targets.require(not found.warnings() and not found.not_predicted)
+    targets.require(not found.warnings() and not found.rejection and not found.not_predicted)
 
 
 @takes_targets()
@@ -224,7 +224,7 @@ def invert(
     targets.show(found)
 
 
-@takes_targets()
+@takes_targets("if the fit is rejected")
 def next_measurement(
     campaign: CampaignFile,
     targets: Targets,
@@ -241,9 +241,10 @@ def next_measurement(
     """Rank candidate measurements by their expected benefit."""
     _, found = run_on_campaign(campaign, targets, lambda read: read.next_measurement(targets=target or ()), seed)
     targets.show(found)
+    targets.require(not found.rejection)
 
 
-@takes_targets()
+@takes_targets("if limits are rejected, as those of a rejected fit")
 def stability(
     campaign: CampaignFile,
     targets: Targets,
@@ -255,6 +256,7 @@ def stability(
     """Compute stable depths of cut and recommended spindle speeds."""
     _, found = run_on_campaign(campaign, targets, lambda read: read.stability(cuts=cut or ()), seed)
     targets.show(found)
+    targets.require(not found.rejection)
 
 
 @takes_targets("unless the verdict is adequate")

@@ -24,7 +24,7 @@ _DRAWS = 60
 """Number of draws for the bands of figures without a cut."""
 
 
-@takes_targets()
+@takes_targets("if the fit is rejected")
 def catalogue(
     campaign: CampaignFile,
     targets: Targets,
@@ -96,6 +96,7 @@ def catalogue(
     if (figures is not None or frfs is not None) and (note := _renamed_files(found)):
         console.print(Text(note), soft_wrap=True)
     console.print(f"{len(found.tools)} tools in {time.perf_counter() - begun:.1f} s", soft_wrap=True)
+    targets.require(not found.rejection)
 
 
 def _check_folder(folder: Path | None) -> None:

@@ -90,7 +90,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
             rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation_hz))
         _frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
     _parameters(cells[len(shown) + bool(lists)].subplots(), found)
-    return finished(figure)
+    return finished(figure, found.rejection)
 
 
 def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
@@ -115,7 +115,7 @@ def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
         ]
         title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
         _frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
-    return finished(figure)
+    return finished(figure, found.rejection)
 
 
 def _grid(ax: Axes | None, count: int, title: str) -> tuple[Figure | SubFigure, list[SubFigure]]:
@@ -477,7 +477,7 @@ def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
     if frfs:
         for axes, frf in zip(np.ravel(cells[1].subplots(len(frfs), 1, squeeze=False)), frfs, strict=True):
             _draw_frf(axes, frf, found.level)
-    return finished(figure)
+    return finished(figure, found.rejection)
 
 
 def _draw_modes(axes: Axes, found: Transfer) -> None:
@@ -544,7 +544,7 @@ def draw_next_measurement(found: NextMeasurement, ax: Axes | None = None) -> Fig
     cells = panels(figure, len(found.targets), columns, sharey=True)
     for axes, name in zip(cells, found.targets, strict=True):
         _draw_target(axes, name, [one.expected[name] for one in found.ranking], names)
-    return finished(figure)
+    return finished(figure, found.rejection)
 
 
 def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list[str]) -> None:

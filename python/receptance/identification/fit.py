@@ -311,6 +311,13 @@ def conclude(
     lost = [run for run in runs if not np.isfinite(run.cost)]
     if lost:
         notes.append(f"the model has no value at {len(lost)} of {len(runs)} starts; at the first: {lost[0].message}")
+    bounds = _bound_advice(best.variables, variables, task.parameters.errors)
+    rejection = _rejection(parts, task.independent_values, task.noise_factor) if known else []
+    rejection += _convergence(best)
+    if rejection:
+        # Of an accepted fit, data may limit a value from one side only.
+        rejection += bounds
+        bounds = []
     return Identification(
         values=dict(best.values),
         standard_errors=dict(zip(variables.names, errors.tolist(), strict=True)),
@@ -318,10 +325,12 @@ def conclude(
         correlation=correlation,
         residuals=parts,
         converged=best.converged,
+        rejection=tuple(rejection),
         advice=[
-            *(_misfit_advice(parts, task.independent_values, count, task.noise_factor) if known else ()),
-            *_start_advice(runs, best, same, elsewhere),
-            *_bound_advice(best.variables, variables, task.parameters.errors),
+            *rejection,
+            *(_overfit_advice(parts, task.independent_values, count) if known else ()),
+            *_start_advice(runs, same, elsewhere),
+            *bounds,
             *_covariance_advice(inverse, correlation, variables.names),
             *_copy_advice(observed),
         ],
@@ -347,13 +356,18 @@ def _count_optima(
     return len(same), len(as_good) - len(same)
 
 
-def _start_advice(runs: Sequence[Start], best: Start, same: int, elsewhere: int) -> list[str]:
+def _convergence(best: Start) -> list[str]:
+    """Return the reason of a fit that has not converged."""
+    if best.converged:
+        return []
+    return [
+        f"not converged after {best.evaluations} evaluations ({best.message.rstrip('.')}): raise max_evaluations, give "
+        "a better start, or narrow the bounds"
+    ]
+
+
+def _start_advice(runs: Sequence[Start], same: int, elsewhere: int) -> list[str]:
     advice = []
-    if not best.converged:
-        advice.append(
-            f"not converged after {best.evaluations} evaluations ({best.message.rstrip('.')}): raise max_evaluations, "
-            "give a better start, or narrow the bounds"
-        )
     if elsewhere:
         advice.append(
             f"{elsewhere} start(s) fit as well with other values: the data do not distinguish them; fix a parameter or "
@@ -418,12 +432,9 @@ def contradicts(chi_square: float, left: float) -> bool:
 _DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
 
 
-def _misfit_advice(
-    residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int, noise_factor: float
-) -> list[str]:
-    """Compare chi-square with its expectation, one for each independent number."""
-    chi_square = sum(float(np.sum(part**2)) for part in residuals)
-    rms = float(np.sqrt(chi_square / independent))
+def _rejection(residuals: Sequence[NDArray[np.float64]], independent: float, noise_factor: float) -> list[str]:
+    """Return why a fit is rejected whose chi-square is far above one for each independent number."""
+    rms = float(np.sqrt(_sum_of_squares(residuals) / independent))
     if noise_factor > 1.0:
         return [
             "the model does not explain the data within standard deviations and tolerances: it is incomplete or "
@@ -435,6 +446,12 @@ def _misfit_advice(
             f"the rms of the residuals is {rms:.3g} standard deviations, expected about 1: the model is incomplete or "
             f"the standard deviations are too small, and then the standard errors are too small as well. {_DIAGNOSE}"
         ]
+    return []
+
+
+def _overfit_advice(residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int) -> list[str]:
+    """Return advice on a chi-square far below its expectation."""
+    chi_square = _sum_of_squares(residuals)
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
     small = left > 0.0 and chi_square < left / _UNEXPLAINED**2
@@ -446,6 +463,10 @@ def _misfit_advice(
             "standard errors are too large as well; or the data have no noise"
         ]
     return []
+
+
+def _sum_of_squares(residuals: Sequence[NDArray[np.float64]]) -> float:
+    return sum(float(np.sum(part**2)) for part in residuals)
 
 
 def _comparable(observation: Observation, other: Observation) -> bool:

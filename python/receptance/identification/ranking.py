@@ -136,6 +136,8 @@ class NextMeasurement(Result):
         Parameters with intervals so wide that these points lie along their profiles.
     notes : tuple of str
         Notes for the user.
+    rejection : tuple of str
+        Rejection of the fit; empty if it is accepted.
     provenance : Provenance
         Campaign, seed and versions of the software.
     """
@@ -146,6 +148,7 @@ class NextMeasurement(Result):
     points: tuple[dict[str, float], ...]
     profiled: tuple[str, ...]
     notes: tuple[str, ...]
+    rejection: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Next measurement"
@@ -331,14 +334,15 @@ def next_measurement(
     ranking.sort(key=lambda one: -one.score)
     if len({one.candidate.cost for one in ranking}) > 1:
         notes.append("the ranking is by the reduction of the deviations for the cost")
-    if found.advice:
-        notes.append(f"the fit has advice: {found.advice[0]}")
+    if found.warnings():
+        notes.append(f"the fit has advice: {found.warnings()[0]}")
     return NextMeasurement(
         ranking=tuple(ranking),
         targets=tuple(ranking[0].expected),
         level=level,
         points=tuple(known.problem.named(point.x) for point in points),
         profiled=tuple(wide),
+        rejection=found.rejection,
         notes=tuple(notes),
     )
 

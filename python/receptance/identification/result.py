@@ -13,6 +13,7 @@ from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
 from receptance.identification.unknowns import Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.figure import finished
 from receptance.report.table import Cell, amount, amount_interval, number
 
 if TYPE_CHECKING:
@@ -87,8 +88,11 @@ class Identification(Result):
         receptance first the real parts, then the imaginary parts.
     converged : bool
         Whether the best start converged.
+    rejection : tuple of str
+        Why the values must not be used: residuals far above the standard deviations, or no convergence; empty if the
+        fit is accepted. Results that are computed with the values repeat it.
     advice : list of str
-        Problems of the fit and remedies; empty if there are none.
+        Problems of the fit and remedies, the rejection first; empty if there are none.
     notes : list of str
         Notes for the user.
     starts : tuple of Start
@@ -137,6 +141,7 @@ class Identification(Result):
     agreeing: int
     seed: int
     task: Task = field(repr=False)
+    rejection: tuple[str, ...] = ()
     profiled: Profiles | None = None
     series: Results[Any] | None = None
     groups: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -489,8 +494,8 @@ class Identification(Result):
         return [f"{self._headline()}.", *self._correlations(), *(self.series.sentences() if self.series else ())]
 
     def warnings(self) -> list[str]:
-        """Return the advice."""
-        return self.advice
+        """Return the advice beside the rejection."""
+        return [text for text in self.advice if text not in self.rejection]
 
     def data(self) -> dict[str, Any]:
         """Return parameters, errors, correlations, residuals and starts."""
@@ -543,7 +548,7 @@ class Identification(Result):
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw measurements, fitted model and intervals, or the parameters of a series; see `Result.plot`."""
         if self.series:
-            return self.series.plot(ax)
+            return finished(self.series.plot(ax), self.rejection)
         from receptance.identification.figures import draw_identification
 
         return draw_identification(self, ax)

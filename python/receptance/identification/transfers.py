@@ -109,9 +109,19 @@ class Transfer(Result):
     @property
     def advice(self) -> dict[str, int]:
         """Advice of the fits with the number of splits; texts that differ in numbers alone count as the first."""
-        texts = [text for split in self.splits if split.identified is not None for text in split.identified.advice]
+        texts = [text for split in self.splits if split.identified is not None for text in split.identified.warnings()]
         alike = [_NUMBER.sub("", text) for text in texts]
         return {texts[alike.index(one)]: alike.count(one) for one in dict.fromkeys(alike)}
+
+    @property
+    def rejection(self) -> tuple[str, ...]:
+        """Rejections of the fits, each with the assemblies that were predicted by the fit."""
+        return tuple(
+            f"{', '.join(split.held_out)}: {text}"
+            for split in self.splits
+            if split.identified is not None
+            for text in split.identified.rejection
+        )
 
     @property
     def narrow(self) -> tuple[str, ...]:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import functools
 import io
 import re
+import textwrap
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from receptance._text import printable
+from receptance.report.result import REJECTED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
@@ -28,6 +32,8 @@ NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations."""
 _PADDING = 0.08
 """Distance between panels, titles and the edge of a figure in inches."""
+_LETTERS_PER_INCH = 14.0
+"""Letters of 9 points per inch."""
 _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
@@ -96,11 +102,19 @@ def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any)
     return axes[:count]
 
 
-def finished(figure: Figure | SubFigure) -> Figure:
-    """Return the whole figure; in a subfigure of a user's figure, dollar signs are made literal."""
+def finished(figure: Figure | SubFigure, rejection: Sequence[str] = ()) -> Figure:
+    """Return the whole figure, with the rejection of its numbers as the first lines of its title.
+
+    In a subfigure of a user's figure, dollar signs are made literal.
+    """
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
+    if rejection:
+        width = int(_LETTERS_PER_INCH * figure.bbox.width / figure.get_dpi())
+        lines = [textwrap.fill(text.replace("`", ""), width) for text in (f"{REJECTED}.", *rejection)]
+        title = figure.get_suptitle()
+        figure.suptitle("\n".join([*lines, *filter(None, [title])]), x=0.01, ha="left", fontsize=9, color=BAD)
     if isinstance(figure, Figure):
         return figure
     for artist in figure.findobj(Text):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from receptance._text import printable
 from receptance.report.figure import as_image, as_svg
+from receptance.report.result import REJECTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,13 +26,19 @@ _CODE = re.compile("`([^`]+)`")
 
 def as_html(content: Renderable, figure: Figure | None = None) -> str:
     """Return a result or another renderable as an HTML fragment, with a figure below its title."""
-    parts = [f"<p><b>{shown(content.title)}</b></p>"]
+    parts = [f"<p><b>{shown(content.title)}</b></p>", rejection_html(content)]
     if figure is not None:
         # In an image of its own: names inside several drawings of one page must not meet.
         drawing = base64.b64encode(as_image(figure, "svg")).decode()
         alternative = escape(printable(content.title), quote=True)
         parts.append(f'<img alt="{alternative}" style="max-width: 100%" src="data:image/svg+xml;base64,{drawing}">')
-    return "\n".join([*parts, *content_html(content)])
+    return "\n".join(filter(None, [*parts, *content_html(content)]))
+
+
+def rejection_html(content: Renderable) -> str:
+    """Return why the numbers must not be used, for the beginning of a page; empty if nothing is rejected."""
+    items = "".join(_list(REJECTED, content.rejection))
+    return f'<div class="rejected">{items}</div>' if items else ""
 
 
 def content_html(content: Renderable) -> list[str]:
@@ -125,12 +132,13 @@ def wide_figure(figure: Figure, title: str) -> str:
 
 
 def result_page(result: Result, title: str = "", measured: Sequence[Table] = ()) -> str:
-    """Return a result as a page: figure, warnings, findings, tables and notes, and the tables of its data."""
+    """Return a result as a page: rejection, figure, warnings, findings, tables and notes, and the tables of its data."""
     heading = title or result.title
     return html_page(
         heading,
         [
             f"<header><h1>{shown(heading)}</h1>{meta(result)}</header>",
+            rejection_html(result),
             wide_figure(result.plot(), heading),
             *content_html(result),
             *(["<h2>Data</h2>", *(table_html(table) for table in measured)] if measured else []),

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+REJECTED = "Rejected: do not use these numbers"
+"""Title of `Renderable.rejection`."""
 _MOST_SOURCES = 3
 """Number of sources, such as measurements, whose notes are printed; `to_dict` contains all notes."""
 
@@ -193,6 +195,14 @@ class Renderable(ABC):
         return ()
 
     @property
+    def rejection(self) -> Sequence[str]:
+        """Why the numbers must not be used, a sentence each: text, figures, HTML and JSON begin with it.
+
+        Numbers that come from a fit have the rejection of the fit.
+        """
+        return ()
+
+    @property
     def next_step(self) -> str:
         """Next step for the user, shown below the tables; empty without one."""
         return ""
@@ -202,7 +212,7 @@ class Renderable(ABC):
         return grouped_notes(self.notes)
 
     def summary(self, width: int = 100) -> str:
-        """Return the content as text: warnings, findings, tables, next step and notes.
+        """Return the content as text: rejection, warnings, findings, tables, next step and notes.
 
         Parameters
         ----------
@@ -295,7 +305,8 @@ class Result(Renderable):
     def to_dict(self) -> dict[str, Any]:
         """Return the result as values that JSON supports; a number that is not finite is None."""
         origin = self.provenance
-        found: dict[str, Any] = {"campaign": origin.title, "file": origin.file} if origin.file else {}
+        found: dict[str, Any] = {"rejected": self.rejection} if self.rejection else {}
+        found |= {"campaign": origin.title, "file": origin.file} if origin.file else {}
         found |= {**self.data(), "notes": self.notes}
         if origin.settings:
             found["settings"] = origin.settings
@@ -352,6 +363,11 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
     def warnings(self) -> list[str]:
         """Return the recommendations of all results."""
         return list(dict.fromkeys(text for one in self.values() for text in one.warnings()))
+
+    @property
+    def rejection(self) -> tuple[str, ...]:
+        """Why numbers of at least one result must not be used, a sentence each."""
+        return tuple(dict.fromkeys(text for one in self.values() for text in one.rejection))
 
     def data(self) -> dict[str, Any]:
         """Return the data of all results by name."""

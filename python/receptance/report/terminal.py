@@ -18,6 +18,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance._text import printable
+from receptance.report.result import REJECTED
 from receptance.report.table import Fact
 
 if TYPE_CHECKING:
@@ -43,8 +44,9 @@ def as_text(content: Renderable, width: int = 100) -> str:
 
 
 def print_result(console: Console, content: Renderable, measured: Sequence[Table] = ()) -> None:
-    """Print warnings, findings, tables, next step and notes; of a campaign also data, seed and versions."""
+    """Print rejection, warnings, findings, tables, next step and notes; of a campaign also data, seed and versions."""
     print_title(console, content.title)
+    print_list(console, REJECTED, content.rejection)
     if content.description:
         print_sentences(console, [content.description])
     # Above the numbers, which a reader should not use before.

@@ -42,7 +42,7 @@ def draw_lobes(lobes: Lobes, ax: Axes | None = None) -> Figure:
         rows[0].set_xlabel("")
         rows[1].plot(1e-3 * lobes.speeds_rpm, lobes.chatter_hz, ".", color=_LIMIT, ms=1.5)
         set_up(rows[1], "", _SPEED, "chatter (Hz)")
-    return finished(figure)
+    return finished(figure, lobes.rejection)
 
 
 def draw_several_lobes(several: Stability, ax: Axes | None = None) -> Figure:
@@ -55,7 +55,7 @@ def draw_several_lobes(several: Stability, ax: Axes | None = None) -> Figure:
         _draw_diagram(axes, lobes)
     handles = {text: line for axes in figure.axes for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
     add_legend(figure, handles.values(), handles.keys(), ncols=4)
-    return finished(figure)
+    return finished(figure, several.rejection)
 
 
 def _draw_diagram(axes: Axes, lobes: Lobes) -> None:

@@ -245,6 +245,8 @@ class Lobes(Result):
         Standard deviations of the logarithms of the cutting coefficients.
     probability : float or None
         Probability of the recommended depths; None if they are the limits.
+    rejection : tuple of str
+        Why the limits must not be used, such as the rejection of the fit that predicts the tip; empty if they may.
     notes : tuple of str
         Notes for the user.
     provenance : Provenance
@@ -262,6 +264,7 @@ class Lobes(Result):
     tips: Mapping[str, str | None] = field(default_factory=dict)
     spread: Mapping[str, float] = field(default_factory=dict)
     probability: float | None = None
+    rejection: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
