@@ -244,7 +244,7 @@ def test_reversed_sign_and_another_form_are_both_suggested(drive_point):
     with pytest.warns(ReceptanceWarning, match=r"minus receptance \(reversed sensor .*, or of accelerance"):
         drive_point.flipped()
     with pytest.warns(
-        ReceptanceWarning, match=r"clear peak has the phase of mobility \(form='mobility'\); not of receptance"
+        ReceptanceWarning, match=r'clear peak has the phase of mobility \(quantity = "mobility"\); not of receptance'
     ):
         drive_point.to("mobility").with_(form="receptance")
 

@@ -6,6 +6,9 @@ mobility and +1 for accelerance; a reversed sign turns R, a complex conjugate mi
 fitted to the lines around each prominent peak, therefore distinguish most of the twelve conventions of a file. Pairs
 that they do not distinguish, such as receptance and accelerance of opposite sign, are both reported.
 
+What no convention explains is reported as well, with what it looks like: both halves of an FFT, radians read as degrees
+or degrees as radians, and peaks of both signs, which an FRF between two places has.
+
 Lowest lines: a receptance measured with an accelerometer contains the accelerometer's noise and drift divided by
 (2 pi f)^2. Where these dominate, f^2 |H| is about constant or falls with frequency. A supported structure is a spring
 at 0 Hz, so that f^2 |H| rises as f^2 up to its first mode. Above a mode, and for a free body, f^2 |H| is about constant
@@ -45,6 +48,14 @@ _MIN_AGREEMENT = 0.5
 """Least mean cosine between the residues and an accepted convention (60 degrees)."""
 _CLEAR_AGREEMENT = 0.8
 """Least mean cosine of the best convention for any contradiction (37 degrees)."""
+_MIRRORED = 1e-3
+"""Largest relative difference of mirrored lines, which are written with few digits."""
+_NOT_MIRRORED = 0.01
+"""Largest share of lines that differ more, such as the one in the middle."""
+_MAGNITUDE_MISFIT = 0.1
+"""Largest relative rms misfit of the squared magnitude of a peak that counts as one of a mode."""
+_LIKE_A_MODE = 0.85
+"""Smallest correlation of a peak with a mode of its magnitude; 0.74 for a constant phase."""
 
 
 @dataclass(frozen=True)
@@ -73,16 +84,33 @@ class Convention:
 
 @dataclass(frozen=True)
 class DrivePointVerdict:
-    """Number of fitted peaks of a drive point, and the conventions that agree with them, simplest first."""
+    """Number of fitted peaks of a drive point, and the conventions that agree with them, simplest first.
+
+    `unphysical` states what no convention explains, so that no passive structure has this phase; empty otherwise.
+    """
 
     peaks: int
     conventions: tuple[Convention, ...]
     declared: Convention
+    unphysical: str = ""
 
     @property
     def contradicted(self) -> bool:
         """Whether another convention agrees clearly and the declared one does not."""
         return bool(self.conventions) and self.declared not in self.conventions
+
+    @property
+    def reason(self) -> str:
+        """Why this is no drive point as declared, with the remedies; empty if nothing contradicts it."""
+        if self.unphysical:
+            return f"no passive structure has its phase at a drive point: {self.unphysical}"
+        if not self.contradicted:
+            return ""
+        alternatives = ", or of ".join(_with_remedies(other, self.declared.form) for other in self.conventions)
+        peaks = "only clear peak has the phase" if self.peaks == 1 else f"{self.peaks} clear peaks have the phase"
+        return (
+            f"its {peaks} of {alternatives}; not of {self.declared.form}, as declared (passive structure, e^(+i w t))"
+        )
 
 
 @dataclass(frozen=True)
@@ -101,27 +129,19 @@ def drive_point_notes(frf: FRF) -> list[str]:
             if isinstance(response, UnknownPosition) or response != excitation:
                 continue
             verdict = check_drive_point(frf.frequency_hz[chosen], frf.values[chosen, i, j], frf.form)
-            if not verdict.contradicted:
-                continue
-            alternatives = ", or of ".join(_with_remedies(convention, frf.form) for convention in verdict.conventions)
-            peaks = (
-                "only clear peak has the phase" if verdict.peaks == 1 else f"{verdict.peaks} clear peaks have the phase"
-            )
-            notes.append(
-                f"{DRIVE_POINT_NOTE}{response.describe()}: its {peaks} of {alternatives}; not of {frf.form}, as "
-                "declared (passive structure, e^(+i w t)). The data are unchanged"
-            )
+            if verdict.reason:
+                notes.append(f"{DRIVE_POINT_NOTE}{response.describe()}: {verdict.reason}. The data are unchanged")
     return notes
 
 
 def _with_remedies(convention: Convention, declared: str) -> str:
     remedies = []
     if convention.form != declared:
-        remedies.append(f"form={convention.form!r}")
+        remedies.append(f'quantity = "{convention.form}"')
     if convention.flipped:
-        remedies.append("reversed sensor or hammer, flipped()")
+        remedies.append("reversed sensor or hammer: reverse = true, --reverse, flipped()")
     if convention.conjugated:
-        remedies.append("written for e^(-i w t), conjugated()")
+        remedies.append("written for e^(-i w t): conjugate = true, --conjugate, conjugated()")
     return f"{convention} ({'; '.join(remedies)})"
 
 
@@ -141,16 +161,26 @@ def check_drive_point(
     >>> verdict.contradicted, [str(convention) for convention in verdict.conventions]
     (True, ['minus accelerance', 'receptance'])
     """
-    peaks = _peaks(frequency_hz, values)
+    known = (frequency_hz > 0.0) & (values != 0.0)
+    frequency_hz, values = frequency_hz[known], values[known]
+    parts = _peak_parts(values)
+    with np.errstate(all="ignore"):
+        fits = [_fit(frequency_hz[part], values[part], float(frequency_hz[top])) for top, part in parts]
+    peaks = [peak for peak in fits if peak is not None]
     declared = Convention(form)
     conventions: list[Convention] = []
-    if peaks:
-        known = [Convention(f, c, s) for f in FORMS for c in (False, True) for s in (False, True)]
-        known.sort(key=lambda other: ((other.form != form) + other.conjugated + other.flipped, other.form != form))
-        agreements = {convention: _agreement(convention, peaks) for convention in known}
+    unphysical = _mirrored(frequency_hz, values) or _without_turn(frequency_hz, values, parts, fits)
+    if peaks and not unphysical:
+        every = [Convention(f, c, s) for f in FORMS for c in (False, True) for s in (False, True)]
+        every.sort(key=lambda other: ((other.form != form) + other.conjugated + other.flipped, other.form != form))
+        agreements = {convention: _agreement(convention, peaks) for convention in every}
         if max(agreements.values()) >= _CLEAR_AGREEMENT:
             conventions = [convention for convention, cosine in agreements.items() if cosine >= _MIN_AGREEMENT]
-    return DrivePointVerdict(len(peaks), tuple(conventions), declared)
+        elif max(agreements.values()) < _MIN_AGREEMENT:
+            unphysical = (
+                f"its {len(peaks)} clear peaks have different signs, as those of an FRF between two places or directions"
+            )
+    return DrivePointVerdict(len(peaks), tuple(conventions), declared, unphysical)
 
 
 def _agreement(convention: Convention, peaks: list[_Peak]) -> float:
@@ -163,16 +193,70 @@ def _agreement(convention: Convention, peaks: list[_Peak]) -> float:
     return float(np.mean(cosines))
 
 
-def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) -> list[_Peak]:
-    """Return the prominent peaks that are fitted by one mode."""
-    known = (frequency_hz > 0.0) & (values != 0.0)
-    frequency_hz, values = frequency_hz[known], values[known]
-    if frequency_hz.size < _MIN_PEAK_LINES:
+def _mirrored(lines: NDArray[np.float64], values: NDArray[np.complex128]) -> str:
+    """Return that the upper half of the lines mirrors the lower one, or an empty text."""
+    size = np.abs(values)
+    if (
+        lines.size < _MIN_PEAK_LINES
+        or np.ptp(np.log(size)) < _PROMINENCE
+        or not np.allclose(lines + lines[::-1], lines[0] + lines[-1], rtol=1e-6)
+        or float(np.mean(np.abs(values - values[::-1].conj()) > _MIRRORED * size)) > _NOT_MIRRORED
+    ):
+        return ""
+    middle = 0.5 * (lines[0] + lines[-1])
+    return (
+        f"the lines above {middle:g} Hz are the mirrored complex conjugate of those below, the second half of an FFT; "
+        f'leave them out, bands = [["{lines[0]:g} Hz", "{middle:g} Hz"]]'
+    )
+
+
+def _without_turn(
+    lines: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    parts: list[tuple[int, slice]],
+    fits: list[_Peak | None],
+) -> str:
+    """Return that the phase does not turn where the magnitude has the peaks of modes, or an empty text."""
+    wrong = [
+        part for (_, part), fit in zip(parts, fits, strict=True) if fit is None and _stays(lines[part], values[part])
+    ]
+    if len(wrong) <= sum(fit is not None for fit in fits):
+        return ""
+    peaks = "the phase does not turn as at a mode, though the magnitude has the peak of one"
+    if not values.imag.any():
+        return f"{peaks}: a magnitude without a phase, or one part of the FRF"
+    angle = np.abs(np.angle(values))
+    if angle.max() <= np.deg2rad(2.0 * np.pi) * (1.0 + 1e-9):
+        return f"{peaks}, and is within {np.rad2deg(angle.max()):.3g} degrees: radians read as degrees"
+    return f"{peaks}: degrees read as radians, or a phase of another unit, sensor or record"
+
+
+def _stays(lines: NDArray[np.float64], values: NDArray[np.complex128]) -> bool:
+    """Return whether the magnitude of lines is that of one mode, and the phase is not."""
+    if values.size < _MIN_PEAK_LINES:
+        return False
+    x = (lines - lines.mean()) / np.ptp(lines)
+    power = np.abs(values) ** 2 / np.max(np.abs(values)) ** 2
+    # |1 / (x - p)|^-2 is quadratic in x.
+    rows = power[:, None] * np.stack([x**2, x, np.ones_like(x)], axis=1)
+    quadratic, *_ = np.linalg.lstsq(rows, np.ones_like(x), rcond=None)
+    misfit = float(np.sqrt(np.mean((rows @ quadratic - 1.0) ** 2)))
+    pole = complex(np.roots(quadratic)[0]) if quadratic[0] > 0.0 else 0j
+    if misfit > _MAGNITUDE_MISFIT or abs(pole.imag) < float(np.diff(x).max()):
+        return False
+    shapes = [1.0 / (x - side) for side in (pole, pole.conjugate())]
+    alike = [abs(np.vdot(shape, values)) / np.linalg.norm(shape) / np.linalg.norm(values) for shape in shapes]
+    return bool(max(alike) < _LIKE_A_MODE)
+
+
+def _peak_parts(values: NDArray[np.complex128]) -> list[tuple[int, slice]]:
+    """Return the line of each prominent peak, and the lines around it."""
+    if values.size < _MIN_PEAK_LINES:
         return []
     size = np.log(np.abs(values))
     tops, prominences = local_maxima(size, _PROMINENCE)
     chosen = np.sort(tops[np.argsort(-prominences)[:_MAX_PEAKS]])
-    peaks = []
+    parts = []
     for number, top in enumerate(chosen):
         # Limited by the lowest line between this peak and the next.
         first = 0 if number == 0 else chosen[number - 1] + int(size[chosen[number - 1] : top].argmin())
@@ -182,12 +266,8 @@ def _peaks(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128]) ->
         begin = low[index - 1] + 1 if index else 0
         end = low[index] if index < low.size else size.size
         begin, end = min(begin, top - _MIN_PEAK_LINES // 2), max(end, top + _MIN_PEAK_LINES // 2 + 1)
-        part = slice(max(begin, first), min(end, last))
-        with np.errstate(all="ignore"):
-            peak = _fit(frequency_hz[part], values[part], float(frequency_hz[top]))
-        if peak is not None:
-            peaks.append(peak)
-    return peaks
+        parts.append((int(top), slice(max(begin, first), min(end, last))))
+    return parts
 
 
 def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_hz: float) -> _Peak | None:
