@@ -31,6 +31,7 @@ from receptance.stability import (
     semi_discretised_lobes,
     stability_lobes,
 )
+from receptance.stability.tip import require_drive_point
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -156,9 +157,15 @@ def _tip(
             builder.note(path, note)
     if frf is not None and table.bands is not None:
         frf = builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
-    if frf is None:
+    if frf is None or builder.make(path, _at_drive_point, frf) is None:
         return None
-    return Tip(name=f"measured, {table.measurement or table.file}", frf=frf, file=str(table.file or ""))
+    name = f"measured, {table.measurement or table.file}"
+    return Tip(name=name, frf=frf.to("receptance"), file=str(table.file or ""))
+
+
+def _at_drive_point(frf: FRF) -> FRF:
+    require_drive_point("the FRF", frf.masked())
+    return frf
 
 
 def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
@@ -184,7 +191,7 @@ def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
 
 
 def _read(table: TipTable, folder: Path) -> FRF:
-    return with_stated_variance(read_entry(table, folder), table.standard_deviation).to("receptance")
+    return with_stated_variance(read_entry(table, folder), table.standard_deviation)
 
 
 # Stable depths --------------------------------------------------------------------------------------------------------

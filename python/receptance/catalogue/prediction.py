@@ -16,7 +16,7 @@ from receptance.campaign import CampaignError, forecast_of
 from receptance.catalogue.line_modes import line_modes
 from receptance.errors import ReceptanceError
 from receptance.frf import FRF
-from receptance.frf.plausibility import low_frequency_rise
+from receptance.frf.plausibility import check_drive_point, low_frequency_rise
 from receptance.identification.covariance import confidence_multiplier
 from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart
 
@@ -181,6 +181,11 @@ class _ToolPredictor:
         self.notes: tuple[str, ...] = ()
         if isinstance(spindle, MeasuredPart):
             rows = np.isin(spindle.frequency_hz, self.lines)
+            for i, entry in enumerate(("translation over force", "rotation over moment")):
+                reason = check_drive_point(self.lines, spindle.matrix[rows, i, i], "receptance").reason
+                if reason:
+                    text = f"the {entry} of {spindle.name or 'the spindle'} is that of a drive point, but {reason}"
+                    raise CampaignError.about(catalogue.campaign.file, text)
             rise = low_frequency_rise(spindle.frequency_hz[rows], spindle.matrix[rows, 0, 0], drive_point=True)
             if rise is not None:
                 self.notes = (

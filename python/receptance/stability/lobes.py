@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance._peaks import local_maxima
+from receptance.frf.plausibility import check_drive_point
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 
@@ -545,7 +546,8 @@ def stability_lobes(
     Raises
     ------
     ValueError
-        Shapes that do not match, values that are not finite, too few draws.
+        Shapes that do not match, values that are not finite, too few draws, or a receptance that no passive structure
+        has at a drive point.
 
     References
     ----------
@@ -567,6 +569,10 @@ def stability_lobes(
     lines = checked_lines(owner, frequency_hz)
     speeds = checked_speeds(owner, speeds_rpm)
     matrix = _shaped(owner, "receptance", receptance, lines.size, cut)
+    for i in range(matrix.shape[1]):
+        reason = check_drive_point(lines, matrix[:, i, i], "receptance").reason
+        if reason:
+            raise ValueError(f"{owner}: receptance[:, {i}, {i}]: a tip in a cut is a drive point, but {reason}")
     teeth = cut.teeth if isinstance(cut, Milling) else 1
     depth, chatter = limit_over_speed(teeth, speeds, lines, *critical_depths(cut, lines, matrix))
     plain = Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, notes=_on_ends(lines, chatter))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import FRF
+from receptance.frf.plausibility import check_drive_point
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -163,7 +164,8 @@ def receptance_matrix(
     Raises
     ------
     ValueError
-        No FRF, FRFs with several entries, or fewer than two common lines.
+        No FRF, FRFs with several entries, fewer than two common lines, or an FRF in x or y that no passive structure
+        has at a drive point.
     """
     lines, receptances = _on_common_lines(x, y, xy)
     return lines, _matrix(lines.size, {name: frf.values[rows, 0, 0] for name, (frf, rows) in receptances.items()})
@@ -235,6 +237,13 @@ def _drawn(frf: FRF, rows: NDArray[np.bool_], random: np.random.Generator) -> ND
     return np.asarray(values * np.exp(real + 1j * imaginary))
 
 
+def require_drive_point(name: str, frf: FRF) -> None:
+    """Raise ValueError if an FRF with one entry is none that a passive structure has at the tip of a tool."""
+    reason = check_drive_point(frf.frequency_hz, frf.values[:, 0, 0], frf.form).reason
+    if reason:
+        raise ValueError(f"{name}: a tip in a cut is a drive point, but {reason}")
+
+
 def _on_common_lines(
     x: FRF | None, y: FRF | None, xy: FRF | None
 ) -> tuple[NDArray[np.float64], dict[str, tuple[FRF, NDArray[np.bool_]]]]:
@@ -255,7 +264,10 @@ def _on_common_lines(
                 f"stability: {name} has an exponential window of {frf.decay_rate:g} 1/s, expected none; fit modes and "
                 "use TipModes"
             )
-        receptances[name] = frf.masked().to("receptance")
+        frf = frf.masked()
+        if name != "xy":
+            require_drive_point(name, frf)
+        receptances[name] = frf.to("receptance")
     lines = next(iter(receptances.values())).frequency_hz
     lines = lines[lines > 0.0]
     for name, frf in receptances.items():
