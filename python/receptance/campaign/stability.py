@@ -31,7 +31,8 @@ from receptance.stability import (
     semi_discretised_lobes,
     stability_lobes,
 )
-from receptance.stability.tip import require_drive_point
+from receptance.stability.lobes import without_limits
+from receptance.stability.tip import beyond_lines, require_drive_point
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -415,8 +416,11 @@ def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.
     settings = campaign.table.stability
     several = cut.drawn(settings.number_of_draws, settings.seed)
     uncertain = tips.uncertain or several is not None
+    receptance = tips.receptance()
+    if rejection := beyond_lines(tips.lines, receptance):
+        lobes = without_limits(cut.cut, speeds, tuple(f"{cut.name}: {text}" for text in rejection))
+        return replace(cut.label(lobes), notes=tuple(dict.fromkeys(tips.notes)))
     if settings.method == "mean force":
-        receptance = tips.receptance()
         draws, good = tips.receptances() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))
         lobes = stability_lobes(
             cut.cut,
@@ -430,7 +434,7 @@ def _lobes(campaign: Campaign, cut: CampaignCut, tips: Tips, speeds: NDArray[np.
         assert isinstance(cut.cut, Milling)
         most = settings.largest_depth
         if most is None:
-            most = _SEARCH_RATIO * float(critical_depths(cut.cut, tips.lines, tips.receptance())[0].min())
+            most = _SEARCH_RATIO * float(critical_depths(cut.cut, tips.lines, receptance)[0].min())
         modes, good = tips.drawn_modes() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))
         lobes = semi_discretised_lobes(
             cut.cut,
@@ -504,8 +508,10 @@ def _error_of_depth(cut: CampaignCut, one: HeldOut) -> float:
 
 
 def _always_stable_depth(cut: CampaignCut, lines: NDArray[np.float64], receptance: NDArray[np.complex128]) -> float:
-    """Return the depth in m that is stable at all speeds."""
+    """Return the depth in m that is stable at all speeds; NaN if the lines do not contain the mode."""
     matrix = receptance[:, None, None] * np.diag([1.0, 0.0 if cut.y is None else 1.0])
     if isinstance(cut.cut, Turning):
         matrix = receptance[:, None, None]
+    if beyond_lines(lines, matrix):
+        return math.nan
     return float(critical_depths(cut.cut, lines, matrix)[0].min())

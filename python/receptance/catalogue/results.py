@@ -231,7 +231,8 @@ def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobe
         cuts=chosen.drawn(len(prediction.drawn), settings.seed),
     )
     rejection = (*prediction.rejection, *lobes.rejection)
-    return replace(chosen.label(lobes), probability=settings.probability, rejection=rejection)
+    probability = None if lobes.draws is None else settings.probability
+    return replace(chosen.label(lobes), probability=probability, rejection=rejection)
 
 
 def write_depths(

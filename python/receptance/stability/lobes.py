@@ -13,6 +13,7 @@ from receptance._peaks import local_maxima
 from receptance.frf.plausibility import check_drive_point
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
+from receptance.stability.tip import beyond_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -229,9 +230,10 @@ class Lobes(Result):
     speeds_rpm : ndarray
         Spindle speeds `(n,)` in rpm.
     depth : ndarray
-        Limit of the stable depth in m `(n,)`; infinite where no line of the receptance can chatter.
+        Limit of the stable depth in m `(n,)`; infinite where no line of the receptance can chatter, NaN where the
+        lines do not contain the mode of the tip, so that no limit is known.
     chatter_hz : ndarray
-        Chatter frequency in Hz at the limit `(n,)`; NaN where the limit is infinite.
+        Chatter frequency in Hz at the limit `(n,)`; NaN where the limit is not finite.
     lower, upper : ndarray or None
         95 % band of the limit in m `(n,)`, if draws of receptance or cut are given.
     draws : ndarray or None
@@ -408,8 +410,10 @@ class Lobes(Result):
         """Return a description of the cut, and the depth that is stable at every speed."""
         low, high = self.speeds_rpm.min(), self.speeds_rpm.max()
         probability = "" if self.probability is None else f" with {100.0 * self.probability:g} %"
-        text = f"stable at any depth of cut from {low:.0f} to {high:.0f} rpm"
-        if np.isfinite(self.certain_depth).any():
+        text = f"no line limits the depth of cut from {low:.0f} to {high:.0f} rpm; give lines over all modes"
+        if np.isnan(self.depth).all():
+            text = f"no limit is known from {low:.0f} to {high:.0f} rpm"
+        elif np.isfinite(self.certain_depth).any():
             depth = 1e3 * self.certain_depth.min()
             text = f"stable{probability} at every speed from {low:.0f} to {high:.0f} rpm: {depth:.3g} mm"
         return [self.title_of_cut(), f"  {text}"]
@@ -541,7 +545,8 @@ def stability_lobes(
     Returns
     -------
     Lobes
-        Limits, chatter frequencies, and bands if draws or cuts are given.
+        Limits, chatter frequencies, and bands if draws or cuts are given. If the magnitude rises to an end of the
+        lines, these do not contain the mode: limits are NaN, and `rejection` has the reason.
 
     Raises
     ------
@@ -573,6 +578,8 @@ def stability_lobes(
         reason = check_drive_point(lines, matrix[:, i, i], "receptance").reason
         if reason:
             raise ValueError(f"{owner}: receptance[:, {i}, {i}]: a tip in a cut is a drive point, but {reason}")
+    if rejection := beyond_lines(lines, matrix):
+        return without_limits(cut, speeds, rejection)
     teeth = cut.teeth if isinstance(cut, Milling) else 1
     depth, chatter = limit_over_speed(teeth, speeds, lines, *critical_depths(cut, lines, matrix))
     plain = Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, notes=_on_ends(lines, chatter))
@@ -587,6 +594,12 @@ def stability_lobes(
         for drawn_cut, tip in ensemble(owner, cut, matrix, tips, cuts)
     ]
     return with_draws(plain, np.array(limits))
+
+
+def without_limits(cut: Milling | Turning, speeds_rpm: NDArray[np.float64], rejection: tuple[str, ...]) -> Lobes:
+    """Return lobes whose limits are unknown, NaN, with the reasons."""
+    unknown = np.full(speeds_rpm.size, np.nan)
+    return Lobes(speeds_rpm=speeds_rpm, depth=unknown, chatter_hz=unknown, cut=cut, rejection=rejection)
 
 
 def checked_lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:

@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import FRF
-from receptance.frf.plausibility import check_drive_point
+from receptance.frf.plausibility import check_drive_point, low_frequency_rise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from receptance.modal import ModeEstimate
+
+_HALF_POWER = 0.5**0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,6 +244,36 @@ def require_drive_point(name: str, frf: FRF) -> None:
     reason = check_drive_point(frf.frequency_hz, frf.values[:, 0, 0], frf.form).reason
     if reason:
         raise ValueError(f"{name}: a tip in a cut is a drive point, but {reason}")
+
+
+def beyond_lines(lines: NDArray[np.float64], receptance: NDArray[np.complex128]) -> tuple[str, ...]:
+    """Return for each direction whose largest magnitude is at an end of the lines that they do not contain its mode.
+
+    The limit of a mode is determined between its natural frequency and the upper half-power point, so the lines contain
+    a mode if its magnitude falls to half power on both sides. Lowest lines with noise or drift do not count.
+
+    Parameters
+    ----------
+    lines, receptance : ndarray
+        `(n,)` in Hz and `(n, d, d)`; a rigid direction is zero.
+    """
+    texts = []
+    for i in range(receptance.shape[1]):
+        values = receptance[:, i, i]
+        drift = low_frequency_rise(lines, values, drive_point=True)
+        size = np.abs(values if drift is None else values[lines > drift.highest_hz])
+        if not size.any():
+            continue
+        top = int(size.argmax())
+        low = size < _HALF_POWER * size[top]
+        ends = [("last", lines[-1], "higher")] if not low[top:].any() else []
+        ends += [("first", lines[0], "lower")] if drift is None and not low[:top].any() and size[0] > size[-1] else []
+        texts += [
+            f"the magnitude of the tip in {'xy'[i]} rises to the {which} of the lines, at {line:g} Hz, so they do not "
+            f"contain its mode and no limit follows: give lines at {where} frequencies"
+            for which, line, where in ends
+        ]
+    return tuple(texts)
 
 
 def _on_common_lines(
