@@ -159,6 +159,45 @@ def test_inconsistent_peaks_do_not_contradict():
     verdict = check_drive_point(f, values, "receptance")
     assert verdict.peaks == 5
     assert verdict.conventions == ()
+    assert not verdict.reason
+
+
+F = np.arange(2.0, 3001.0, 2.0)
+MODES = sum(1.0 / (k**2 - F**2 + 0.022j * k * F) for k in (922.0, 1500.0, 2400.0))
+ANGLE = np.angle(MODES)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("values", "looks_like"),
+    [
+        (np.abs(MODES) * np.exp(1j * np.deg2rad(ANGLE)), "is within 3.14 degrees: radians read as degrees"),
+        (np.abs(MODES) * np.exp(1j * np.rad2deg(ANGLE)), "degrees read as radians, or a phase of another unit"),
+        (np.abs(MODES).astype(complex), "a magnitude without a phase, or one part of the FRF"),
+        (np.concatenate([MODES[:750], MODES[:749][::-1].conj()]), "the lines above 1500 Hz are the mirrored complex"),
+        (MODES - 2.0 / (922.0**2 - F**2 + 0.022j * 922.0 * F), ""),
+        (1.0 / (922.0**2 - F**2 + 20j * F) - 1.0 / (1500.0**2 - F**2 + 33j * F), "2 clear peaks have different signs"),
+    ],
+)
+def test_what_no_passive_structure_does_is_reported_with_what_it_looks_like(values, looks_like, form):
+    verdict = check_drive_point(F[: values.size], values, form)
+    assert bool(verdict.unphysical) == bool(looks_like)
+    assert looks_like in verdict.unphysical
+    assert verdict.reason.startswith("no passive structure has its phase") == bool(looks_like)
+    if looks_like:
+        assert verdict.conventions == ()
+
+
+def test_noise_modes_and_hum_are_not_called_unphysical():
+    rng = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    for _ in range(40):
+        lines, _, accelerance = draw_drive_point(rng)
+        assert not check_drive_point(lines, as_read(lines, accelerance, Convention("receptance")), "receptance").unphysical
+        noise = rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size)
+        hum = 30.0 * (rng.random(lines.size) < 0.02) * noise
+        for values in (noise, 1.0 + 0.3 * noise, 1.0 + 0.01 * noise + hum):
+            assert not check_drive_point(lines, values, "accelerance").unphysical
 
 
 @pytest.mark.parametrize("what", ["noise", "mass", "spring", "one line", "hum", "zeros", "constant"])

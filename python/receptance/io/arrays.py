@@ -21,6 +21,7 @@ from receptance.io.build import (
     make,
     make_frf,
     missing_phase_notes,
+    phase_notes,
     resolve_frf,
     sampling,
     to_si,
@@ -176,12 +177,14 @@ def _external_frf(
             f"variables names {', '.join(variables)}, expected 'values', 'real' and 'imaginary', or 'magnitude' and "
             "'phase_deg' or 'phase_rad'"
         )
+    notes: list[str] = []
     if "values" in parts:
         values = parts["values"]
     elif "real" in parts:
         values = complex_values(parts["real"], parts["imaginary"])
     else:
         phase = parts["phase_rad"] if "phase_rad" in parts else np.deg2rad(parts["phase_deg"])
+        notes = phase_notes(phase, degrees="phase_deg" in parts)
         values = parts["magnitude"] * np.exp(1j * phase)
     resolved = resolve_frf(options, declared=None, form=None, directions=None)
     kind = resolved.kind
@@ -192,7 +195,7 @@ def _external_frf(
         directions=([kind.response] * values.shape[1], [kind.excitation] * values.shape[2]),
         coherence=coherence,
         options=options,
-        notes=[*missing_phase_notes(values), *resolved.notes],
+        notes=[*notes, *missing_phase_notes(values), *resolved.notes],
     )
 
 

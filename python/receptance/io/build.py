@@ -217,6 +217,10 @@ _Measurement = TypeVar("_Measurement", bound=Measurement)
 
 _RATE_TOLERANCE = 1e-4
 """Largest relative difference of a given sample rate and that of a file, whose time step has six digits."""
+_LEAST_TURN = 1.5
+"""Least largest phase that is taken for one in radians: a resonance turns by pi."""
+_ROUNDING = 1.001
+"""Rounding of the largest phase of a turn."""
 _MAX_JITTER = 0.05
 """Largest deviation of a time from an even spacing, in time steps."""
 _MAX_STEP_VARIATION = 1e-3
@@ -291,6 +295,23 @@ def missing_phase_notes(values: NDArray[Any]) -> list[str]:
     if np.iscomplexobj(values):
         return []
     note = "the values are real: without a phase this is a magnitude, or one part of the FRF"
+    warn_user(note)
+    return [note]
+
+
+def phase_notes(phase_rad: NDArray[Any], *, degrees: bool) -> list[str]:
+    """Warn of a phase whose numbers are those of the other unit, and return the note."""
+    largest = float(np.max(np.abs(phase_rad), initial=0.0))
+    if degrees and _LEAST_TURN < np.rad2deg(largest) <= np.pi * _ROUNDING:
+        note = f"the phase is within {np.rad2deg(largest):.4g} degrees: if it is in radians, declare it as such"
+    elif not degrees and largest > 2.0 * np.pi * _ROUNDING:
+        note = (
+            f"the phase reaches {largest:.4g} radians, more than a turn: if it is in degrees, declare it as such; right "
+            "if it is unwrapped"
+        )
+    else:
+        return []
+    note += ' ("phase [deg]" or "phase [rad]" in a header, phase_deg or phase_rad for arrays)'
     warn_user(note)
     return [note]
 

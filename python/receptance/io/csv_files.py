@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 
 from receptance._files import inert
 from receptance.frf import FRF
-from receptance.io.build import SI, ReadOptions, Resolved, complex_values, make, make_frf, resolve_frf, sampling, to_si
+from receptance.io.build import (
+    SI,
+    ReadOptions,
+    Resolved,
+    complex_values,
+    make,
+    make_frf,
+    phase_notes,
+    resolve_frf,
+    sampling,
+    to_si,
+)
 from receptance.io.description import QUALITY, about_text, arrays_of, measurement_of, parse_about
 from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
@@ -569,6 +580,7 @@ def _entry(table: CsvTable, entry: str, options: ReadOptions) -> tuple[NDArray[n
         raise FileFormatError(f"found {names}, expected a real and an imaginary part, or a magnitude and a phase")
     first = table.columns[indices["real" if "real" in indices else "magnitude"]]
     declared = _column_unit(first)
+    notes: list[str] = []
     if "real" in indices:
         imaginary = _column_unit(table.columns[indices["imaginary"]])
         if declared is not None and imaginary is not None and declared != imaginary:
@@ -578,7 +590,10 @@ def _entry(table: CsvTable, entry: str, options: ReadOptions) -> tuple[NDArray[n
         values = complex_values(table.values[:, indices["real"]], table.values[:, indices["imaginary"]])
     else:
         _check_magnitude(table, indices["magnitude"])
-        values = table.values[:, indices["magnitude"]] * np.exp(1j * _column_in_unit(table, indices["phase"], "rad"))
+        phase = _column_in_unit(table, indices["phase"], "rad")
+        unit = _column_unit(table.columns[indices["phase"]])
+        notes = phase_notes(phase, degrees=unit is not None and unit.factor != parse_unit("rad").factor)
+        values = table.values[:, indices["magnitude"]] * np.exp(1j * phase)
     resolved = resolve_frf(
         options,
         declared=declared,
@@ -586,7 +601,7 @@ def _entry(table: CsvTable, entry: str, options: ReadOptions) -> tuple[NDArray[n
         directions=None,
         undeclared=f"column {first.name!r} has no unit, such as {first.name} [m/s^2/N]",
     )
-    return to_si(values, resolved.factor), resolved
+    return to_si(values, resolved.factor), replace(resolved, notes=(*resolved.notes, *notes))
 
 
 def _check_magnitude(table: CsvTable, index: int) -> None:
