@@ -16,7 +16,7 @@ from receptance import FRF
 from receptance.campaign import CampaignError
 from receptance.campaign.prediction import forecast_of
 from receptance.io import write
-from receptance.stability import Milling, TipModes, stability_lobes
+from receptance.stability import Milling, TipModes, receptance_matrix, stability_lobes
 
 TIP = TipModes(frequency_hz=[922.0, 1900.0], damping_ratio=[0.03, 0.02], shapes=[[5.0, 0.0], [4.0, 0.0]])
 LINES = np.arange(200.0, 3000.0, 2.0)
@@ -79,7 +79,7 @@ def write_tip(folder: Path) -> None:
         ("teeth = 2", "teeth = 2\nimmersion = 1.2", "immersion: is 1.2, expected more than zero and at most 1"),
         ("teeth = 2", "teeth = 2\nimmersion = 0", "cuts.slot.immersion: is 0, expected more than zero"),
         ("teeth = 2", 'teeth = 2\nfeed = "climb"', 'cuts.slot.feed: is "climb", expected one of "down", "up"'),
-        ('"600 MPa"', '"-600 MPa"', 'cuts.slot.k_t: is "-600 MPa", expected more than zero'),
+        ('"600 MPa"', '"-600 MPa"', 'cuts.slot.k_t: is "-600 MPa", expected at least 1e+06'),
         ('"600 MPa"', '"600 N"', 'cuts.slot.k_t: is "600 N", a force, expected a cutting coefficient'),
         ('"200 N/mm^2"', '"-1 MPa"', 'cuts.slot.k_n: is "-1 MPa", expected zero or more'),
         ('"rigid"', '"stiff"', 'cuts.slot.y: is "stiff", expected a table, "as x" or "rigid"'),
@@ -279,3 +279,84 @@ def test_stability_has_the_threads_of_the_campaign(tmp_path: Path, given_threads
         given_threads.clear()
         read.stability(identified)
         assert given_threads == {3}
+
+
+@pytest.mark.parametrize(
+    ("form", "values", "words"),
+    [
+        (
+            "receptance",
+            TIP.receptance(LINES)[:, 0, 0].conj(),
+            "of the complex conjugate of receptance .*conjugate = true",
+        ),
+        ("receptance", -TIP.receptance(LINES)[:, 0, 0], "of minus receptance .*reverse = true, --reverse"),
+        ("accelerance", TIP.receptance(LINES)[:, 0, 0], 'or of receptance .*quantity = "receptance"'),
+        (
+            "receptance",
+            -((2.0 * np.pi * LINES) ** 2) * TIP.receptance(LINES)[:, 0, 0],
+            'or of accelerance .*quantity = "accelerance"',
+        ),
+        (
+            "receptance",
+            np.abs(TIP.receptance(LINES)[:, 0, 0]).astype(complex),
+            "no passive structure has its phase at a drive point",
+        ),
+    ],
+)
+def test_a_tip_that_no_passive_structure_has_is_refused(tmp_path: Path, form: Any, values: Any, words: str) -> None:
+    frf = FRF(frequency_hz=LINES, values=values, form=form)
+    write(tmp_path / "tip.csv", frf)
+    with pytest.raises(CampaignError, match=rf"cuts\.slot\.x: the FRF: a tip in a cut is a drive point, but .*{words}"):
+        load(tmp_path, MEASURED)
+    for directions in ((frf, None), (None, frf)):
+        with pytest.raises(ValueError, match=rf"[xy]: a tip in a cut is a drive point, but .*{words}"):
+            receptance_matrix(*directions)
+    if form == "receptance":
+        with pytest.raises(ValueError, match=rf"receptance\[:, 0, 0\]: a tip in a cut is a drive point, but .*{words}"):
+            stability_lobes(Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, values, speeds_rpm=[1e4])
+
+
+@pytest.mark.parametrize("method", ["mean force", "semi-discretisation"])
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (200.0, 800.0, "rises to the last of the lines, at 800 Hz"),
+        (200.0, 936.0, "rises to the last of the lines, at 936 Hz"),
+        (1000.0, 1700.0, "rises to the first of the lines, at 1000 Hz"),
+    ],
+)
+def test_lines_that_do_not_contain_the_mode_give_no_limit(
+    tmp_path: Path, low: float, high: float, words: str, method: str
+) -> None:
+    lines = np.arange(low, high + 1.0, 2.0)
+    write(tmp_path / "tip.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
+    found = load(tmp_path, MEASURED.replace("draws = 40", f'draws = 40\nmethod = "{method}"')).stability()
+    assert words in found.rejection[0]
+    lobes = found["slot"]
+    assert np.isnan(lobes.depth).all()
+    assert lobes.best_cuts == ()
+    assert lobes.draws is None
+    assert "no limit is known" in found.summary()
+    assert "stable" not in found.summary().replace("stability", "").replace("stable depth", "")
+    assert found.to_dict()["cuts"][0]["always_stable"] is None
+    assert words in found.plot().get_suptitle().replace("\n", " ")
+    assert words in found.to_html()
+
+
+def test_lines_up_to_the_upper_half_power_point_contain_a_mode(tmp_path: Path) -> None:
+    lines = np.arange(200.0, 961.0, 2.0)
+    write(tmp_path / "tip.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
+    found = load(tmp_path, MEASURED).stability()
+    assert found.rejection == ()
+    whole = stability_lobes(
+        Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, TIP.receptance(LINES), speeds_rpm=found["slot"].speeds_rpm
+    )
+    assert found["slot"].depth.min() == pytest.approx(whole.depth.min(), rel=0.05)
+
+
+@pytest.mark.parametrize("coefficient", ["600 Pa", "600 GPa", "600 kPa"])
+def test_coefficients_of_another_unit_are_refused(tmp_path: Path, coefficient: str) -> None:
+    write(tmp_path / "tip.csv", FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0]))
+    text = rf'cuts\.slot\.k_t: is "{coefficient}", expected at least 1e\+06 and at most 1e\+11'
+    with pytest.raises(CampaignError, match=text):
+        load(tmp_path, MEASURED.replace("600 MPa", coefficient))

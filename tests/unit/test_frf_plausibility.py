@@ -193,7 +193,9 @@ def test_noise_modes_and_hum_are_not_called_unphysical():
     print(f"seed {SEED}")
     for _ in range(40):
         lines, _, accelerance = draw_drive_point(rng)
-        assert not check_drive_point(lines, as_read(lines, accelerance, Convention("receptance")), "receptance").unphysical
+        assert not check_drive_point(
+            lines, as_read(lines, accelerance, Convention("receptance")), "receptance"
+        ).unphysical
         noise = rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size)
         hum = 30.0 * (rng.random(lines.size) < 0.02) * noise
         for values in (noise, 1.0 + 0.3 * noise, 1.0 + 0.01 * noise + hum):

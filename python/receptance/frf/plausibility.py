@@ -178,7 +178,8 @@ def check_drive_point(
             conventions = [convention for convention, cosine in agreements.items() if cosine >= _MIN_AGREEMENT]
         elif max(agreements.values()) < _MIN_AGREEMENT:
             unphysical = (
-                f"its {len(peaks)} clear peaks have different signs, as those of an FRF between two places or directions"
+                f"its {len(peaks)} clear peaks have different signs, as those of an FRF between two places or "
+                "directions"
             )
     return DrivePointVerdict(len(peaks), tuple(conventions), declared, unphysical)
 

@@ -306,8 +306,8 @@ def phase_notes(phase_rad: NDArray[Any], *, degrees: bool) -> list[str]:
         note = f"the phase is within {np.rad2deg(largest):.4g} degrees: if it is in radians, declare it as such"
     elif not degrees and largest > 2.0 * np.pi * _ROUNDING:
         note = (
-            f"the phase reaches {largest:.4g} radians, more than a turn: if it is in degrees, declare it as such; right "
-            "if it is unwrapped"
+            f"the phase reaches {largest:.4g} radians, more than a turn: if it is in degrees, declare it as such; "
+            "an unwrapped phase is right"
         )
     else:
         return []

@@ -132,7 +132,7 @@ def wide_figure(figure: Figure, title: str) -> str:
 
 
 def result_page(result: Result, title: str = "", measured: Sequence[Table] = ()) -> str:
-    """Return a result as a page: rejection, figure, warnings, findings, tables and notes, and the tables of its data."""
+    """Return a result as a page: rejection, figure, warnings, findings, tables and notes, and its data."""
     heading = title or result.title
     return html_page(
         heading,

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
 
 _HALF_POWER = 0.5**0.5
+_AT_TOP = 0.9
+"""Least magnitude of the first line, as a share of the largest, if the mode is below it."""
+_FIRST = 1.1
+"""Frequency ratio from the first line within which the slope is taken."""
+_STEEPEST_MASS = -3.0
+"""Exponent of the fall of the magnitude below which it is that of a mode below the lines; a free mass has -2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,7 +256,8 @@ def beyond_lines(lines: NDArray[np.float64], receptance: NDArray[np.complex128])
     """Return for each direction whose largest magnitude is at an end of the lines that they do not contain its mode.
 
     The limit of a mode is determined between its natural frequency and the upper half-power point, so the lines contain
-    a mode if its magnitude falls to half power on both sides. Lowest lines with noise or drift do not count.
+    a mode if its magnitude falls to half power above it. At the first lines noise, drift and the mass of a free body do
+    not count, which fall about as 1/f^2.
 
     Parameters
     ----------
@@ -260,20 +267,29 @@ def beyond_lines(lines: NDArray[np.float64], receptance: NDArray[np.complex128])
     texts = []
     for i in range(receptance.shape[1]):
         values = receptance[:, i, i]
+        if not values.any():
+            continue
         drift = low_frequency_rise(lines, values, drive_point=True)
         size = np.abs(values if drift is None else values[lines > drift.highest_hz])
-        if not size.any():
-            continue
         top = int(size.argmax())
         low = size < _HALF_POWER * size[top]
         ends = [("last", lines[-1], "higher")] if not low[top:].any() else []
-        ends += [("first", lines[0], "lower")] if drift is None and not low[:top].any() and size[0] > size[-1] else []
+        if drift is None and size[0] > _AT_TOP * size[top] and _slope(lines, size) < _STEEPEST_MASS:
+            ends.append(("first", lines[0], "lower"))
         texts += [
             f"the magnitude of the tip in {'xy'[i]} rises to the {which} of the lines, at {line:g} Hz, so they do not "
             f"contain its mode and no limit follows: give lines at {where} frequencies"
             for which, line, where in ends
         ]
     return tuple(texts)
+
+
+def _slope(lines: NDArray[np.float64], size: NDArray[np.float64]) -> float:
+    """Return the exponent of the growth of a magnitude with frequency at the first lines."""
+    first = (lines > 0.0) & (lines <= _FIRST * lines[lines > 0.0][0]) & (size > 0.0)
+    if np.count_nonzero(first) < 2:
+        return 0.0
+    return float(np.polyfit(np.log(lines[first]), np.log(size[first]), 1)[0])
 
 
 def _on_common_lines(
