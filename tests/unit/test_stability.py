@@ -160,11 +160,11 @@ def test_invalid_lobes_and_notes() -> None:
     with pytest.raises(ValueError, match="receptance is not finite at line 7"):
         stability_lobes(CUT, LINES, values, speeds_rpm=SPEEDS)
     below = LINES[LINES < 900.0]
-    note = stability_lobes(CUT, below, TIP.receptance(below), speeds_rpm=SPEEDS).notes
-    assert any(
-        "chatter frequency is at an end of the lines" in line or "no line has a stability limit" in line
-        for line in note
-    )
+    lobes = stability_lobes(CUT, below, TIP.receptance(below), speeds_rpm=SPEEDS)
+    assert np.isnan(lobes.depth).all()
+    assert [line[:66] for line in lobes.rejection] == [
+        f"the magnitude of the tip in {axis} rises to the last of the lines, at" for axis in "xy"
+    ]
 
 
 def test_semi_discretisation_errors() -> None:
