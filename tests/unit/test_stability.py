@@ -162,7 +162,7 @@ def test_invalid_lobes_and_notes() -> None:
     below = LINES[LINES < 900.0]
     lobes = stability_lobes(CUT, below, TIP.receptance(below), speeds_rpm=SPEEDS)
     assert np.isnan(lobes.depth).all()
-    assert [line[:66] for line in lobes.rejection] == [
+    assert [line[:64] for line in lobes.rejection] == [
         f"the magnitude of the tip in {axis} rises to the last of the lines, at" for axis in "xy"
     ]
 
