@@ -11,6 +11,7 @@ import sys
 import pytest
 import typer.main
 
+from limits import LIMIT_S
 from receptance.cli import main
 
 _SCRIPT = """
@@ -54,7 +55,7 @@ def interrupted(*arguments: str, progress: str = "") -> tuple[int, str, str]:
                 if re.search(progress, line):
                     process.send_signal(signal.SIGINT)
                     break
-            out, err = process.communicate(timeout=300)
+            out, err = process.communicate(timeout=LIMIT_S)
         finally:
             process.kill()
     return process.returncode, out, "".join(lines) + err

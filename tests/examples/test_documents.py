@@ -16,6 +16,7 @@ import pytest
 import er32_study
 from command_line import call
 from examples.documents import DOCUMENTS, ROOT, blocks, commands, difference, links
+from limits import LIMIT_S
 from receptance.studies import er32
 
 
@@ -70,7 +71,7 @@ def test_shell_lines(
 def test_installed_command_runs() -> None:
     program = shutil.which("receptance", path=sysconfig.get_path("scripts"))
     assert program is not None, f"there is no command `receptance` beside {sys.executable}: install the package"
-    done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=LIMIT_S, check=True)
     assert done.stdout.startswith("receptance ")
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from limits import LIMIT_S
 from properties.mutated_files import run
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "1"))
@@ -18,7 +19,7 @@ COUNT = 4_000
 
 
 def test_some_damaged_files() -> None:
-    report = run(700, SEED)
+    report = run(700, SEED, longest_s=LIMIT_S)
     print(report)
     assert not report.failures, str(report)
     formats = {key.split(":")[0] for key in report.outcomes}
@@ -32,7 +33,7 @@ def test_some_damaged_files() -> None:
 @pytest.mark.slow
 def test_many_damaged_files() -> None:
     """In a process of its own, with a limit of memory: a crash would be seen as one."""
-    command = f"ulimit -v 8000000 && exec {sys.executable} {SCRIPT} --count {COUNT} --seed {SEED}"
+    command = f"ulimit -v 8000000 && exec {sys.executable} {SCRIPT} --count {COUNT} --seed {SEED} --longest {LIMIT_S}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     print(done.stdout)
     assert done.returncode == 0, f"ended with {done.returncode}: {done.stdout[-3000:]}{done.stderr[-500:]}"

@@ -16,6 +16,7 @@ import pytest
 import er32_study
 from campaign_text import TEXT, changed, write
 from command_line import call, interrupted
+from limits import LIMIT_S
 from receptance.studies import er32
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -40,7 +41,7 @@ def test_example_from_creation_to_prediction(
     done = subprocess.run(
         [sys.executable, "-W", "error", "-m", "receptance.cli", "predict",
          "er32", "--json", "p.json", "--plot", "p.png"],
-        capture_output=True, cwd=tmp_path, timeout=120, check=False,
+        capture_output=True, cwd=tmp_path, timeout=LIMIT_S, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr.decode()
     assert done.stderr == b""

@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from limits import LIMIT_S
 from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Material, MeasuredFRF, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
@@ -275,7 +276,7 @@ def test_results_are_in_the_order_of_the_fits() -> None:
     second_is_done = threading.Event()
 
     def first() -> str:
-        assert second_is_done.wait(10.0), "the second fit does not run at the same time"
+        assert second_is_done.wait(LIMIT_S), "the second fit does not run at the same time"
         return "first"
 
     def second() -> str:
@@ -301,12 +302,12 @@ def test_fits_in_the_background_end_after_an_interrupt() -> None:
             ended.set()
 
     def interrupted() -> None:
-        assert begun.wait(10.0)
+        assert begun.wait(LIMIT_S)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         list(in_parallel([interrupted, endless], 2))
-    went_on = not ended.wait(10.0)
+    went_on = not ended.wait(LIMIT_S)
     enough.set()
     assert not went_on, "the fit goes on"
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
 from receptance.units import FORMS, FRFKind, UnitError, channel_kind, form_name, frf_kind, frf_unit, parse_unit
@@ -118,11 +116,9 @@ def test_every_form_and_direction_has_a_unit() -> None:
         *("m(s≤)", "²", "1_0", "7", "m@N"),
     ],
 )
-def test_other_texts_are_refused_at_once(text: str) -> None:
-    began = time.process_time()
+def test_other_texts_are_refused(text: str) -> None:
     with pytest.raises(UnitError, match="not understood as a unit"):
         parse_unit(text)
-    assert time.process_time() - began < 0.5
 
 
 @pytest.mark.parametrize(
