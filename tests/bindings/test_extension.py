@@ -54,8 +54,7 @@ def test_stubs_match_names_and_parameters_of_the_extension() -> None:
 
 def test_every_public_name_is_documented() -> None:
     for name in receptance.__all__:
-        thing = getattr(receptance, name)
-        assert thing.__doc__, name
+        assert getattr(receptance, name).__doc__, name
     assert len(set(receptance.__all__)) == len(receptance.__all__)
 
 
@@ -90,7 +89,7 @@ def third_party(command: str) -> set[str]:
 def test_import_loads_numpy_and_scipy_only() -> None:
     found = {name for name in third_party("import receptance") if not name.startswith("_distutils")}
     assert "receptance" in found
-    assert found <= {"receptance", "numpy", "scipy"}, found
+    assert found <= {"receptance", "lazy_loader", "numpy", "scipy"}, found
 
 
 def test_subpackages_are_available_after_import() -> None:
@@ -101,7 +100,7 @@ def test_subpackages_are_available_after_import() -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=LIMIT_S)
     assert set(done.stdout.split()) == {f"receptance.{name}" for name in packages}
     assert packages <= set(dir(receptance))
-    with pytest.raises(AttributeError, match="has no attribute 'campaigns'"):
+    with pytest.raises(AttributeError, match="campaigns"):
         receptance.campaigns  # type: ignore[attr-defined]  # noqa: B018
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import pydoc
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import receptance as rc
 from receptance import campaign, examples
 from receptance.identification.unknowns import as_unknowns
+from receptance.model.fields import Element
 from receptance.report import Result
 
 TOOL = rc.Part([rc.Segment(length=0.0623, outer_diameter=0.0127, material=rc.CARBIDE)], name="tool")
@@ -105,3 +107,20 @@ def issubclass_of_error(one: object) -> bool:
 def test_versions() -> None:
     assert rc.__version__.count(".") == 2
     assert np.isfinite(PAIR.natural_frequencies(15e3)).all()
+
+
+def test_help_opens_with_the_types_of_the_fields() -> None:
+    elements = [one for name in dir(rc) if inspect.isclass(one := getattr(rc, name)) and issubclass(one, Element)]
+    assert rc.Segment in elements
+    for one in elements:
+        text = pydoc.render_doc(one, renderer=pydoc.plaintext)
+        assert "Annotated" not in text.splitlines()[3], text[:400]
+    opening = pydoc.render_doc(rc.Segment, renderer=pydoc.plaintext).splitlines()[3]
+    assert opening.startswith(
+        " |  Segment(*, length: float, outer_diameter: float, inner_diameter: float = 0.0, material: "
+    )
+
+
+def test_dir_lists_the_public_names() -> None:
+    assert {"FRF", "Segment", "identify", "io", "spindle", "__version__"} <= set(dir(rc))
+    assert not {"Any", "TYPE_CHECKING", "lazily", "lazy_loader"} & set(dir(rc))

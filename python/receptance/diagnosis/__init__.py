@@ -14,43 +14,6 @@ Data flow of `engine.diagnose`::
     `thresholds` has all constants.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from receptance._lazy import lazily
-
-if TYPE_CHECKING:
-    from receptance.diagnosis.catalogue import CATALOGUE
-    from receptance.diagnosis.causes import Cause, Parameter, Step, Variant
-    from receptance.diagnosis.engine import diagnose
-    from receptance.diagnosis.held_out import Gain, HeldOut, Metric
-    from receptance.diagnosis.model import Model, UndecidableError
-    from receptance.diagnosis.verdict import CandidateCause, ProposedMeasurement, Verdict
-
-__all__ = [
-    "CATALOGUE",
-    "CandidateCause",
-    "Cause",
-    "Gain",
-    "HeldOut",
-    "Metric",
-    "Model",
-    "Parameter",
-    "ProposedMeasurement",
-    "Step",
-    "UndecidableError",
-    "Variant",
-    "Verdict",
-    "diagnose",
-]
-
-_NAMES = {
-    "catalogue": ["CATALOGUE"],
-    "causes": ["Cause", "Parameter", "Step", "Variant"],
-    "engine": ["diagnose"],
-    "held_out": ["Gain", "HeldOut", "Metric"],
-    "model": ["Model", "UndecidableError"],
-    "verdict": ["CandidateCause", "ProposedMeasurement", "Verdict"],
-}
-
-if not TYPE_CHECKING:  # a type checker is to find misspelt names
-    __getattr__, __dir__ = lazily(__name__, _NAMES)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -121,6 +121,15 @@ def _layout(fields: Mapping[str, Field]) -> tuple[CoreColumn, ...]:
     return tuple(columns)
 
 
+class _Signature:
+    """Signature of an element's class with the types of its fields alone, without their declarations."""
+
+    def __get__(self, element: object, kind: type) -> inspect.Signature:
+        hints = get_type_hints(kind)
+        _, *parameters = inspect.signature(kind.__init__).parameters.values()
+        return inspect.Signature([one.replace(annotation=hints.get(one.name, one.annotation)) for one in parameters])
+
+
 class Element:
     """Base of all elements; checks, columns and addresses are derived from the declarations of the fields.
 
@@ -145,6 +154,7 @@ class Element:
     """Whether a campaign can state tolerances of its parameters."""
     role: ClassVar[str] = ""
     """Default name of an element of an assembly: "part", "joint", "spindle", "mass", "ground" or "resonator"."""
+    __signature__ = _Signature()
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -1,0 +1,16 @@
+from .check import CampaignCheck as CampaignCheck
+from .comparison import Comparison as Comparison
+from .measurements import Measurement as Measurement
+from .prediction import Prediction as Prediction
+from .prediction import forecast_of as forecast_of
+from .problems import CampaignError as CampaignError
+from .problems import Issue as Issue
+from .run import Campaign as Campaign
+from .run import load as load
+from .schema_document import field_tables as field_tables
+from .schema_document import json_schema as json_schema
+from .stability import CampaignCut as CampaignCut
+from .stability import Tip as Tip
+from .values import Deviation as Deviation
+from .write import extended_text as extended_text
+from .write import write_extended as write_extended

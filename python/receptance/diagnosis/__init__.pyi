@@ -1,0 +1,14 @@
+from .catalogue import CATALOGUE as CATALOGUE
+from .causes import Cause as Cause
+from .causes import Parameter as Parameter
+from .causes import Step as Step
+from .causes import Variant as Variant
+from .engine import diagnose as diagnose
+from .held_out import Gain as Gain
+from .held_out import HeldOut as HeldOut
+from .held_out import Metric as Metric
+from .model import Model as Model
+from .model import UndecidableError as UndecidableError
+from .verdict import CandidateCause as CandidateCause
+from .verdict import ProposedMeasurement as ProposedMeasurement
+from .verdict import Verdict as Verdict

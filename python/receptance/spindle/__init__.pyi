@@ -1,0 +1,10 @@
+from .crossed import CrossedSpindle as CrossedSpindle
+from .crossed import identify_crossed_spindle as identify_crossed_spindle
+from .differences import rotations as rotations
+from .files import read_spindle as read_spindle
+from .files import write_spindle as write_spindle
+from .modes import SpindleModes as SpindleModes
+from .modes import fit_spindle as fit_spindle
+from .modes import mode_tolerances as mode_tolerances
+from .receptance import SpindleReceptance as SpindleReceptance
+from .receptance import identify_spindle as identify_spindle

@@ -1,0 +1,13 @@
+from .cutting import Milling as Milling
+from .cutting import Turning as Turning
+from .lobes import Lobes as Lobes
+from .lobes import Stability as Stability
+from .lobes import StableCut as StableCut
+from .lobes import critical_depths as critical_depths
+from .lobes import stability_lobes as stability_lobes
+from .semi_discretisation import floquet_multiplier as floquet_multiplier
+from .semi_discretisation import semi_discretised_limit as semi_discretised_limit
+from .semi_discretisation import semi_discretised_lobes as semi_discretised_lobes
+from .tip import TipModes as TipModes
+from .tip import receptance_draws as receptance_draws
+from .tip import receptance_matrix as receptance_matrix
