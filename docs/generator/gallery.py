@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import io
+import json
 import os
 import tempfile
 from pathlib import Path
@@ -14,7 +16,7 @@ from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-__all__ = ["run", "setup"]
+__all__ = ["notebook", "run", "setup"]
 
 
 def run(script: Path) -> tuple[str, Figure]:
@@ -45,6 +47,37 @@ def run(script: Path) -> tuple[str, Figure]:
     return printed.getvalue(), figure
 
 
+def notebook(page: str, script: str) -> str:
+    """Return a Jupyter notebook with the text of a page and the code of its script, one cell for each paragraph.
+
+    Parameters
+    ----------
+    page : str
+        Markdown; its code blocks are left out.
+    script : str
+        Python that begins with a docstring and makes a `figure`.
+    """
+    lines = script.splitlines()
+    cells = [_cell("markdown", page.partition("```")[0]), _cell("code", "%matplotlib inline")]
+    _, *statements = ast.parse(script).body
+    begin = statements[0].lineno - 1
+    for before, after in zip(statements, [*statements[1:], None], strict=True):
+        if after is None or not lines[after.lineno - 2].strip():
+            cells.append(_cell("code", "\n".join(lines[begin : before.end_lineno])))
+            begin = before.end_lineno or 0
+    cells.append(_cell("code", "figure"))
+    for number, cell in enumerate(cells):
+        cell["id"] = f"cell-{number}"
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    whole = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+    return json.dumps(whole, indent=1)
+
+
+def _cell(kind: str, text: str) -> dict[str, Any]:
+    cell = {"cell_type": kind, "metadata": {}, "source": text.strip("\n").rstrip().splitlines(keepends=True)}
+    return cell | ({"execution_count": None, "outputs": []} if kind == "code" else {})
+
+
 def _run_all(app: Sphinx) -> None:
     """Run all scripts before the pages are read, because the page with their pictures needs those of all."""
     target = _target(app.srcdir)
@@ -53,6 +86,8 @@ def _run_all(app: Sphinx) -> None:
         printed, figure = run(script)
         figure.savefig(target / f"{script.stem}.png", dpi=130)
         (target / f"{script.stem}.txt").write_text(printed, encoding="utf-8")
+        page, code = (script.with_suffix(ending).read_text(encoding="utf-8") for ending in (".md", ".py"))
+        (target / f"{script.stem}.ipynb").write_text(notebook(page, code), encoding="utf-8")
 
 
 def _target(source: str | os.PathLike[str]) -> Path:
@@ -75,6 +110,8 @@ class Example(SphinxDirective):
             f"![Figure of the example](/generated/gallery/{path.stem}.png)",
             f"It prints:\n\n```text\n{printed}```",
             f"The script:\n\n```python\n{text}```",
+            f"Download the {{download}}`script <{path.name}>` or the "
+            f"{{download}}`notebook </generated/gallery/{path.stem}.ipynb>`.",
         ]
         return self.parse_text_to_nodes("\n\n".join(parts))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import re
@@ -12,6 +13,7 @@ import pytest
 
 import cause_effects
 import drawings
+import gallery
 import receptance
 from examples.documents import ROOT, difference
 from receptance import Assembly, PointMass
@@ -90,6 +92,24 @@ def test_look_alikes_are_symmetric_where_both_have_one_variant() -> None:
 def test_the_drawings_are_those_of_their_script(name: str) -> None:
     shown = (drawings.FOLDER / f"{name}.svg").read_text(encoding="utf-8")
     assert difference(drawings.DRAWINGS[name](), shown) is None, "run `python docs/generator/drawings.py`"
+
+
+def test_notebooks_of_the_gallery_have_the_statements_of_their_scripts() -> None:
+    nbformat = pytest.importorskip("nbformat", reason="needs nbformat")
+    for script in (ROOT / "docs" / "gallery").glob("*.py"):
+        code = script.read_text(encoding="utf-8")
+        made = nbformat.reads(
+            gallery.notebook(script.with_suffix(".md").read_text(encoding="utf-8"), code), as_version=4
+        )
+        nbformat.validate(made)
+        text, magic, *cells = [cell.source for cell in made.cells]
+        assert (magic, cells.pop()) == ("%matplotlib inline", "figure")
+        assert text.startswith("# ")
+        assert "```" not in text
+        assert len(cells) > 2
+        for cell in cells:
+            compile(cell, script.name, "exec")
+        assert ast.dump(ast.parse("\n".join(cells))) == ast.dump(ast.Module(ast.parse(code).body[1:], []))
 
 
 def test_every_example_of_the_gallery_has_a_page() -> None:
