@@ -15,7 +15,7 @@ from receptance.campaign import field_tables, json_schema
 from receptance.units import QUANTITIES
 
 jsonschema = pytest.importorskip("jsonschema")
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "campaign.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "campaign_keys.md"
 
 
 def mistakes(data: Any) -> list[str]:

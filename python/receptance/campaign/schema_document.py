@@ -100,7 +100,7 @@ def field_tables() -> str:
     --------
     >>> from receptance.campaign import field_tables
     >>> field_tables().splitlines()[0]
-    '### The file'
+    '## The file'
     """
     schema = json_schema()
     definitions = {"CampaignTable": {**schema, **schema["anyOf"][0]}, **schema["$defs"]}
@@ -120,7 +120,7 @@ def _block(heading: str, table: dict[str, Any]) -> str:
         # A row of a Markdown table is one line.
         meaning = " ".join(field.get("description", "").split())
         rows.append(f"| `{key}` | {needed} | {_value(field)} | {meaning}{_default(field)} |")
-    return "\n".join([f"### {heading}", "", table.get("description", ""), "", *rows])
+    return "\n".join([f"## {heading}", "", table.get("description", ""), "", *rows])
 
 
 def _value(field: dict[str, Any]) -> str:

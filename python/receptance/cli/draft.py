@@ -250,7 +250,8 @@ class Draft:
     def _head(self) -> Iterator[str]:
         yield from _comment(
             "Written by `receptance new`. Every value may be changed; `receptance check` reads the file again, says "
-            "what is there and what is missing, and draws the assemblies to scale. All keys are in docs/campaign.md."
+            "what is there and what is missing, and draws the assemblies to scale. All keys are in "
+            "docs/campaign_keys.md."
         )
         yield ""
         yield f"title = {_value(self.title)}"

@@ -1,7 +1,7 @@
 """All thresholds and grids of the diagnosis, with meaning and unit.
 
 Evidence and chi-square are dimensionless; so are standard deviations of the logarithm of a receptance. The blind
-laboratory (`tests/blind`) checks them together: see `docs/validation.md`.
+laboratory (`tests/blind`) checks them together: see `docs/validation_diagnosis.md`.
 """
 
 from __future__ import annotations
