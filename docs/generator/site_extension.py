@@ -14,6 +14,9 @@ from sphinx.util.docutils import SphinxRole
 OUTSIDE = {"../README.md": "index.md", "../CHANGELOG.md": "changes.md", "../CONTRIBUTING.md": "contributing.md"}
 """Files beside `docs` that pages link to, and the pages of the site that take their place."""
 
+INTERNAL = {"columns_of", "countable", "declared", "flat", "layout", "quantities", "tabulated", "tied"}
+"""Members of elements and assemblies that the library reads and users do not need."""
+
 
 class NameRole(SphinxRole):
     """A name in single backquotes: a link where it is a name of the API, code otherwise.
@@ -44,6 +47,10 @@ def _keep_signs(app: Sphinx, what: str, name: str, thing: object, options: objec
             lines[i] = "".join(p if p.startswith("`") else p.replace("|", "\\|") for p in pieces)
 
 
+def _skip_internal(app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object) -> bool | None:
+    return True if name in INTERNAL else None
+
+
 def _stay_inside(app: Sphinx, name: str, source: list[str]) -> None:
     for outside, page in OUTSIDE.items():
         source[0] = source[0].replace(f"]({outside}", f"]({'../' * name.count('/')}{page}")
@@ -54,5 +61,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_role("name", NameRole())
     app.add_lexer("csv", TextLexer)
     app.connect("source-read", _stay_inside)
+    app.connect("autodoc-skip-member", _skip_internal)
     app.connect("autodoc-process-docstring", _keep_signs, priority=400)  # before numpydoc
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -44,7 +44,8 @@ def test_example_from_creation_to_prediction(
         capture_output=True, cwd=tmp_path, timeout=LIMIT_S, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr.decode()
-    assert done.stderr == b""
+    # A slow machine prints progress.
+    assert all(re.fullmatch(rb"\d+ s: .*", line) for line in done.stderr.splitlines())
     text += done.stdout.decode("utf-8")
     assert "\x1b" not in text
     assert "\u2026" not in text, "a cell was cut off"
