@@ -48,7 +48,7 @@ def _keep_signs(app: Sphinx, what: str, name: str, thing: object, options: objec
 
 
 def _skip_internal(app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object) -> bool | None:
-    return True if name in INTERNAL else None
+    return True if name.rpartition(".")[2] in INTERNAL else None
 
 
 def _stay_inside(app: Sphinx, name: str, source: list[str]) -> None:
