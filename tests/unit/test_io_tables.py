@@ -13,7 +13,7 @@ from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.campaign import CampaignError
 from receptance.campaign.measurements import read_frequencies
 from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
-from receptance.io.csv_files import parse_column
+from receptance.io.column_names import parse_column
 
 EXPECTED = [1e-3 - 2e-3j, 3e-3 + 4e-3j]
 

@@ -15,7 +15,7 @@ from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
-from receptance.io.measurements import Measurement, low_coherence_notes
+from receptance.io.measurements import Measurement
 from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
 
@@ -225,6 +225,12 @@ _MAX_JITTER = 0.05
 """Largest deviation of a time from an even spacing, in time steps."""
 _MAX_STEP_VARIATION = 1e-3
 """Largest deviation of a time step from the mean step, relative."""
+_MOST_DECIMALS = 12
+"""Decimals of written times."""
+_WHOLE = 1e-3
+"""Largest deviation of a time in units of its last decimal from a whole number."""
+_LEAST_UNITS = 10
+"""Least duration of a record in units of the last decimal, whose times confirm a sample rate."""
 
 
 def make_frf(
@@ -238,14 +244,13 @@ def make_frf(
     notes: Sequence[str] = (),
     **fields: Any,
 ) -> FRF:
-    """Return an FRF of SI values with the coordinates of the options and further fields; a low coherence warns."""
+    """Return an FRF of SI values with the coordinates of the options and further fields."""
     notes = list(notes)
     if coherence is not None and options.ignore_coherence:
         coherence = None
         notes.append("the coherence in the file was ignored on request")
     if coherence is not None:
         coherence = file_coherence(frequency_hz, coherence)
-        notes += low_coherence_notes(coherence)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),
@@ -330,18 +335,24 @@ def _check_directions(name: str, given: tuple[Coordinate, ...], side: Sequence[s
             raise FileFormatError(f"{name} holds {coordinate}, but the file has a {motion} there")
 
 
-def sampling(seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None) -> tuple[float, float]:
+def sampling(
+    seconds: NDArray[np.float64], options: ReadOptions, *, step: float | None = None, step_error: float = 0.0
+) -> tuple[float, float]:
     """Return sample rate and start of evenly spaced sample times `(n,)` in s.
 
-    A sample rate in the options is used if it agrees with the file, else it raises a FileFormatError, as do uneven
-    times. `step`, stated in the file, is more exact than that of the times.
+    A sample rate in the options is used if it agrees with the file within the digits of its times, else it raises a
+    FileFormatError, as do uneven times. `step`, stated in the file with an error of at most `step_error`, is more exact
+    than that of the times.
     """
     start, count = float(seconds[0]), seconds.size
+    given = options.sample_rate_hz
     if step is None:
         if count < 2:
-            if options.sample_rate_hz is None:
+            if given is None:
                 raise FileFormatError("there is a single sample and no sample rate; give it: sample_rate_hz=51200")
-            return options.sample_rate_hz, start
+            return given, start
+        if given is not None and _agree_as_rounded(seconds, given):
+            return given, start
         step = float(seconds[-1] - seconds[0]) / (count - 1)
         rounding = 1e-6 * float(np.max(np.abs(seconds)))
         deviation = np.abs(seconds - (start + step * np.arange(count)))
@@ -349,17 +360,36 @@ def sampling(seconds: NDArray[np.float64], options: ReadOptions, *, step: float 
         # Rounded times deviate little from even ones; accumulated times drift, but their steps are equal.
         equal_steps = float(np.max(np.abs(np.diff(seconds) - step))) <= _MAX_STEP_VARIATION * step
         if not (step > 0.0 and (equal_steps or deviation[worst] <= _MAX_JITTER * step + rounding)):
+            remedy = (
+                "give the sample rate if the times are rounded (sample_rate_hz=51200, on the command line "
+                "--sample-rate 51200), else resample the record"
+                if given is None
+                else f"and they are not those of {given:g} samples per second, rounded"
+            )
             raise FileFormatError(
                 f"the samples are not evenly spaced in time: sample {worst + 1} is at {seconds[worst]:.9g} s, "
-                f"expected {start + step * worst:.9g} s; resample the record before reading it"
+                f"expected {start + step * worst:.9g} s; {remedy}"
             )
     if not (step > 0.0 and np.isfinite(1.0 / step) and np.isfinite(start)):
         raise FileFormatError(f"the time step is {step:g} s, expected more than zero")
     rate = 1.0 / step
-    if options.sample_rate_hz is None:
+    if given is None:
         return rate, start
-    if abs(options.sample_rate_hz / rate - 1.0) > _RATE_TOLERANCE:
-        raise FileFormatError(
-            f"sample_rate_hz is {options.sample_rate_hz:g}, but the file has {rate:.7g} samples per second"
-        )
-    return options.sample_rate_hz, start
+    if abs(given / rate - 1.0) > max(_RATE_TOLERANCE, step_error / step):
+        raise FileFormatError(f"sample_rate_hz is {given:g}, but the file has {rate:.7g} samples per second")
+    return given, start
+
+
+def _agree_as_rounded(seconds: NDArray[np.float64], rate: float) -> bool:
+    """Return whether these are the times of a sample rate, rounded to the decimals that they have."""
+    duration = (seconds.size - 1) / rate
+    # Numbers far from those of times overflow, and do not agree.
+    with np.errstate(all="ignore"):
+        deviation = float(np.ptp(seconds - np.arange(seconds.size) / rate))
+        for decimals in range(_MOST_DECIMALS):
+            scaled = seconds * 10.0**decimals
+            if np.all(np.abs(scaled - np.rint(scaled)) < _WHOLE):
+                unit = 10.0**-decimals
+                # The record is long enough for the times to confirm the rate.
+                return deviation <= unit * (1.0 + _WHOLE) and duration >= _LEAST_UNITS * unit
+    return False

@@ -18,7 +18,7 @@ from receptance.frf import FRF
 from receptance.io.arrays import is_npz, npz_bytes, read_npz
 from receptance.io.build import ReadKeywords, ReadOptions
 from receptance.io.csv_files import csv_bytes, read_csv
-from receptance.io.errors import MAX_LINES, FileFormatError, check_count, decompress, error_location, time_limit
+from receptance.io.errors import FileFormatError, decompress, error_location, time_limit
 from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
 from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
@@ -245,8 +245,6 @@ def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurem
     reader = FORMATS[kind].read
     if not FORMATS[kind].by_path:
         with time_limit(len(data)):
-            if kind != "npz":
-                check_count(data.count(b"\n") or data.count(b"\r"), MAX_LINES, "lines")
             measurements = reader(data, options)
     elif compressed:
         with tempfile.TemporaryDirectory() as folder:
@@ -257,9 +255,15 @@ def _read(path: Path, format: str | None, options: ReadOptions) -> list[Measurem
         measurements = reader(path, options)
     _check_options_apply(measurements, kind, options)
     for measurement in measurements:
+        changes: dict[str, Any] = {}
         if not measurement.source:
-            # The instance was created by the reader and is not shared yet.
-            _checks.set_fields(measurement, {"source": f"{path.name} ({FORMATS[kind].title})"})
+            changes["source"] = f"{path.name} ({FORMATS[kind].title})"
+        if isinstance(measurement, FRF) and measurement.coherence is not None:
+            # A file of this library may contain the note already.
+            notes = [*measurement.notes, *low_coherence_notes(measurement.coherence)]
+            changes["notes"] = tuple(dict.fromkeys(notes))
+        # The instance was created by the reader and is not shared yet.
+        _checks.set_fields(measurement, changes)
     return measurements
 
 

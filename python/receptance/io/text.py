@@ -4,23 +4,35 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.errors import warn_user
-from receptance.io.errors import FileFormatError, check_time
+from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_text, check_time
 
 _NUMBER = re.compile(
-    r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
+    r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
 )
 _MIN_ROWS_FOR_LENGTHS = 100
 """Number of rows of different lengths above which a last row shorter than all others is not taken for chance."""
+_PART = r"(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[EeDd][+-]?[0-9]{1,4})?"
+_COMPLEX = re.compile(
+    rf"(?P<opened>\()?\s*(?:(?P<real>[+-]?{_PART})\s*(?=[+-]))?(?P<imaginary>\+?-?\s*[+-]?{_PART})\s*\*?\s*[ij]\s*(?P<closed>\))?",
+    re.IGNORECASE,
+)
+"""A complex number as MATLAB, NumPy and spreadsheets write it."""
+_LONGEST_NUMBER = 200
+_NUMBER_WITH = {sign: re.compile(rf"[0-9.,]*{re.escape(sign)}[0-9.,]*") for sign in ",."}
+"""Digits with a decimal sign, for messages."""
+_BLOCK = 4096
+"""Lines that are split at a time, and between two checks of the time."""
 
 
 def decode(data: bytes) -> str:
     """Decode a text as UTF-16 if it begins with a byte order mark, else as UTF-8, else as Latin-1."""
+    check_text(data)
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             return data.decode("utf-16")
@@ -83,7 +95,13 @@ def check_row_count(text: str, rows: int, declared: int, line: int) -> None:
 def numbered_lines(text: str) -> list[tuple[int, str]]:
     """Return the lines that are not blank, with their numbers from 1."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    return [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+    numbered = []
+    for start in range(0, len(lines), _BLOCK):
+        check_time()
+        numbered += [
+            (number, line) for number, line in enumerate(lines[start : start + _BLOCK], start + 1) if line.strip()
+        ]
+    return numbered
 
 
 def excerpt(text: str) -> str:
@@ -106,17 +124,49 @@ def number(field: str, line: int, name: str, *, decimal_comma: bool = False, quo
     return float(plain) if mantissa is None else float(f"{mantissa}E{exponent or 0}")
 
 
-def parse_rows(
-    rows: Sequence[tuple[int, list[str]]],
+def complex_parts(field: str) -> tuple[str, str] | None:
+    """Return the texts of the real and the imaginary part of a complex number, None for other texts.
+
+    Examples
+    --------
+    >>> from receptance.io.text import complex_parts
+    >>> complex_parts("1.5-0.5i"), complex_parts("(1e-3+-2j)"), complex_parts("0,5 j"), complex_parts("1.5")
+    (('1.5', '-0.5'), ('1e-3', '-2'), ('0', '0,5'), None)
+    """
+    if not field.rstrip(" )").endswith(("i", "j", "I", "J")) or len(field) > _LONGEST_NUMBER:
+        return None
+    match = _COMPLEX.fullmatch(field.strip())
+    if not match or bool(match["opened"]) != bool(match["closed"]):
+        return None
+    return match["real"] or "0", "".join(match["imaginary"].split()).replace("+-", "-")
+
+
+def parse_lines(
+    lines: Sequence[tuple[int, str]],
+    split: Callable[[int, str], list[str]],
     names: Sequence[str],
     *,
     decimal_comma: bool = False,
     quote_first_row: bool = False,
 ) -> NDArray[np.float64]:
-    """Return the numbers `(rows, names)` in rows of fields with their line numbers, or raise with the line.
+    """Return the numbers `(lines, names)` in numbered lines, split into fields, or raise with the line.
 
     By default errors in the first row do not quote it, because the file is not known to be a measurement yet.
     """
+    check_count(len(lines) * len(names), MAX_NUMBERS, "numbers")
+    if decimal_comma:
+        _check_decimal_signs(lines)
+    blocks = [np.empty((0, len(names)))]
+    for start in range(0, len(lines), _BLOCK):
+        check_time()
+        block = [(line, split(line, text)) for line, text in lines[start : start + _BLOCK]]
+        blocks.append(_parse_block(block, names, decimal_comma=decimal_comma, quote_first=quote_first_row or start > 0))
+    return np.concatenate(blocks)
+
+
+def _parse_block(
+    rows: Sequence[tuple[int, list[str]]], names: Sequence[str], *, decimal_comma: bool, quote_first: bool
+) -> NDArray[np.float64]:
     width = len(names)
     try:
         # Ten times as fast as `number`, and sufficient for most files. Python's float() also accepts "1_000".
@@ -132,10 +182,27 @@ def parse_rows(
             fields.pop()
         if len(fields) != width:
             raise FileFormatError(f"there are {len(fields)} columns, expected {width}", line=line)
-        quote = quote_first_row or index > 0
         for column, (field, name) in enumerate(zip(fields, names, strict=True)):
+            quote = quote_first or index > 0
             values[index, column] = number(field, line, name, decimal_comma=decimal_comma, quote=quote)
     return values
+
+
+def _check_decimal_signs(lines: Sequence[tuple[int, str]]) -> None:
+    """Raise if some numbers have a comma and others a point: one of them separates thousands."""
+    first: dict[str, tuple[int, str]] = {}
+    for sign in ",.":
+        for line, text in lines:
+            if sign in text:
+                first[sign] = line, _NUMBER_WITH[sign].search(text)[0]  # type: ignore[index]
+                break
+    if len(first) == 2:
+        (comma_line, comma), (point_line, point) = first[","], first["."]
+        raise FileFormatError(
+            f"{comma!r} has a comma, and {point!r} in line {point_line} a point: one of them is the decimal sign and "
+            "the other separates thousands; export the numbers without separators of thousands",
+            line=comma_line,
+        )
 
 
 def check_ascending(frequency_hz: Sequence[float], lines: Sequence[int]) -> None:

@@ -15,7 +15,7 @@ from receptance.frf import FRF
 from receptance.io.build import ReadOptions, Resolved, complex_values, make_frf, resolve_frf, to_si
 from receptance.io.errors import FileFormatError, error_location
 from receptance.io.measurements import Measurement
-from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_rows, truncation_notes
+from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_lines, truncation_notes
 from receptance.units import UnitError, parse_unit
 
 _COLUMNS = ("the frequency", "the real part", "the imaginary part")
@@ -150,7 +150,7 @@ def _read_rows(
     text: str, rows: list[tuple[int, str]], lines: list[tuple[int, str]], declared: re.Match[str] | None
 ) -> tuple[NDArray[np.float64], list[str]]:
     """Return the columns, and notes on a text that may be truncated; a declared number of rows is checked."""
-    table = parse_rows([(line, row.split()) for line, row in rows], _COLUMNS)
+    table = parse_lines(rows, lambda _, row: row.split(), _COLUMNS)
     bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
     if bad.size:
         raise FileFormatError("the numbers are not all finite", line=rows[bad[0]][0])

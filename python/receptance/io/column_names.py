@@ -1,0 +1,193 @@
+"""Names of the columns of tables: quantity, part, unit and entry, in the words of several languages."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass, replace
+
+from receptance.io.description import QUALITY
+from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, frf_kind, parse_unit
+
+QUALITY_NAMES = {field: field.replace("_", " ") for field in QUALITY}
+"""Names of the columns of further fields of an FRF."""
+PARTS = {
+    "real": ("real", "re", "realteil", "reel", "reelle", "reale"),
+    "imaginary": (
+        *("imaginary", "imag", "im", "imaginarteil", "imaginaerteil", "imaginaire"),
+        *("immaginario", "immaginaria", "imaginario", "imaginaria"),
+    ),
+    "magnitude": (
+        *("magnitude", "mag", "amplitude", "ampl", "amp", "abs", "betrag", "module", "modulo", "amplitud"),
+        "ampiezza",
+    ),
+    "phase": ("phase", "angle", "arg", "phasenwinkel", "fase", "angulo", "angolo"),
+}
+"""Roles of the columns of an FRF, with the words for them in names of columns, without accents."""
+_ANGULAR = ("angular frequency", "omega", "ω", "kreisfrequenz", "pulsation", "pulsazione", "pulsacion")
+AXES = {
+    "frequency": (
+        *("frequency", "frequencies", "freq", "f", "frequenz", "frequence", "frequenza", "frecuencia"),
+        *_ANGULAR,
+    ),
+    "time": ("time", "t", "zeit", "temps", "tempo", "tiempo"),
+}
+"""Roles of the first column, with the words for them."""
+_UNITS = {"frequency": "Hz", "time": "s", "phase": "deg"}
+"""Usual units of columns whose quantity follows from their name."""
+_COHERENCE = ("coherence", "coh", "koharenz", "kohaerenz", "coherencia", "coerenza", "gamma2", "γ²")
+_FORMS = "|".join(FORM_NAMES)
+_ESTIMATE = "frf|h[12v]?"
+"""Names of an FRF that do not state its form: the letter of the transfer function, and its estimators."""
+_PART = "|".join(word for words in PARTS.values() for word in words)
+_FRF = re.compile(
+    rf"(?:(?P<form>{_FORMS}|{_ESTIMATE})\s+)?(?:part(?:ie|e)\s+)?(?P<part>{_PART})\.?(?:\s+part)?"
+    rf"(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",
+    re.IGNORECASE,
+)
+_PART_OF = re.compile(rf"(?P<part>{_PART})\.?\s*[({{]\s*(?P<form>{_FORMS}|{_ESTIMATE})\s*[)}}]", re.IGNORECASE)
+"""A part as a function, as in `Re(H1)`; the parentheses hold no unit."""
+_MAGNITUDE = re.compile(rf"\|\s*(?P<form>{_FORMS}|{_ESTIMATE})\s*\|", re.IGNORECASE)
+"""A magnitude as in `|H|`."""
+_COMPLEX = re.compile(rf"(?P<form>{_FORMS}|{_ESTIMATE})(?:\s+(?P<entry>.+))?", re.IGNORECASE)
+"""The name of a column of complex numbers, such as `H1` or `mobility tip`."""
+_QUALITY = re.compile(
+    rf"(?P<name>{'|'.join(map(re.escape, _COHERENCE))}|{'|'.join(QUALITY_NAMES.values())})\.?(?:\s+(?P<entry>.+))?",
+    re.IGNORECASE,
+)
+_BRACKETS = re.compile(r"(?P<name>.*)\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
+_PARENTHESES = re.compile(r"(?P<name>[^()]*)\((?P<unit>.*)\)", re.DOTALL)
+_SLASH = re.compile(r"(?P<name>[^/_]*)[/_](?P<unit>.+)", re.DOTALL)
+"""A unit behind a slash (DIN 1313) or an underscore, as in `Frequenz / Hz` and `freq_Hz`."""
+_NO_UNIT = ("", "-", "–", "—")
+"""Units of numbers without a dimension, or of an unknown one."""
+_LEVEL = re.compile(
+    r"dB\s*(?P<bracket>\()?\s*(?:re|rel|ref|//)[\s.:]*(?P<reference>.*[^\s)].*)", re.IGNORECASE | re.DOTALL
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """Meaning of a column, from its name."""
+
+    name: str
+    """Name without the unit."""
+    unit: str | None
+    role: str
+    """frequency, time, real, imaginary, magnitude, phase, coherence, a field of QUALITY, or channel."""
+    form: Form | None = None
+    entry: str = ""
+    """Response and excitation, if there are several."""
+
+
+def parse_column(text: str) -> Column:
+    """Return the meaning of a column name such as `accelerance real [m/s^2/N]` or `tip (g)`.
+
+    Examples
+    --------
+    >>> from receptance.io.column_names import parse_column
+    >>> parse_column("Inertance imag 2/1 [m/s^2/N]")
+    Column(name='Inertance imag 2/1', unit='m/s^2/N', role='imaginary', form='accelerance', entry='2/1')
+    """
+    text = text.strip()
+    if (match := _BRACKETS.fullmatch(text)) and match["name"].strip():
+        return named_column(match["name"], match["unit"])
+    if match := _SLASH.fullmatch(text):
+        column = named_column(match["name"], match["unit"])
+        # Other slashes and underscores belong to the name, such as those of the entry `2/1`.
+        if _has_unit_of_role(column):
+            return column
+    match = None if _PART_OF.fullmatch(text) else _PARENTHESES.fullmatch(text)
+    if match and match["name"].strip():
+        return named_column(match["name"], match["unit"])
+    column = named_column(text, None)
+    return column if column.role != "channel" else replace(named_column(text.replace("_", " "), None), name=text)
+
+
+def named_column(name: str, unit: str | None) -> Column:
+    """Return the meaning of a name without its unit."""
+    name = unicodedata.normalize("NFC", name.strip())
+    unit = None if unit is None or unit.strip() in _NO_UNIT else unit.strip()
+    plain = _without_accents(name)
+
+    def entry(match: re.Match[str]) -> str:
+        return name[match.start("entry") : match.end("entry")] if match["entry"] else ""
+
+    for role, words in AXES.items():
+        if plain.lower().removesuffix(".") in words:
+            return Column(name, unit, role)
+    if quality := _QUALITY.fullmatch(plain):
+        field = quality["name"].lower().replace(" ", "_")
+        return Column(name, unit, field if field in QUALITY else "coherence", entry=entry(quality))
+    if frf := _FRF.fullmatch(plain):
+        word = frf["form"] or frf["after"] or ""
+        return Column(name, unit, _role(frf["part"]), _form(word), entry(frf))
+    if part := _PART_OF.fullmatch(plain):
+        return Column(name, unit, _role(part["part"]), _form(part["form"]))
+    if magnitude := _MAGNITUDE.fullmatch(plain):
+        return Column(name, unit, "magnitude", _form(magnitude["form"]))
+    return Column(name, unit, "channel")
+
+
+def _without_accents(name: str) -> str:
+    """Return a name of composed letters with as many letters without accents."""
+    return "".join(unicodedata.normalize("NFD", letter)[0] for letter in name)
+
+
+def usual_unit(column: Column) -> str | None:
+    """Return the usual unit of a column whose quantity follows from its name, else None."""
+    return "rad/s" if _without_accents(column.name).lower() in _ANGULAR else _UNITS.get(column.role)
+
+
+def complex_columns(column: Column, *, several: bool) -> tuple[Column, Column]:
+    """Return the columns of the real and the imaginary part of a column of complex numbers, which may be several."""
+    match = _COMPLEX.fullmatch(column.name.replace("_", " "))
+    form = _form(match["form"]) if match else None
+    entry = (match["entry"] or "" if match else column.name) if several else ""
+    real = replace(column, role="real", form=form, entry=entry)
+    return real, replace(real, role="imaginary")
+
+
+def level_reference(unit: str) -> str | None:
+    """Return the reference of a level in dB, None for other units; a level without a reference raises a UnitError.
+
+    Examples
+    --------
+    >>> from receptance.io.column_names import level_reference
+    >>> level_reference("dB re 1 m/s^2/N"), level_reference("dB (rel. 1 g/N)"), level_reference("m/N")
+    ('1 m/s^2/N', '1 g/N', None)
+    """
+    if not unit.lower().startswith("db"):
+        return None
+    match = _LEVEL.fullmatch(unit)
+    if match is None:
+        raise UnitError(
+            f"the unit {unit!r} is a level in dB, whose reference is unknown; state it, as in 'dB re 1 m/s^2/N', or "
+            "export linear values"
+        )
+    return match["reference"].strip().removesuffix(")" if match["bracket"] else "").strip()
+
+
+def column_unit(unit: str) -> Unit:
+    """Return the unit of a column; of a level in dB that of its reference."""
+    return parse_unit(level_reference(unit) or unit)
+
+
+def _role(word: str) -> str:
+    return next(role for role, words in PARTS.items() if word.lower() in words)
+
+
+def _form(word: str) -> Form | None:
+    return form_name(word) if word.lower() in FORM_NAMES else None
+
+
+def _has_unit_of_role(column: Column) -> bool:
+    """Return whether the unit is one of the quantity that the column has by its name."""
+    try:
+        unit = column_unit(column.unit or "")
+    except UnitError:
+        return False
+    if column.role in ("real", "imaginary", "magnitude"):
+        return frf_kind(unit) is not None
+    usual = {_UNITS.get(column.role), "rad/s" if column.role == "frequency" else None} - {None}
+    return any(unit.dimension == parse_unit(str(expected)).dimension for expected in usual)
