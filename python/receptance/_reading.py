@@ -42,8 +42,8 @@ class Reading(TypedDict, total=False):
     format: Annotated[
         str | None,
         Option(
-            "format of the file, if its contents and its ending do not determine it: uff, csv, npz, mat, hdf5, cutpro "
-            "or dataphysics",
+            "format of the file, if its contents and its ending do not determine it: uff, csv, npz, mat, hdf5, cutpro, "
+            "dataphysics, lvm or npy",
             "FORMAT",
             "from",
         ),

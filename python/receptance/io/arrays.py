@@ -309,7 +309,7 @@ def arrays_in(data: bytes) -> dict[str, Any]:
                 with error_location(place=f"array {name!r}"):
                     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                         raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's")
-                    arrays[name] = _parse_npy(archive.read(member))
+                    arrays[name] = parse_npy(archive.read(member))
     except FileFormatError:
         raise
     except _BROKEN as error:
@@ -317,7 +317,7 @@ def arrays_in(data: bytes) -> dict[str, Any]:
     return arrays
 
 
-def _parse_npy(content: bytes) -> NDArray[Any] | str:
+def parse_npy(content: bytes) -> NDArray[Any] | str:
     """Return the array or text of an NPY file, after checking its declared size against that of the data."""
     stream = io.BytesIO(content)
     try:

@@ -359,7 +359,7 @@ def sampling(
         worst = int(np.argmax(deviation))
         # Rounded times deviate little from even ones; accumulated times drift, but their steps are equal.
         equal_steps = float(np.max(np.abs(np.diff(seconds) - step))) <= _MAX_STEP_VARIATION * step
-        if not (step > 0.0 and (equal_steps or deviation[worst] <= _MAX_JITTER * step + rounding)):
+        if step > 0.0 and not (equal_steps or deviation[worst] <= _MAX_JITTER * step + rounding):
             remedy = (
                 "give the sample rate if the times are rounded (sample_rate_hz=51200, on the command line "
                 "--sample-rate 51200), else resample the record"

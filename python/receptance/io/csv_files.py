@@ -71,7 +71,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
         if text.startswith(MARK):
             with error_location(line=line):
                 about = parse_about(text.removeprefix(MARK).strip())
-    lines = [(line, text) for line, text in every if not text.startswith("#")]
+    lines = [numbered for numbered in every if not numbered[1].startswith("#")]
     if not lines:
         raise FileFormatError(f"the file is empty, expected a header such as {EXAMPLE} and rows of numbers")
     skipped, delimiter = _layout(lines, options)

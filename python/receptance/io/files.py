@@ -19,8 +19,10 @@ from receptance.io.arrays import is_npz, npz_bytes, read_npz
 from receptance.io.build import ReadKeywords, ReadOptions
 from receptance.io.csv_files import csv_bytes, read_csv
 from receptance.io.errors import FileFormatError, decompress, error_location, time_limit
+from receptance.io.lvm import is_lvm, read_lvm
 from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
 from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
+from receptance.io.npy import is_npy, read_npy
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
 from receptance.io.uff.datasets import is_uff
 from receptance.io.uff.read import read_uff
@@ -42,6 +44,7 @@ class _Format:
     endings: tuple[str, ...] = ()
     recognises: Callable[[bytes], bool] | None = None
     by_path: bool = False
+    written: bool = True
 
 
 FORMATS = {
@@ -52,6 +55,8 @@ FORMATS = {
     "hdf5": _Format("HDF5", read_hdf5, (".h5", ".hdf5"), is_hdf5, by_path=True),
     "cutpro": _Format("CutPro .frf", read_cutpro, (".frf",)),
     "dataphysics": _Format("Data Physics ASCII export", read_dataphysics, (), is_dataphysics),
+    "lvm": _Format("LabVIEW measurement file", read_lvm, (".lvm",), is_lvm, written=False),
+    "npy": _Format("NumPy array", read_npy, (".npy",), is_npy, written=False),
 }
 """Formats by their name in `read` and `write`."""
 _ENDINGS = {ending: name for name, one in FORMATS.items() for ending in one.endings}
@@ -82,7 +87,7 @@ def read(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> Measurem
     path : path
         The file; text formats may be compressed with gzip.
     format : str, optional
-        "uff", "csv", "npz", "mat", "hdf5", "cutpro" or "dataphysics".
+        "uff", "csv", "npz", "mat", "hdf5", "cutpro", "dataphysics", "lvm" or "npy".
     quantity : str, optional
         "receptance", "mobility" or "accelerance", for an FRF whose file does not state it, or states it wrongly.
     unit : str or mapping, optional
@@ -104,9 +109,9 @@ def read(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> Measurem
         "values" (or "real" and "imaginary", or "magnitude" and "phase_deg" or "phase_rad") and of "coherence", for a
         time series of "time_s" and each channel. "NAME[:,1]" is the second column of a variable.
     columns : sequence of str, optional
-        Header of a table without header.
+        Header of a table without header, and names of the columns of an array (.npy).
     sample_rate_hz : float, optional
-        For time series whose file does not state it, or not with enough digits.
+        For time series whose file does not state it, or not with enough digits; tables may then lack the times.
 
     Raises
     ------
@@ -314,7 +319,7 @@ def _check_options_apply(measurements: Sequence[Measurement], kind: str, options
         if unknown:
             listed = ", ".join(map(repr, channels)) or f"none: it holds {measurements[0]!r}"
             raise FileFormatError(f"unit names the channel {unknown[0]!r}; the channels of the file are {listed}")
-    for name, kinds in (("variables", ("npz", "mat", "hdf5")), ("columns", ("csv",))):
+    for name, kinds in (("variables", ("npz", "mat", "hdf5")), ("columns", ("csv", "npy"))):
         if getattr(options, name) is not None and kind not in kinds:
             raise FileFormatError(f"{name} was given, but the file is a {FORMATS[kind].title}")
 
@@ -403,10 +408,12 @@ def write(
     compressed = path.suffix.lower() == ".gz"
     ending = (path.with_suffix("") if compressed else path).suffix.lower()
     kind = format or _ENDINGS.get(ending)
-    if kind not in FORMATS:
-        known = ", ".join(_ENDINGS)
+    written = [name for name, one in FORMATS.items() if one.written]
+    if kind not in written:
+        endings = ", ".join(ending for ending, name in _ENDINGS.items() if name in written)
         raise ValueError(
-            f"{path.name}: unknown extension, expected one of {known}, or format=, one of {', '.join(FORMATS)}"
+            f"{path.name}: {'is read and not written' if kind in FORMATS else 'unknown extension'}, expected one of "
+            f"{endings}, or format=, one of {', '.join(written)}"
         )
     if binary is not None and kind != "uff":
         raise ValueError(f"binary applies to universal files, {path.name} is a {FORMATS[kind].title}")

@@ -117,7 +117,7 @@ def number(field: str, line: int, name: str, *, decimal_comma: bool = False, quo
     plain = field.strip()
     if decimal_comma and "." not in plain:
         plain = plain.replace(",", ".", 1)
-    match = _NUMBER.fullmatch(plain)
+    match = _NUMBER.fullmatch(plain) if len(plain) <= _LONGEST_NUMBER else None
     if not match:
         raise FileFormatError(f"{name} is {excerpt(field.strip()) if quote else 'text'}, expected a number", line=line)
     mantissa, exponent = match.groups()
