@@ -428,8 +428,8 @@ def integrate_motion(observation: MeasuredFRF, times: int) -> MeasuredFRF:
 
 
 def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
-    """Return the time records of all files of a measurement."""
-    from receptance.io import read_time_series
+    """Return the time records of all files of a measurement; a file may hold several, one for each hit."""
+    from receptance.io import FileFormatError, TimeSeries, read_all
     from receptance.measurement import HammerRecords
 
     given = _reading(table, folder, records=True)
@@ -437,15 +437,21 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
     names = [table.file] if isinstance(table.file, str) else table.file
     if not names:
         raise ValueError("is an empty list, expected at least one file")
-    series = {name: read_time_series(folder / name, **given) for name in names}
     repeated = [name for name, count in Counter(names).items() if count > 1]
-    for first, second in equal_pairs({name: (one.values.tobytes(),) for name, one in series.items()}):
-        repeated += [f"{first} and {second}"]
+    series: dict[str, TimeSeries] = {}
+    for name in names:
+        measurements = read_all(folder / name, **given)
+        records = [record for record in measurements if isinstance(record, TimeSeries)]
+        if not records:
+            raise FileFormatError(f"the file holds no time series, but {measurements[0]!r}", file=name)
+        series |= {f"{name}, record {k}" if len(records) > 1 else name: record for k, record in enumerate(records, 1)}
+    equal = equal_pairs({label: (record.values.tobytes(),) for label, record in series.items()})
+    repeated += [f"{first} and {second}" for first, second in equal]
     if repeated:
-        raise ValueError(f"has the same record more than once: {', '.join(repeated)}; expected each record once")
+        raise ValueError(f"has the same record more than once: {'; '.join(repeated)}; expected each record once")
     return [
         HammerRecords.from_series(
-            series[name],
+            record,
             force=table.force,
             responses=table.motion,
             excitation=_unsigned(table.excitation.direction),
@@ -454,7 +460,7 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
             response_decay_rate=table.response_decay_rate,
             label=name,
         )
-        for name in names
+        for name, record in series.items()
     ]
 
 

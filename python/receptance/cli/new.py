@@ -361,7 +361,8 @@ def _contents(
             )
             for index, one in enumerate(frfs)
         ]
-    if len(series) == 1:
+    if series and len({(record.channels, record.units, record.sample_rate_hz) for record in series}) == 1:
+        # Several records of the same channels are hits of one measurement.
         table = _hammer_keys(file, series[0], keys, force, motion)
         return [MeasuredFile(file=file, name=file.stem, measured=series[0], table=table)]
     if series:

@@ -227,7 +227,7 @@ _MAX_STEP_VARIATION = 1e-3
 """Largest deviation of a time step from the mean step, relative."""
 _MOST_DECIMALS = 12
 """Decimals of written times."""
-_WHOLE = 1e-3
+_WHOLE = 1e-9
 """Largest deviation of a time in units of its last decimal from a whole number."""
 _LEAST_UNITS = 10
 """Least duration of a record in units of the last decimal, whose times confirm a sample rate."""
@@ -388,8 +388,8 @@ def _agree_as_rounded(seconds: NDArray[np.float64], rate: float) -> bool:
         deviation = float(np.ptp(seconds - np.arange(seconds.size) / rate))
         for decimals in range(_MOST_DECIMALS):
             scaled = seconds * 10.0**decimals
-            if np.all(np.abs(scaled - np.rint(scaled)) < _WHOLE):
+            if np.all(np.abs(scaled - np.rint(scaled)) <= _WHOLE + 1e-15 * np.abs(scaled)):
                 unit = 10.0**-decimals
                 # The record is long enough for the times to confirm the rate.
-                return deviation <= unit * (1.0 + _WHOLE) and duration >= _LEAST_UNITS * unit
+                return deviation <= unit * 1.001 and duration >= _LEAST_UNITS * unit
     return False

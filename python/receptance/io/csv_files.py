@@ -120,7 +120,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
     else:
         notes += truncation_notes(content, lines)
     rows = tuple(line for line, _ in lines)
-    return NumberTable(tuple(columns), values, header, rows, about, tuple(notes), averages)
+    return NumberTable(tuple(columns), values, header, rows, about, tuple(notes), averages=averages)
 
 
 def _columns(

@@ -82,11 +82,10 @@ def read_lvm(data: bytes, options: ReadOptions) -> list[Measurement]:
     if not segments:
         raise FileFormatError(f"there is no segment of channels behind this {_END_OF_HEADER}", line=file.end)
     measurements = []
-    for number_, segment in enumerate(segments, 1):
-        notes = [f"record {number_} of {len(segments)}, from line {segment.header.end}"] if len(segments) > 1 else []
-        if number_ == len(segments):
-            notes += truncation_notes(content, segment.rows)
-        measurements += measurements_in(segment.table(notes, options), options)
+    for index, segment in enumerate(segments, 1):
+        label = f"record {index} of {len(segments)}" if len(segments) > 1 else ""
+        notes = truncation_notes(content, segment.rows) if index == len(segments) else []
+        measurements += measurements_in(replace(segment.table(notes, options), label=label), options)
     return measurements
 
 
@@ -197,7 +196,7 @@ class _Segment:
         if error > _DIGITS * step and options.sample_rate_hz is None and abs(1.0 / step - round(1.0 / step)) > _WHOLE:
             doubt = (
                 f"the time step {step:g} s is written with few digits: the sample rate, {1.0 / step:.6g} Hz, may be "
-                f"wrong by {100.0 * error / step:.1g} %; give it with sample_rate_hz= (on the command line --sample-rate)"
+                f"wrong by {100.0 * error / step:.1g} %; give it: sample_rate_hz= (on the command line --sample-rate)"
             )
             warn_user(doubt)
             table = replace(table, notes=(*table.notes, doubt))

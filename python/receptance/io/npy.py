@@ -32,8 +32,8 @@ def read_npy(data: bytes, options: ReadOptions) -> list[Measurement]:
     check_count(array.size, MAX_NUMBERS, "numbers")
     if options.columns is None:
         raise FileFormatError(
-            f"the file holds an array {array.shape} of {array.dtype} and no names; give them with columns=[...] (on "
-            "the command line --columns), a name with its unit for each column, such as 'frequency [Hz],real [m/N],imag "
+            f"the file holds an array {array.shape} of {array.dtype} without names; give them with columns=[...] (on "
+            "the command line --columns), a name with its unit for each column: 'frequency [Hz],real [m/N],imag "
             "[m/N]', or 'hammer [N],tip [m/s^2]' with sample_rate_hz= (--sample-rate) for time records without times"
         )
     names = list(options.columns)

@@ -39,6 +39,7 @@ class NumberTable:
     lines: tuple[int, ...]
     about: dict[str, Any] | None
     notes: tuple[str, ...] = ()
+    label: str = ""
     averages: int | None = None
     """Number of averages in a line before the header."""
     start_s: float = 0.0
@@ -134,6 +135,11 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
         return [measurement_of({"values": table.values[:, channels]}, table.about, options)]
     names = [table.columns[index].name for index in channels]
     units, notes = _channel_units(table, channels, options)
+    if time is None and table.step_s is None and options.sample_rate_hz is None:
+        raise FileFormatError(
+            "there is no column of times and no sample rate; give it: sample_rate_hz=51200 (on the command line "
+            "--sample-rate 51200)"
+        )
     count = len(table.lines)
     seconds = np.array([table.start_s]) if time is None else _column_in_unit(table, time, "s")
     starts = [0] if time is None else _restarts(table, seconds)
@@ -145,7 +151,6 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
         agreed = replace(options, sample_rate_hz=rate)
         with error_location(line=table.lines[start] if number > 1 else None):
             rate, begins = sampling(seconds[start:end], agreed, step=table.step_s, step_error=table.step_error_s)
-        part = [f"record {number} of {len(starts)}, from line {table.lines[start]}"] if len(starts) > 1 else []
         records.append(
             make(
                 TimeSeries,
@@ -154,7 +159,8 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
                 units=units,
                 sample_rate_hz=rate,
                 start_s=begins,
-                notes=[*notes, *part],
+                label=f"record {number} of {len(starts)}" if len(starts) > 1 else table.label,
+                notes=notes,
             )
         )
     return records
@@ -257,6 +263,7 @@ def _frf(table: NumberTable, lines: NDArray[np.float64], entries: _Entries, opti
         directions=([kind.response for kind in kinds], [kinds[0].excitation]),
         coherence=coherence,
         labels=(list(entries), [""]) if any(entries) else None,
+        label=table.label,
         averages=table.averages,
         notes=notes,
         options=options,
