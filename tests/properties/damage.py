@@ -146,7 +146,19 @@ REPLACEMENTS = [
     (b"\n", b"\r"),
     (b" ", b"\t"),
 ]
-LINES = [b"    -1", b"", b"    58", b"   164", b"\xff\xfe", b"# comment", b'"', b"    58b"]
+LINES = [
+    b"***End_of_Header***",
+    b"Channels\t2",
+    b"X_Value\ta\tb",
+    b"    -1",
+    b"",
+    b"    58",
+    b"   164",
+    b"\xff\xfe",
+    b"# comment",
+    b'"',
+    b"    58b",
+]
 ODD_HEADERS = [
     *((rb"\(\d*,?[^)]*\)", odd) for odd in (b"(99999999999, 9)", b"(-1,)", b"(2,) * 9", b"()", b"(12L,)")),
     *((rb"'<[a-zA-Z]\d+'", odd) for odd in (b"'|O'", b"'<f2'", b"'|V8'", b"[('a', '<f8')]", b"'<M8[s]'", b"'>c16'")),
@@ -196,7 +208,9 @@ def damaged(base: Base, others: list[Base], rng: random.Random) -> bytes:
             if rng.random() < 0.7:
                 return content
     for _ in range(rng.choice((1, 1, 1, 2, 3, 6))):
-        if kind in ("uff", "ufb", "csv", "cutpro", "dataphysics", "campaign") and rng.random() < 0.75:
+        if kind == "npy" and rng.random() < 0.5:
+            content = _odd_npy(content, rng)
+        elif kind in ("uff", "ufb", "csv", "cutpro", "dataphysics", "lvm", "campaign") and rng.random() < 0.75:
             content = _damaged_text(content, rng)
         else:
             content = _damaged_bytes(content, rng.choice(others).content, rng)

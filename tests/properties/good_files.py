@@ -22,6 +22,7 @@ from receptance.io import Coherence, TimeSeries, write
 UNIT = {"unit": "m/s^2/N"}
 VARIABLES = {"variables": {"frequency_hz": "f", "values": "H", "coherence": "coh"}, **UNIT}
 TIME_VARIABLES = {"variables": {"time_s": "t", "a": "y"}, "unit": {"a": "g"}}
+UNTIMED = ({"columns": ["hammer [N]", "tip [g]"], "sample_rate_hz": 1000.0},)
 OPTIONS: tuple[dict[str, Any], ...] = (
     *[{}] * 10,
     UNIT,
@@ -98,7 +99,7 @@ def good_files(seed: int) -> list[Base]:
     found.extend(
         Base("gz", f"{base.name}.gz", gzip.compress(base.content, mtime=0), base.options)
         for base in found
-        if base.format in ("uff", "csv", "cutpro", "dataphysics")
+        if base.format in ("uff", "csv", "cutpro", "dataphysics", "lvm")
     )
     for text in (TEXT, examples.EXAMPLES["er32"].campaign):
         found.append(Base("campaign", "campaign.toml", text.encode(), ({},)))
@@ -138,6 +139,26 @@ def _of_others(plain: FRF, series: TimeSeries, rng: np.random.Generator) -> Iter
         rows = [[f"{f:.6g}", f"{v.real:.9E}", f"{v.imag:.9E}", "95"] for f, v in zip(lines, values, strict=True)]
         table = "\n".join(delimiter.join(row) for row in rows)
         yield Base("csv", "foreign.csv", (text + (table.replace(".", ",") if comma else table)).encode("latin-1"))
+    rows = [f"{f:.6g}\t{v.real:.6E}{v.imag:+.6E}i\t0.95" for f, v in zip(lines, values, strict=True)]
+    yield Base("csv", "complex.csv", ("omega [rad/s]\tH1 [mm/N]\tKohärenz [-]\n" + "\n".join(rows)).encode())
+    rows = [
+        f"{f:.6g},{20 * np.log10(abs(v)):.4f},{np.angle(v, deg=True):.3f}" for f, v in zip(lines, values, strict=True)
+    ]
+    header = "Window,Uniform\nf [Hz],magnitude [dB re 1 um/N],phase [deg]\n"
+    yield Base("csv", "level.csv", (header + "\n".join(rows)).encode())
+    rows = [f"{k % 6 / 1000.0:.4f};{y:.5f}" for k, y in enumerate(series.values[:, 0])]
+    yield Base("csv", "hits.csv", ("time [s];hammer [N]\n" + "\n".join(rows).replace(".", ",")).encode())
+    yield Base("csv", "untimed.csv", "\n".join(f"{x:.5f} {y:.5f}" for x, y in series.values).encode(), UNTIMED)
+    for columns, comma in (("No", False), ("One", True), ("Multi", False)):
+        yield Base("lvm", f"{columns.lower()}.lvm", labview(series, columns, comma=comma))
+    for array, given in (
+        (np.column_stack([lines, values]), {"columns": ["f [Hz]", "H1 [m/N]"]}),
+        (np.column_stack([lines, values.real, values.imag]), {"columns": ["f [Hz]", "real [m/N]", "imag [m/N]"]}),
+        (series.values, UNTIMED[0]),
+    ):
+        buffer = io.BytesIO()
+        np.save(buffer, array)
+        yield Base("npy", "array.npy", buffer.getvalue(), (given, given, given, {}))
     table = "\r\n".join(f"{t:.4f},{y:.5f}" for t, y in zip(series.time_s, series.values[:, 0], strict=True))
     yield Base("csv", "time.csv", ("time [ms],hammer [lbf]\r\n" + table).encode())
 
@@ -176,6 +197,42 @@ def uff_layout(kind: int, even: int, lines: np.ndarray, values: np.ndarray, *, b
         "         0    0    0    0 NONE                 NONE",
     ]
     return "\n".join(text).encode("latin-1") + b"\n" + body + b"    -1\n"
+
+
+def labview(series: TimeSeries, columns: str, *, comma: bool) -> bytes:
+    """Return a LabVIEW measurement file with two segments of a time series; `columns` are those of the times."""
+    stride = 2 if columns == "Multi" else 1
+
+    def key(name: str, *cells: str) -> str:
+        return "\t".join([name, *(text for cell in cells for text in [cell, ""][:stride]), ""])
+
+    lines = [
+        "LabVIEW Measurement\t",
+        "Writer_Version\t2",
+        "Separator\tTab",
+        f"Decimal_Separator\t{',' if comma else '.'}",
+    ]
+    lines += ["Multi_Headings\tYes", f"X_Columns\t{columns}", "Time_Pref\tAbsolute", "***End_of_Header***\t", "\t"]
+    for start in ("0.000000", "3.500000"):
+        lines += [
+            key("Channels", "2"),
+            key("Samples", *[str(len(series))] * 2),
+            key("Y_Unit_Label", "Newtons", "m/s^2"),
+        ]
+        lines += [key("X_Dimension", "Time", "Time"), key("X0", start, start), key("Delta_X", "0.001000", "0.001000")]
+        names = ["hammer", "X_Value", "tip"] if columns == "Multi" else ["hammer", "tip"]
+        lines += ["***End_of_Header***\t\t", "\t".join(["X_Value", *names, "Comment"])]
+        for time, (force, motion) in zip(series.time_s, series.values, strict=True):
+            first = "" if columns == "No" else f"{float(start) + time:.6f}"
+            row = (
+                [first, f"{force:.6f}", first, f"{motion:.6f}"]
+                if columns == "Multi"
+                else [first, f"{force:.6f}", f"{motion:.6f}"]
+            )
+            lines.append("\t".join(row))
+        lines.append("")
+    text = "\r\n".join(lines)
+    return (text.replace(".", ",") if comma else text).replace("Decimal_Separator\t,,", "Decimal_Separator\t,").encode()
 
 
 def items_of(content: bytes) -> dict[str, Any]:

@@ -23,7 +23,7 @@ def test_some_damaged_files() -> None:
     print(report)
     assert not report.failures, str(report)
     formats = {key.split(":")[0] for key in report.outcomes}
-    assert formats == {"uff", "ufb", "csv", "npz", "mat", "h5", "cutpro", "dataphysics", "gz", "campaign"}
+    assert formats == {"uff", "ufb", "csv", "npz", "npy", "mat", "h5", "cutpro", "dataphysics", "lvm", "gz", "campaign"}
     for name in formats:
         # Some files stay readable and some do not.
         assert report.outcomes[f"{name}:read"] > 0, str(report)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from receptance.io.description import QUALITY
+from receptance.io.errors import FileFormatError
 from receptance.units import FORM_NAMES, Form, Unit, UnitError, form_name, frf_kind, parse_unit
 
 QUALITY_NAMES = {field: field.replace("_", " ") for field in QUALITY}
@@ -62,7 +64,7 @@ _SLASH = re.compile(r"(?P<name>[^/_]*)[/_](?P<unit>.+)", re.DOTALL)
 _NO_UNIT = ("", "-", "–", "—")
 """Units of numbers without a dimension, or of an unknown one."""
 _LEVEL = re.compile(
-    r"dB\s*(?P<bracket>\()?\s*(?:re|rel|ref|//)[\s.:]*(?P<reference>.*[^\s)].*)", re.IGNORECASE | re.DOTALL
+    r"dB\s*(?P<bracket>\()?\s*(?:ref|rel|re|//)(?![a-z])[\s.:]*(?P<reference>.*[^\s)].*)", re.IGNORECASE | re.DOTALL
 )
 
 
@@ -139,13 +141,39 @@ def usual_unit(column: Column) -> str | None:
     return "rad/s" if _without_accents(column.name).lower() in _ANGULAR else _UNITS.get(column.role)
 
 
-def complex_columns(column: Column, *, several: bool) -> tuple[Column, Column]:
-    """Return the columns of the real and the imaginary part of a column of complex numbers, which may be several."""
-    match = _COMPLEX.fullmatch(column.name.replace("_", " "))
-    form = _form(match["form"]) if match else None
-    entry = (match["entry"] or "" if match else column.name) if several else ""
-    real = replace(column, role="real", form=form, entry=entry)
-    return real, replace(real, role="imaginary")
+def with_one_axis(columns: Sequence[Column]) -> list[Column]:
+    """Return columns of which only the first axis is one: a later f or t is a channel, as force or temperature."""
+    first = next((index for index, column in enumerate(columns) if column.role in AXES), len(columns))
+    return [
+        replace(column, role="channel") if column.role in AXES and index > first else column
+        for index, column in enumerate(columns)
+    ]
+
+
+def with_complex_parts(columns: Sequence[Column], are_complex: Sequence[bool], line: int | None = None) -> list[Column]:
+    """Return columns with two, of the real and the imaginary part, for each FRF of complex numbers.
+
+    Complex numbers in another column, or in a table without a frequency, raise a FileFormatError with the line.
+    """
+    has_frequency = any(column.role == "frequency" for column in columns)
+    several = sum(are_complex) > 1
+    parts: list[Column] = []
+    for column, is_complex in zip(columns, are_complex, strict=True):
+        if not is_complex:
+            parts.append(column)
+            continue
+        if column.role != "channel" or not has_frequency:
+            raise FileFormatError(
+                f"column {column.name!r} has complex numbers, expected real ones; an FRF of complex numbers is beside "
+                "a frequency and named by its quantity, such as accelerance [m/s^2/N]",
+                line=line,
+            )
+        match = _COMPLEX.fullmatch(column.name.replace("_", " "))
+        form = _form(match["form"]) if match else None
+        entry = (match["entry"] or "" if match else column.name) if several else ""
+        real = replace(column, role="real", form=form, entry=entry)
+        parts += [real, replace(real, role="imaginary")]
+    return parts
 
 
 def level_reference(unit: str) -> str | None:

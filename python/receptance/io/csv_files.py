@@ -21,9 +21,10 @@ from receptance.io.column_names import (
     QUALITY_NAMES,
     Column,
     column_unit,
-    complex_columns,
     named_column,
     parse_column,
+    with_complex_parts,
+    with_one_axis,
 )
 from receptance.io.description import about_text, arrays_of, parse_about
 from receptance.io.errors import FileFormatError, check_time, error_location
@@ -83,11 +84,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
         averages = _averages(before, notes)
         notes += _window_notes(before)
     header, columns, lines = _columns(lines, delimiter, options)
-    axes = [index for index, column in enumerate(columns) if column.role in AXES]
-    for index in axes[1:]:
-        # Only the first is an axis; a later f or t is a channel, for example force or temperature.
-        columns[index] = replace(columns[index], role="channel")
-    if not axes and options.sample_rate_hz is None:
+    if options.sample_rate_hz is None and not any(column.role in AXES for column in columns):
         # The header is not quoted, because the file is not known to be a measurement.
         raise FileFormatError(
             f"of the {len(columns)} columns none is named frequency or time, expected a header such as {EXAMPLE} or "
@@ -124,8 +121,8 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
 
 
 def _columns(
-    lines: Sequence[tuple[int, str]], delimiter: str, options: ReadOptions
-) -> tuple[int, list[Column], Sequence[tuple[int, str]]]:
+    lines: list[tuple[int, str]], delimiter: str, options: ReadOptions
+) -> tuple[int, list[Column], list[tuple[int, str]]]:
     """Return the line number of the header, its columns with their units, and the lines below it."""
     header, names = lines[0][0], _split(*lines[0], delimiter)
     has_names = not _is_number(names[0], delimiter)
@@ -154,7 +151,7 @@ def _columns(
     while columns and not columns[-1].name and (len(cells) < len(columns) or not cells[-1].strip()):
         # Every row ends with a delimiter.
         columns.pop()
-    return header, columns, lines
+    return header, with_one_axis(columns), lines
 
 
 def _with_complex_columns(
@@ -168,15 +165,7 @@ def _with_complex_columns(
     ]
     if not any(are_complex):
         return list(columns), lambda line, text: _split(line, text, delimiter)
-    parts: list[Column] = []
-    for column, is_complex in zip(columns, are_complex, strict=True):
-        if is_complex and column.role != "channel":
-            raise FileFormatError(
-                f"column {column.name!r} has complex numbers, expected real ones; a column of complex numbers is named "
-                "by its quantity, such as accelerance [m/s^2/N]",
-                line=lines[0][0],
-            )
-        parts += complex_columns(column, several=sum(are_complex) > 1) if is_complex else [column]
+    parts = with_complex_parts(columns, are_complex, lines[0][0])
 
     def split(line: int, text: str) -> list[str]:
         fields: list[str] = []

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,8 +74,8 @@ def read_lvm(data: bytes, options: ReadOptions) -> list[Measurement]:
     segments = []
     while rest:
         header, below = _header(rest, separator)
-        if len(below) < 2:
-            raise FileFormatError("there are no names of channels and rows below this header", line=header.end)
+        if not below:
+            raise FileFormatError("there are no names of channels below this header", line=header.end)
         # Keys begin with a letter, rows with a number, a sign or an empty cell.
         count = next((index for index, (_, text) in enumerate(below[1:]) if text[:1].isalpha()), len(below) - 1)
         segments.append(_Segment(file, header, below[0], below[1 : 1 + count], separator))
@@ -140,6 +141,8 @@ class _Segment:
 
     def table(self, notes: Sequence[str], options: ReadOptions) -> NumberTable:
         """Return the channels that have samples as a table, with its first column or the stated step."""
+        if not self.rows:
+            raise FileFormatError("there are no rows of numbers below these names", line=self.names[0])
         stride = 2 if self.file.text("X_Columns", "No") == "Multi" else 1
         channels, dropped = self._channels(stride)
         end = self._count() * stride + (stride == 1)
@@ -192,7 +195,7 @@ class _Segment:
             return _with_axis(table, role, values[:, 0])
         start, step, error = self._steps(channels, stride)
         if role == "frequency":
-            return _with_axis(table, role, start + step * np.arange(len(rows)))
+            return _with_axis(table, role, start + step * np.arange(len(rows), dtype=np.float64))
         if error > _DIGITS * step and options.sample_rate_hz is None and abs(1.0 / step - round(1.0 / step)) > _WHOLE:
             doubt = (
                 f"the time step {step:g} s is written with few digits: the sample rate, {1.0 / step:.6g} Hz, may be "
@@ -248,7 +251,7 @@ class _Segment:
             if rows < count or (several and rows != count):
                 raise FileFormatError(
                     f"the header states {count:g} samples and there are {rows} rows: the file was truncated or changed",
-                    line=self.rows[-1][0] if self.rows else self.names[0],
+                    line=self.rows[-1][0],
                 )
 
     def _without_comments(self, end: int) -> tuple[Sequence[_Line], list[str]]:
@@ -306,7 +309,7 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def _with_axis(table: NumberTable, role: str, axis: NDArray[np.float64]) -> NumberTable:
+def _with_axis(table: NumberTable, role: str, axis: NDArray[Any]) -> NumberTable:
     """Return a table with a first column of times or frequencies."""
     return replace(
         table,

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.io.arrays import parse_npy
 from receptance.io.build import ReadOptions
-from receptance.io.column_names import AXES, Column, complex_columns, parse_column
+from receptance.io.column_names import parse_column, with_complex_parts, with_one_axis
 from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
@@ -45,33 +43,22 @@ def read_npy(data: bytes, options: ReadOptions) -> list[Measurement]:
             f"the array has the shape {array.shape}, expected {len(names)} columns as named by columns=: "
             f"{', '.join(names[:6])}"
         )
-    columns, values = _real_columns([parse_column(name) for name in names], table)
-    return measurements_in(
-        NumberTable(tuple(columns), np.stack(values, axis=1), 0, tuple(range(1, table.shape[0] + 1)), None), options
-    )
-
-
-def _real_columns(columns: list[Column], table: NDArray[Any]) -> tuple[list[Column], list[NDArray[np.float64]]]:
-    """Return the columns, of the real and the imaginary part where numbers are complex, and their values."""
-    are_complex = [bool(np.any(table[:, index].imag)) for index in range(len(columns))]
-    real: list[Column] = []
+    columns = with_one_axis([parse_column(name) for name in names])
+    is_complex = table.dtype.kind == "c" and any(column.role == "frequency" for column in columns)
+    are_complex = [
+        (is_complex and column.role == "channel") or bool(np.any(table[:, index].imag))
+        for index, column in enumerate(columns)
+    ]
     values: list[NDArray[np.float64]] = []
-    has_axis = False
-    for index, column in enumerate(columns):
+    for index, has_parts in enumerate(are_complex):
         check_time()
-        is_axis = column.role in AXES and not has_axis
-        has_axis |= is_axis
         numbers = table[:, index]
-        is_frf = table.dtype.kind == "c" and not is_axis and column.role == "channel"
-        if are_complex[index] and not is_frf:
-            raise FileFormatError(
-                f"column {column.name!r} has complex numbers, expected real ones; a column of complex numbers is named "
-                "by its quantity, such as accelerance [m/s^2/N]"
-            )
-        if is_frf:
-            real += complex_columns(column, several=table.shape[1] > 2)
-            values += [numbers.real.astype(np.float64), numbers.imag.astype(np.float64)]
-        else:
-            real.append(column)
-            values.append(numbers.real.astype(np.float64))
-    return real, values
+        values += [part.astype(np.float64) for part in ([numbers.real, numbers.imag] if has_parts else [numbers.real])]
+    rows = tuple(range(1, table.shape[0] + 1))
+    parts = tuple(with_complex_parts(columns, are_complex))
+    try:
+        return measurements_in(NumberTable(parts, np.stack(values, axis=1), 0, rows, None), options)
+    except FileFormatError as error:
+        if error.line is None:
+            raise
+        raise FileFormatError(error.problem, place=f"row {error.line}") from None
