@@ -272,6 +272,7 @@ def test_no_step_of_reading_is_quadratic(tmp_path: Path, monkeypatch: pytest.Mon
         (f"frequency [Hz]{' ' * 5_000_000}x,real [m/N]\n1,2\n", "a name of"),
         (f"time [s],tip [g]\n{digits}x,1\n", "'time' is '1111"),
         (f"time [s],tip [g]\n{digits}+j,1\n", "'time' is '1111"),
+        (f"time [s],tip [g]\n{digits}j,1\n", "'time' is '1111"),
     ):
         with pytest.raises(FileFormatError, match=message):
             read(table(tmp_path, text))

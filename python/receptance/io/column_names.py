@@ -35,6 +35,8 @@ AXES = {
     "time": ("time", "t", "zeit", "temps", "tempo", "tiempo"),
 }
 """Roles of the first column, with the words for them."""
+LONGEST_NAME = 1000
+"""Most characters of the name of a column with its unit."""
 _UNITS = {"frequency": "Hz", "time": "s", "phase": "deg"}
 """Usual units of columns whose quantity follows from their name."""
 _COHERENCE = ("coherence", "coh", "koharenz", "kohaerenz", "coherencia", "coerenza", "gamma2", "γ²")
@@ -198,6 +200,8 @@ def level_reference(unit: str) -> str | None:
 
 def column_unit(unit: str) -> Unit:
     """Return the unit of a column; of a level in dB that of its reference."""
+    if len(unit) > LONGEST_NAME:
+        raise UnitError(f"the unit has {len(unit)} characters, expected a short one")
     return parse_unit(level_reference(unit) or unit)
 
 

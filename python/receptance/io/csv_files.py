@@ -18,6 +18,7 @@ from receptance.frf import FRF
 from receptance.io.build import ReadOptions
 from receptance.io.column_names import (
     AXES,
+    LONGEST_NAME,
     QUALITY_NAMES,
     Column,
     column_unit,
@@ -56,7 +57,6 @@ _AVERAGES = re.compile(
 _WINDOW = re.compile(r"\b(?:window|fenster|fenêtre|fenetre|finestra|ventana)\b", re.IGNORECASE)
 """A line before the header with the window of the analyser."""
 _EXPONENTIAL = re.compile(r"exp|espon", re.IGNORECASE)
-_MAX_NAME_LENGTH = 1000
 _MAX_PREAMBLE = 1000
 """Lines within which a header is searched for."""
 _FIRST_ROWS = 10
@@ -138,7 +138,7 @@ def _columns(
     lines = lines[1:] if has_names else lines
     columns = []
     for name in names:
-        if len(name) > _MAX_NAME_LENGTH:
+        if len(name) > LONGEST_NAME:
             raise FileFormatError(
                 f"a column has a name of {len(name)} characters, expected a short one", line=header or None
             )
@@ -272,7 +272,7 @@ def _layout(lines: Sequence[tuple[int, str]], options: ReadOptions) -> tuple[int
             for delimiter in _DELIMITERS:
                 check_time()
                 cells = _fields(line, text, delimiter)
-                if any(len(name) <= _MAX_NAME_LENGTH and parse_column(name).role in AXES for name in cells) and (
+                if any(len(name) <= LONGEST_NAME and parse_column(name).role in AXES for name in cells) and (
                     (index == 0 and delimiter != _BLANKS) or _has_numbers_below(lines, index, len(cells), delimiter)
                 ):
                     return index, delimiter

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.io.build import ReadOptions
-from receptance.io.column_names import Column, named_column
+from receptance.io.column_names import LONGEST_NAME, Column, column_unit, named_column
 from receptance.io.errors import FileFormatError, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
 from receptance.io.text import decode, excerpt, number, numbered_lines, parse_lines, truncation_notes
-from receptance.units import UnitError, parse_unit
+from receptance.units import UnitError
 
 _FIRST_LINE = "LabVIEW Measurement"
 _END_OF_HEADER = "***End_of_Header***"
@@ -296,6 +296,10 @@ class _Segment:
 
 def _column(name: str, label: str, role: str) -> Column:
     """Return the meaning of a channel; LabVIEW capitalises names of units, as in `Newtons`."""
+    if len(name) + len(label) > LONGEST_NAME:
+        raise FileFormatError(
+            f"a channel has a name and a unit of {len(name) + len(label)} characters, expected short ones"
+        )
     unit = label.lower() if not _is_unit(label) and _is_unit(label.lower()) else label
     column = named_column(name, unit)
     return replace(column, role="channel") if role == "time" else column
@@ -303,7 +307,7 @@ def _column(name: str, label: str, role: str) -> Column:
 
 def _is_unit(text: str) -> bool:
     try:
-        parse_unit(text)
+        column_unit(text)
     except UnitError:
         return False
     return True

@@ -188,7 +188,7 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
 
 def _is_frf_unit(unit: str) -> bool:
     try:
-        return frf_kind(parse_unit(unit)) is not None
+        return frf_kind(column_unit(unit)) is not None
     except UnitError:
         return False
 
