@@ -10,7 +10,7 @@ import scipy.io
 import typer
 
 import command_line
-from receptance import FRF
+from receptance import FRF, ReceptanceWarning
 from receptance.cli.files import convert
 from receptance.cli.running import InputError
 from receptance.io import TimeSeries, read, read_all, read_frf, write
@@ -75,7 +75,8 @@ def test_several_and_coherence(capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     call("c.csv", "d.npz", "--coherence", "coh.csv")
     assert "Note: the median coherence is 0.25" in capsys.readouterr().out
-    assert read_frf("d.npz").coherence is not None
+    with pytest.warns(ReceptanceWarning, match=r"the median coherence is 0\.25"):
+        assert read_frf("d.npz").coherence is not None
 
 
 @pytest.mark.parametrize(
