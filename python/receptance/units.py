@@ -2,13 +2,16 @@
 
 The program has one unit registry, restricted to the units of mechanical measurements. The angle has a dimension of its
 own, so rad/N and m/(N m) differ. The letter g is the acceleration of gravity if that gives a motion or a motion per
-load (`g`, `g/N`, `V/(100 mV/g)`), and a gram otherwise (`0.6 g`, `14.5 g/cm^3`). Names of four letters or more may end
-in s. Products and quotients are evaluated from left to right, and a space is a product: `1/N m` is m/N. The registry
-is the program's own because a library of all units takes longer to load than a fit; tests compare it with pint.
+load (`g`, `g/N`, `V/(100 mV/g)`), and a gram otherwise (`0.6 g`, `14.5 g/cm^3`). A metre or radian followed by s with a
+negative power is a product, as analysers write it: `ms-2` is m/s^2, not one per square millisecond. Names of four
+letters or more may end in s. Products and quotients are evaluated from left to right, and a space is a product: `1/N m`
+is m/N. The registry is the program's own because a library of all units takes longer to load than a fit; tests compare
+it with pint.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import re
@@ -40,6 +43,7 @@ __all__ = [
     "parse_any",
     "parse_unit",
     "split",
+    "suggested_unit",
 ]
 
 _DEFINITIONS = """
@@ -141,6 +145,16 @@ _SIGN = re.compile(r"(?:(?<=\d[eE])[+-]|(?:^|(?<=[(/*]))\s*-)(?=\s*\d)")
 _ALLOWED = re.compile(r"[A-Za-zµμ_0-9.*/() ]+")
 _GRAM_OR_GRAVITY = re.compile(r"\b([mµμun]?)g\b")
 _LINEAR_POWER = re.compile(r"\b([A-Za-zµμ]+)(-?\d)\b")
+_MOTION_PER_TIME = re.compile(r"\b([kcmunpµμ]?m|m?rad)s\s*(?:\^|\*\*)\s*(-\d(?![\d.])|\(\s*-\d\s*\))")
+"""Metres or radians times a negative power of seconds, written without a space."""
+_RESPELLED = (
+    (re.compile(r"['’`´]s\b"), ""),
+    (re.compile(r"\blbs?\b|#"), "lbf"),
+    (re.compile(r"\bkg\b"), "kgf"),
+    (re.compile(r"/\s*\(?(?:N[ *·⋅]*s|s[ *·⋅]*N)\)?$"), "/(N s)"),
+    (re.compile(r"/\s*\(?(?:N[ *·⋅]*s(?:\^|\*\*)?[2²]|s(?:\^|\*\*)?[2²][ *·⋅]*N)\)?$"), "/(N s^2)"),
+)
+"""Spellings that are not units of a motion or load, and what is probably meant."""
 
 
 _TOKEN = re.compile(
@@ -243,7 +257,7 @@ def _plain(text: str) -> str:
     plain = re.sub(r"\bsec\b", "s", plain, flags=re.IGNORECASE)
     plain = re.sub(r"\bg0\b", "gn", plain)
     # s2 and s-2 are s^2 and s^-2.
-    return _LINEAR_POWER.sub(r"\1^\2", plain)
+    return _MOTION_PER_TIME.sub(r"(\1 s^\2)", _LINEAR_POWER.sub(r"\1^\2", plain))
 
 
 @functools.lru_cache(maxsize=1024)
@@ -288,7 +302,10 @@ def parse_unit(text: str) -> Unit:
         raise TypeError(f"the unit is {text!r}, expected a text such as 'm/s^2/N'")
     if "db" in text.lower():
         raise UnitError(f"the unit {text!r} is a level in dB, whose reference is unknown; export linear values")
-    unit = _read(text)
+    try:
+        unit = _read(text)
+    except UnitError as error:
+        raise UnitError(f"{error}{suggested_unit(text)}", error.word) from None
     if _GRAM_OR_GRAVITY.search(text):
         gravity = _read(text, gravity=True)
         if frf_kind(gravity) is not None or channel_kind(gravity) is not None:
@@ -296,6 +313,25 @@ def parse_unit(text: str) -> Unit:
     if any(power != round(power) for _, power in unit.dimension):
         raise UnitError(f"{text!r} is not understood as a unit, expected whole powers as in 'm/s^2/N'", text)
     return unit
+
+
+def suggested_unit(text: str) -> str:
+    """Return a question with the probable spelling of a unit that is not one of a motion, a load or an FRF, or "".
+
+    Examples
+    --------
+    >>> from receptance.units import suggested_unit
+    >>> suggested_unit("in/lb"), suggested_unit("m/Ns2"), suggested_unit("bananas")
+    ("; did you mean 'in/lbf'?", "; did you mean 'm/(N s^2)'?", '')
+    """
+    candidate = text
+    for pattern, spelling in _RESPELLED:
+        candidate = pattern.sub(spelling, candidate.strip())
+    with contextlib.suppress(UnitError):
+        unit = parse_unit(candidate) if candidate != text.strip() and len(text) <= _LONGEST_UNIT else None
+        if unit is not None and (frf_kind(unit) is not None or channel_kind(unit) is not None):
+            return f"; did you mean {candidate!r}?"
+    return ""
 
 
 # Units of FRFs and of time records -----------------------------------------------------------------------------------
@@ -426,7 +462,10 @@ def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
     except UnitError as error:
         raise ValueError(f"{owner}: {what} is no unit: {error}; expected {expected}") from None
     if (kind := channel_kind(found)) is None or kind[0] != quantity:
-        raise ValueError(f"{owner}: {what} is {unit!r}, which is {_name_of(found.dimension)}, expected {expected}")
+        raise ValueError(
+            f"{owner}: {what} is {unit!r}, which is {_name_of(found.dimension)}, "
+            f"expected {expected}{suggested_unit(unit)}"
+        )
     return found.factor
 
 

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from receptance.units import FORMS, FRFKind, UnitError, channel_kind, form_name, frf_kind, frf_unit, parse_unit
+from receptance.io import FileFormatError, read
+from receptance.units import (
+    FORMS,
+    FRFKind,
+    UnitError,
+    channel_kind,
+    form_name,
+    frf_kind,
+    frf_unit,
+    parse_unit,
+    suggested_unit,
+)
 
 G = 9.80665
 LBF = 4.4482216152605
@@ -36,6 +49,13 @@ LBF = 4.4482216152605
         ("m/(N m)", 1.0, "m/(N m)"),
         ("rad/(Nm)", 1.0, "rad/(N m)"),
         ("deg/s/(N·mm)", 17.453292519943295, "rad/s/(N m)"),
+        ("ms-2/N", 1.0, "m/s^2/N"),
+        ("ms⁻²/N", 1.0, "m/s^2/N"),
+        ("(ms^-2)/N", 1.0, "m/s^2/N"),
+        ("mms-2/N", 1e-3, "m/s^2/N"),
+        ("ms-1/N", 1.0, "m/s/N"),
+        ("ms-2/lbf", 1.0 / LBF, "m/s^2/N"),
+        ("rads-2/(N m)", 1.0, "rad/s^2/(N m)"),
     ],
 )
 def test_units_of_frfs(text: str, factor: float, unit: str) -> None:
@@ -60,6 +80,10 @@ def test_units_of_frfs(text: str, factor: float, unit: str) -> None:
         ("mrad", ("rotation", "rad")),
         ("deg/sec", ("angular velocity", "rad/s")),
         ("rad/s^2", ("angular acceleration", "rad/s^2")),
+        ("ms-2", ("acceleration", "m/s^2")),
+        ("ms^-1", ("velocity", "m/s")),
+        ("V/(10 mV/ms-2)", ("acceleration", "m/s^2")),
+        ("ms", None),
         ("V", None),
         ("Pa", None),
         ("V^2", None),
@@ -136,6 +160,42 @@ def test_messages_for_mistakes() -> None:
         parse_unit("m/apples")
     with pytest.raises(TypeError, match="expected a text"):
         parse_unit(3.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("g/lb", "g/lbf"),
+        ("in/lb", "in/lbf"),
+        ("in/s/lbs", "in/s/lbf"),
+        ("mm/kg", "mm/kgf"),
+        ("G's", "G"),
+        ("g's/lb", "g/lbf"),
+        ("m/Ns2", "m/(N s^2)"),
+        ("m/s²N", "m/(N s^2)"),
+        ("m/N s^2", "m/(N s^2)"),
+        ("mm/Ns", "mm/(N s)"),
+        ("bananas", None),
+        ("m/s^2/N", None),
+        ("V", None),
+        ("'" * 4000 + "s" * 4000, None),
+    ],
+)
+def test_a_spelling_that_is_not_a_unit_of_the_field_names_the_right_one(text: str, meant: str | None) -> None:
+    assert suggested_unit(text) == (f"; did you mean {meant!r}?" if meant else "")
+
+
+@pytest.mark.parametrize("text", ["G's", "m/Ns2"])
+def test_the_error_of_an_unknown_unit_names_the_right_spelling(text: str) -> None:
+    with pytest.raises(UnitError, match="not understood as a unit.*did you mean"):
+        parse_unit(text)
+
+
+def test_the_error_of_a_unit_that_is_not_that_of_an_frf_names_the_right_spelling(tmp_path: Path) -> None:
+    path = tmp_path / "tip.csv"
+    path.write_text("frequency [Hz],real [g/lb],imag [g/lb]\n100,1,2\n200,2,3\n")
+    with pytest.raises(FileFormatError, match=r"'g/lb' is not the unit of a receptance.*did you mean 'g/lbf'\?"):
+        read(path)
 
 
 def test_names_of_forms() -> None:

@@ -17,7 +17,7 @@ from receptance.frf.validation import check_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.model.coordinates import Coordinate, as_coordinates
-from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit
+from receptance.units import Form, FRFKind, Unit, form_name, frf_kind, frf_unit, parse_unit, suggested_unit
 
 SI = "SI"
 _GIVE_UNIT = (
@@ -135,6 +135,7 @@ def resolve_frf(
     if kind is None:
         raise FileFormatError(
             f"{unit.text!r} is not the unit of a receptance, mobility or accelerance, such as 'm/N' or 'm/s^2/N'"
+            + suggested_unit(unit.text)
             + ("" if given else "; if it is wrong, give the right one with unit= and quantity=")
         )
     if options.quantity is not None and kind.form != options.quantity:
