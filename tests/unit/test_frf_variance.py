@@ -36,9 +36,30 @@ def measure(rng, averages, power):
 
 def test_formula_and_limits():
     variance, freedom = variance_from_coherence([0.0, 0.5, 0.9, 1.0], 10)
-    np.testing.assert_allclose(variance, [np.inf, 1.0 / 18.0, 0.1 / 16.2, 0.0])
+    np.testing.assert_allclose(variance, [np.inf, 1.0 / 18.0, 0.1 / 16.2, 0.05 / (18.0 * 0.95)])
     assert freedom == 18.0
     assert variance_from_coherence(np.full((3, 2, 1), 0.5), 2)[0].shape == (3, 2, 1)
+
+
+@pytest.mark.parametrize(
+    ("coherence", "least"),
+    [
+        ([1.0, 0.99, 1.0, 0.87], 0.005),
+        (np.float32([1.0, 0.99, 1.0, 0.87]).astype(float), 0.005),
+        ([1.0, 0.85], 0.005),
+        ([1.0, 0.991, 0.0123], 0.0005),  # three digits
+        ([1.0, 0.99998, 0.5], 5e-6),
+        ([1.0, 254.0 / 255.0, 3.0 / 255.0], 0.5 / 255.0),
+        ([1.0, 0.98765432123456, 0.7], 0.5 * (1.0 - 0.98765432123456)),
+        ([1.0, 1.0], 0.0),
+    ],
+    ids=["two decimals", "single precision", "without 0.99", "three digits", "five", "8 bits", "all digits", "all one"],
+)
+def test_a_coherence_of_one_is_no_better_than_its_last_digit(coherence, least):
+    variance, _ = variance_from_coherence(coherence, 10)
+    assert variance[0] == pytest.approx(least / (18.0 * (1.0 - least)), rel=1e-9)
+    alone, _ = variance_from_coherence(coherence[1:], 10)
+    np.testing.assert_array_equal(variance[1:][np.less(coherence[1:], 1.0)], alone[np.less(coherence[1:], 1.0)])
 
 
 @pytest.mark.parametrize(
@@ -152,6 +173,19 @@ def test_lines_that_cannot_be_pooled_are_unchanged():
     np.testing.assert_array_equal(narrow, variance)
     with pytest.raises(ValueError, match="half_width is -1"):
         pool_variance(values, variance, 18.0, half_width=-1)
+
+
+def test_few_digits_of_a_coherence_are_noted_once():
+    coherence = np.where(np.arange(LINES.size) % 3, 1.0, 0.98)
+    frf = FRF(frequency_hz=LINES, values=TRUE, coherence=coherence, averages=5)
+    known = frf.with_coherence_variance()
+    assert known.log_variance.min() > 1e-3 * known.log_variance.max()
+    note = "the coherence is exactly 1 on 400 of 600 lines, because it has few digits: 1 - coherence is taken as 0.005"
+    assert known.notes[0].startswith(note)
+    assert known.with_coherence_variance().notes == known.notes
+    fine = frf.with_(coherence=np.where(coherence == 1.0, 1.0, 0.987654321)).with_coherence_variance()
+    assert "exactly 1 on 400" in fine.notes[0]
+    assert frf.with_(coherence=np.r_[1.0, np.full(599, 0.99999)]).with_coherence_variance().notes == ()
 
 
 def test_with_coherence_variance():

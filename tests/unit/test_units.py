@@ -187,7 +187,7 @@ def test_a_spelling_that_is_not_a_unit_of_the_field_names_the_right_one(text: st
 
 @pytest.mark.parametrize("text", ["G's", "m/Ns2"])
 def test_the_error_of_an_unknown_unit_names_the_right_spelling(text: str) -> None:
-    with pytest.raises(UnitError, match="not understood as a unit.*did you mean"):
+    with pytest.raises(UnitError, match=r"not understood as a unit.*did you mean"):
         parse_unit(text)
 
 

@@ -16,7 +16,7 @@ from receptance.frf.interchange import Order, dataset, fields_from_pandas, field
 from receptance.frf.plausibility import DRIVE_POINT_NOTE, drive_point_notes
 from receptance.frf.resampling import resample
 from receptance.frf.validation import check_form, check_lines, checked_fields
-from receptance.frf.variance import interval_factor, pool_entries, variance_from_coherence
+from receptance.frf.variance import interval_factor, pool_entries, saturation_note, variance_from_coherence
 from receptance.model.coordinates import Coordinate, Side
 from receptance.report import Renderable, Table
 from receptance.units import FORMS, Form, FRFKind, frf_unit
@@ -367,7 +367,9 @@ class FRF(Renderable):
         known = np.full(self.shape, freedom)
         if pool:
             variance, known = pool_entries(self, variance, known)
-        return self._copy(averages=int(n), log_variance=variance, degrees_of_freedom=known)
+        note = saturation_note(self.coherence)
+        notes = (*self.notes, note) if note and note not in self.notes else self.notes
+        return self._copy(averages=int(n), log_variance=variance, degrees_of_freedom=known, notes=notes)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return an `xarray.Dataset` with the dimensions frequency_hz, response and excitation.

@@ -34,20 +34,73 @@ _SHARE_HALF_WIDTH = 8
 """Independent lines to each side from which the additive share of the variance is estimated."""
 LINES_AT_ONCE = 4096
 """Lines processed at once, to limit memory."""
+_FULL_DIGITS = 0.1
+"""Least coherence from which its decimals are counted."""
+_MOST_DECIMALS = 6
+"""Most decimals by which a rounded column is recognised; single precision has seven."""
+_SINGLE_PRECISION = 4e-8
+"""Largest error of a number up to 1 in single precision."""
+_NOTED_INCOHERENCE = 1e-4
+"""Least 1 - coherence that is noted: below it, the deviation of ten averages is less than 0.3 %."""
+
+
+def resolution(numbers: NDArray[np.float64]) -> float:
+    """Return half a unit of the last digit of numbers of zero or more, which a zero among them may stand for.
+
+    The unit is the largest power of ten, from 0.1 to 1e-6, of which all numbers are multiples, else the smallest
+    positive number; 0 if all are zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.frf.variance import resolution
+    >>> resolution(np.array([0.0, 0.02, 0.0, 0.11])), resolution(np.array([0.0, 3e-7, 1.23456789e-3]))
+    (0.005, 1.5e-07)
+    """
+    positive = numbers[(numbers > 0.0) & np.isfinite(numbers)]
+    if not positive.size:
+        return 0.0
+    for decimals in range(1, _MOST_DECIMALS + 1):
+        half = 0.5 * 10.0**-decimals
+        if positive.min() > half and np.all(np.abs(positive - positive.round(decimals)) <= _SINGLE_PRECISION):
+            return half
+    return 0.5 * float(positive.min())
+
+
+def _incoherence(coherence: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 1 - coherence, at least half a unit of the last digit of the coherence.
+
+    Small coherences are left out of the digits, because a format of three digits gives them more decimals.
+    """
+    unexplained = 1.0 - coherence
+    return np.where(unexplained == 0.0, resolution(unexplained[coherence >= _FULL_DIGITS]), unexplained)
+
+
+def saturation_note(coherence: NDArray[np.float64]) -> str:
+    """Return a note on lines where a coherence is exactly 1 because of its few digits, or an empty text."""
+    count = np.count_nonzero(coherence == 1.0)
+    least = float(_incoherence(coherence).min(initial=1.0))
+    if not count or least < _NOTED_INCOHERENCE:
+        return ""
+    return (
+        f"the coherence is exactly 1 on {count} of {coherence.size} lines, because it has few digits: 1 - coherence is "
+        f"taken as {least:g} there, half a unit of the last digit; export it with more digits for smaller deviations"
+    )
 
 
 def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArray[np.float64], float]:
     """Return the variance of the logarithm of an FRF from its coherence, and its degrees of freedom, 2 (n - 1).
 
     It is that of the real part and of the imaginary part, of the shape of `coherence`; infinite where the coherence is
-    0.
+    0. A coherence is no better than its last digit: where it is 1, 1 - coherence is half a unit of the last digit of
+    all values, unless all are 1.
 
     Examples
     --------
     >>> from receptance.frf.variance import variance_from_coherence
-    >>> variance, freedom = variance_from_coherence([0.9, 1.0], averages=10)
+    >>> variance, freedom = variance_from_coherence([0.95, 1.0], averages=10)
     >>> [round(number, 5) for number in variance.tolist()], freedom
-    ([0.00617, 0.0], 18.0)
+    ([0.00292, 0.00028], 18.0)
     """
     quality = _checks.numbers("variance_from_coherence", "coherence", coherence, "iuf", "real numbers").astype(float)
     wrong = ~((quality >= 0.0) & (quality <= 1.0))
@@ -58,8 +111,9 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
         raise ValueError(
             f"variance_from_coherence: averages is {n}, expected at least 2: the coherence of one record is always 1"
         )
+    unexplained = _incoherence(quality)
     with np.errstate(divide="ignore"):
-        return (1.0 - quality) / (2.0 * (n - 1) * quality), 2.0 * (n - 1)
+        return unexplained / (2.0 * (n - 1) * (1.0 - unexplained)), 2.0 * (n - 1)
 
 
 def with_variance(frf: FRF) -> FRF:

@@ -24,7 +24,7 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
-from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, with_variance
+from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, resolution, with_variance
 from receptance.model.coordinates import Coordinate, UnknownPosition
 
 if TYPE_CHECKING:
@@ -257,19 +257,29 @@ def _standard_deviation(
         notes.append(f"the FRF has no variance: the floor of {floor} is its standard deviation")
         return np.sqrt(floor.variance(lines, values))
     correlated = entry.correlated_lines[known]
-    noise = smoothed_variance(lines, values, entry.log_variance[known, 0, 0], correlated) * correlated
+    variance = entry.log_variance[known, 0, 0]
+    exact = variance == 0.0
+    if exact.all():
+        cause = "the variance is zero on all lines, as from a coherence of exactly 1 or a column of too few digits"
+        if not floor:
+            raise ValueError(
+                f"{owner}: {cause}, so they would have infinite weight; give a floor, floor=0.003 for example"
+            )
+        notes.append(f"{cause}: the floor of {floor} is the only standard deviation")
+        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=5)
+    elif exact.any():
+        variance = np.where(exact, least := resolution(variance), variance)
+        notes.append(
+            f"the variance is zero on {np.count_nonzero(exact)} of {exact.size} lines: half a unit of its last digit, "
+            f"{least:.2g}, is used for them"
+        )
+    noise = smoothed_variance(lines, values, variance, correlated) * correlated
     if entry.degrees_of_freedom is not None:
         noise *= few_degrees_factor(entry.degrees_of_freedom[known, 0, 0])
     deviation: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))
-    if floor:
+    if floor and not exact.all():
         share = float(np.median(noise / deviation**2))
         notes.append(f"floor of {floor} added to the noise, which is {100.0 * share:.0f} % of the median variance")
-    exact = np.flatnonzero(deviation == 0.0)
-    if exact.size:
-        raise ValueError(
-            f"{owner}: the variance is zero on {exact.size} lines, first at {lines[exact[0]]:g} Hz "
-            "(a coherence of exactly 1), so they would have infinite weight; give a floor, floor=0.003 for example"
-        )
     if entry.degrees_of_freedom is not None:
         freedom = float(np.median(entry.degrees_of_freedom[known]))
         if freedom < _FEW_DEGREES:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.frf.variance import additive_share
+from receptance.frf.variance import additive_share, resolution
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
@@ -138,8 +138,10 @@ def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[
         return None, ("the stated variance is zero on all lines: the scatter is estimated from the residuals",)
     if positive.all():
         return np.sqrt(variance), ()
-    # A coherence of exactly one means unresolved noise, not its absence.
-    floor = float(variance[positive].min())
+    # A zero among others is a rounded number.
+    least = resolution(variance)
     count = int(np.count_nonzero(~positive))
-    note = f"{count} values have a stated variance of zero; the smallest positive one, {floor:.2g}, is used for them"
-    return np.sqrt(np.where(positive, variance, floor)), (note,)
+    note = (
+        f"{count} values have a stated variance of zero; half a unit of its last digit, {least:.2g}, is used for them"
+    )
+    return np.sqrt(np.where(positive, variance, least)), (note,)
