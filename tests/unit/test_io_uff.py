@@ -14,7 +14,7 @@ import pytest
 
 from made_uff import MM, SI, data_set, file, values
 from receptance import FRF, Coordinate, ReceptanceWarning
-from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series
+from receptance.io import Coherence, FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
 from receptance.model.coordinates import UnknownPosition
 
 
@@ -70,7 +70,8 @@ def test_line_endings_and_padding(end: str, tmp_path: Path) -> None:
 
 
 def test_last_delimiter_may_be_missing(tmp_path: Path) -> None:
-    frf = read_frf(file(tmp_path, SI, data_set().removesuffix(b"    -1\n")))
+    with pytest.warns(ReceptanceWarning, match="the file ends without the -1 .* may be cut"):
+        frf = read_frf(file(tmp_path, SI, data_set().removesuffix(b"    -1\n")))
     assert values(frf) == [1 - 1j, 2 - 2j]
     assert frf.notes == ("the file ends without the -1 that closes the data set",)
 
@@ -393,3 +394,123 @@ def test_the_nth_function_of_a_pair_belongs_to_the_nth_matrix(tmp_path: Path) ->
     for order in ([*runs[0], *runs[1]], [runs[0][0], runs[1][0], runs[0][1], runs[1][1]]):
         found = read_all(file(tmp_path, SI, *order, data_set(["  9.10000E+00" + "  0.00000E+00" * 3])))
         assert [thing.values[0].ravel().real.tolist() for thing in found] == [[1.1, 1.2], [2.1, 2.2], [9.1]]
+
+
+CUT = "its last characters are missing"
+EIGHT = [f"{value:13.5E}" * 6 for value in (1.5e-9, -8.5e-9, 2.5e-9, 4.5e-9)]
+"""Four full lines of twelve complex values."""
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3, 4, 6, 8])
+@pytest.mark.parametrize("line", [0, 1, 3])
+def test_a_line_that_lost_its_last_characters_is_refused(line: int, lost: int, tmp_path: Path) -> None:
+    """-8.5E-09 without its exponent is -8.5."""
+    body = [text[:-lost] if index == line else text for index, text in enumerate(EIGHT)]
+    with pytest.raises(FileFormatError, match=rf"line {20 + line}: (the line ends with|number \d+ of 24 is)"):
+        read(file(tmp_path, SI, data_set(body, count=12)))
+
+
+@pytest.mark.parametrize("lost", [4, 6])
+def test_a_file_that_ends_within_a_number_is_refused(lost: int, tmp_path: Path) -> None:
+    whole = file(tmp_path, SI, data_set(EIGHT, count=12)).read_bytes()
+    with pytest.raises(FileFormatError, match=CUT):
+        read(file(tmp_path, whole.removesuffix(b"\n    -1\n")[:-lost]))
+    one_line = file(tmp_path, SI, data_set()).read_bytes().removesuffix(b"\n    -1\n")
+    with pytest.raises(FileFormatError, match=r"ends with '-2.0*'.*" + CUT):
+        read(file(tmp_path, one_line[:-lost]))
+
+
+def test_numbers_separated_by_blanks_without_the_last_exponent_are_refused(tmp_path: Path) -> None:
+    body = ["1.5E-09 2.5E-09", "2.5E-09 3.5E-09", "2.5E-09 -8.5"]
+    with pytest.raises(FileFormatError, match=r"ends with '-8\.5', but the other numbers have an exponent"):
+        read(file(tmp_path, SI, data_set(body, count=3)))
+    whole = values(read(file(tmp_path, SI, data_set([*body[:2], "2.5E-09 -8.5E-09"], count=3))))
+    assert whole == [1.5e-9 + 2.5e-9j, 2.5e-9 + 3.5e-9j, 2.5e-9 - 8.5e-9j]
+
+
+def test_a_header_line_that_ends_within_a_number_is_refused(tmp_path: Path) -> None:
+    text = file(tmp_path, SI, data_set(step="2.50000E+01")).read_bytes()
+    assert read_frf(file(tmp_path, text)).frequency_hz.tolist() == [1.0, 26.0]
+    cut = text.replace(b"  2.50000E+01  0.00000E+00", b"  2.50000")
+    with pytest.raises(FileFormatError, match=r"abscissa increment is '2.50000', and the line ends before column 56"):
+        read(file(tmp_path, cut))
+    units = text.replace(f"{1.0:25.17E}".encode(), f"{1e-3:25.17E}".encode(), 3)
+    cut = units.replace(f"{1e-3:25.17E}\n".encode(), f"{1e-3:25.17E}"[:-4].encode() + b"\n", 1)
+    with pytest.raises(FileFormatError, match=r"factor 3 of the units is .*" + CUT):
+        read(file(tmp_path, cut))
+
+
+@pytest.mark.parametrize(("layout", "ordinate"), [("ff", 5), ("dd", 6)])
+@pytest.mark.parametrize("stated", ["<", ">"])
+@pytest.mark.parametrize("factor", [1.0, 1e-9, 1e6])
+def test_binary_numbers_in_the_other_byte_order_are_turned_with_a_note(
+    layout: str, ordinate: int, stated: str, factor: float, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(1)
+    numbers = np.float32(factor * (rng.normal(size=40) + 1j * rng.normal(size=40)).view(float)).tolist()
+    written = {"<": ">", ">": "<"}[stated]
+    identity = f"    58b{1 if stated == '<' else 2:6d}     2          11{struct.calcsize(layout) * 40:12d}{0:6d}{0:6d}"
+    for order in (stated, written):
+        body = struct.pack(order + layout * 40, *numbers)
+        path = file(tmp_path, SI, data_set(body, ordinate=ordinate, count=40, identity=identity))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            frf = read_frf(path)
+        np.testing.assert_array_equal(frf.values[:, 0, 0].view(float), numbers)
+        told = [str(warning.message) for warning in caught]
+        assert len(told) == (order != stated)
+        assert all("in the byte order that the header states" in text and text in frf.notes for text in told)
+
+
+def test_text_between_data_sets_and_a_byte_order_mark_are_skipped(tmp_path: Path) -> None:
+    remark = b"exported by X, 12.5 kHz\nsecond remark\n"
+    path = file(tmp_path, b"\xef\xbb\xbf" + file(tmp_path, SI).read_bytes(), remark, data_set(), remark)
+    frf = read_frf(path)
+    assert values(frf) == [1 - 1j, 2 - 2j]
+    assert frf.notes == ("4 lines of text between the data sets were skipped, the first is line 7",)
+    for line in (b"  1.00000E+00  2.00000E+00\n", b"    58\n"):
+        with pytest.raises(FileFormatError, match="expected a line with -1 in columns 5 and 6"):
+            read(file(tmp_path, SI, line, data_set()))
+
+
+COHERENCE = ["  5.00000E-01  7.50000E-01"]
+
+
+@pytest.mark.parametrize("points", [{"reference": (0, 0)}, {"response": (0, 0), "reference": (0, 0)}])
+def test_a_coherence_without_a_reference_belongs_to_the_only_frf(points: dict[str, Any], tmp_path: Path) -> None:
+    coherence = data_set(COHERENCE, function=6, ordinate=2, **points)
+    frf = read_frf(file(tmp_path, SI, data_set(), coherence))
+    assert frf.coherence is not None
+    assert frf.coherence.ravel().tolist() == [0.5, 0.75]
+    assert frf.notes == ("the coherence states no reference point: it is the only one on the lines of the FRF",)
+    # Of two FRFs it may be that of either.
+    two = read_all(file(tmp_path, SI, data_set(), data_set(reference=(3, 2)), coherence))
+    assert [type(one) for one in two] == [FRF, Coherence]
+    assert isinstance(two[0], FRF)
+    assert two[0].coherence is None
+
+
+def test_a_coherence_that_is_not_assigned_is_told(tmp_path: Path) -> None:
+    coherence = data_set(COHERENCE, function=6, ordinate=2, response=(7, 2))
+    path = file(tmp_path, SI, data_set(), coherence)
+    with pytest.warns(ReceptanceWarning, match="a coherence that was not assigned to the FRF"):
+        frf = read_frf(path)
+    assert frf.coherence is None
+    assert "read_all returns it" in frf.notes[0]
+    assert read_frf(path, ignore_coherence=True).notes == ()
+
+
+def test_a_coherence_written_beside_an_frf_stays_separate(tmp_path: Path) -> None:
+    frf = FRF(frequency_hz=[1.0, 2.0], values=[1.0 - 1j, 2.0], label="before")
+    write(tmp_path / "both.uff", [frf, Coherence(frequency_hz=[1.0, 2.0], values=[0.5, 0.75], label="after")])
+    first, second = read_all(tmp_path / "both.uff")
+    assert isinstance(first, FRF)
+    assert first.coherence is None
+    assert (second.label, second.values.ravel().tolist()) == ("after", [0.5, 0.75])
+
+
+def test_another_label_of_the_coherence_is_noted(tmp_path: Path) -> None:
+    labelled = [("first hit", *("NONE",) * 4), ("second hit", *("NONE",) * 4)]
+    coherence = data_set(COHERENCE, function=6, ordinate=2, texts=labelled[1])
+    frf = read_frf(file(tmp_path, SI, data_set(texts=labelled[0]), coherence))
+    assert frf.notes == ("the coherence is labelled 'second hit'; it has the points and lines of the FRF",)

@@ -158,7 +158,18 @@ def read_frf(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> FRF:
     """
     measurements = read_all(path, **options)
     frfs = [measurement for measurement in measurements if isinstance(measurement, FRF)]
-    return _only(path, frfs, measurements, "FRFs")
+    frf = _only(path, frfs, measurements, "FRFs")
+    left = [measurement for measurement in measurements if isinstance(measurement, Coherence)]
+    if frf.coherence is None and left:
+        note = (
+            "the file also holds a coherence that was not assigned to the FRF, because its points or lines differ, or "
+            f"it was written separately: {_listing(left)}; if it belongs to the FRF, read_all returns it for "
+            "frf.with_(coherence=...)"
+        )
+        warn_user(f"{Path(path).name}: {note}")
+        # The instance was created by the reader and is not shared yet.
+        _checks.set_fields(frf, {"notes": (*frf.notes, note)})
+    return frf
 
 
 def read_time_series(path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> TimeSeries:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance.errors import warn_user
 from receptance.io.build import complex_values
 from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.text import excerpt
@@ -28,17 +29,25 @@ from receptance.units import Form
 
 _INTEGER = re.compile(rb"[+-]?[0-9]{1,18}")
 _REAL = re.compile(rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[EeDd]?([+-]?[0-9]{1,4}))?")
+_COMPLETE_EXPONENT = re.compile(rb"[EeDd]?[+-][0-9]{2,4}|[EeDd][0-9]{2,4}")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _DOUBLE_EXPONENT = bytes.maketrans(b"Dd", b"EE")
+_LEAST_WITH_EXPONENT = 3
+"""Fewest numbers with an exponent that show that all have one."""
 _IN_NUMBERS = b"0123456789+-.EeDd "
+
+_MOST_DECADES, _MARGIN, _LEAST_NUMBERS = 16.0, 4.0, 8
+"""Numbers of a measurement are within 16 decades of 1; half of those in the wrong byte order are not within 20."""
 
 MARK = "receptance "
 """Beginning of the ID lines in which this library stores what the format has no place for.
 
 ID line 4 holds the coordinates, `receptance ["tool",0.0,"y"] ["tool",0.05,"y"]` (response, excitation), ID line 5 the
 other values, `receptance {"averages":10,"decay_rate":20.0}`: averages, decay rate, sample rate, first frequency line
-and increment with all digits ("lines"), and whether the points are only numbered ("labels":0). Other programs show
-these lines as text.
+and increment with all digits ("lines"), whether the points are only numbered ("labels":0), and that a coherence belongs
+to no FRF of the file ("separate":1). Other programs show these lines as text.
 """
+SEPARATE = "separate"
 MOTIONS: dict[int, Form] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 """Form of an FRF by the specific data type of its numerator."""
 LOADS = (9, 13)
@@ -76,7 +85,7 @@ class Cursor:
     """Position in a file, advanced line by line."""
 
     def __init__(self, data: bytes) -> None:
-        self.data, self.byte = data, 0
+        self.data, self.byte = data, len(_BYTE_ORDER_MARK) if data.startswith(_BYTE_ORDER_MARK) else 0
         self.number: int | None = 1
 
     def next(self) -> Line | None:
@@ -139,7 +148,13 @@ def integer(line: Line, start: int, width: int, name: str) -> int:
 def real(line: Line, start: int, width: int, name: str) -> float:
     """Return the number in a range of columns; blanks are zero, as in Fortran."""
     field = line.content[start : start + width].strip()
-    return _number(line, field, name, start, width) if field else 0.0
+    value = _number(line, field, name, start, width) if field else 0.0
+    if value and len(line.content.rstrip()) < start + width and not _COMPLETE_EXPONENT.search(field[1:]):
+        raise line.error(
+            f"{name} is {field.decode('latin-1')!r}, and the line ends before column {start + width}: its last "
+            "characters are missing; copy or export the file again"
+        )
+    return value
 
 
 def _number(line: Line, field: bytes, name: str, start: int, width: int) -> float:
@@ -159,18 +174,49 @@ def text_values(cursor: Cursor, widths: tuple[int, ...], count: int, declared: L
     line after the data.
     """
     start, number = cursor.byte, cursor.number
+    note = ""
     values = _full_lines(cursor, widths, count)
-    if values is not None:
-        return values, ""
-    try:
-        return _line_by_line(cursor, widths, count, declared), ""
-    except FileFormatError as problem:
-        cursor.byte, cursor.number = start, number
+    if values is None:
         try:
-            values = _line_by_line(cursor, (), count, declared)
-        except FileFormatError:
-            raise problem from None
-        return values, "the numbers are not in the columns of the format; they were read as separated by blanks"
+            values = _line_by_line(cursor, widths, count, declared)
+        except FileFormatError as problem:
+            cursor.byte, cursor.number = start, number
+            widths = ()
+            try:
+                values = _line_by_line(cursor, widths, count, declared)
+            except FileFormatError:
+                raise problem from None
+            note = "the numbers are not in the columns of the format; they were read as separated by blanks"
+    _check_ends(cursor.data[start : cursor.byte], widths, Line(b"", number, start))
+    return values, note
+
+
+def _check_ends(text: bytes, widths: tuple[int, ...], first: Line) -> None:
+    """Raise if a line lost its last characters: what is left of a number is a number, but without its exponent.
+
+    Numbers end with their columns, and all have exponents or none; other writers do neither, but all their lines are
+    alike.
+    """
+    lines = [line.rstrip() for line in text.split(b"\n")]
+    ends = tuple(accumulate(widths))
+    short = [index for index, line in enumerate(lines) if line and len(line) not in ends]
+    if not short:
+        return
+    filled = [line[end - 1] not in b" \t" for line in lines for end in ends if end <= len(line)]
+    if filled and 2 * sum(filled) > len(filled) + len(short):
+        cut, others = short[0], "end with their columns"
+    else:
+        words = [line.split() for line in lines]
+        cut = next((index for index in short if not _COMPLETE_EXPONENT.search(words[index][-1][1:])), -1)
+        inner = [word for line in words for word in line[:-1]]
+        if cut < 0 or len(inner) < _LEAST_WITH_EXPONENT or not all(_COMPLETE_EXPONENT.search(w[1:]) for w in inner):
+            return
+        others = "have an exponent of two digits"
+    line = Line(lines[cut], None if first.number is None else first.number + cut, first.byte + text.find(lines[cut]))
+    raise line.error(
+        f"the line ends with {line.content.split()[-1].decode('latin-1')!r}, but the other numbers {others}: its last "
+        "characters are missing; copy or export the file again"
+    )
 
 
 def _full_lines(cursor: Cursor, widths: tuple[int, ...], count: int) -> NDArray[np.float64] | None:
@@ -255,6 +301,10 @@ class Point:
         return f"{self.name} {number}".strip()
 
 
+NO_POINT = Point("", 0, 0)
+"""A point that the file does not state."""
+
+
 @dataclass(frozen=True)
 class Axis:
     """Kind, label and unit of an axis."""
@@ -301,10 +351,11 @@ class Function:
 
 @dataclass(frozen=True)
 class Other:
-    """A data set of another kind."""
+    """A data set of another kind, or a line of text between data sets."""
 
     line: Line
-    kind: int
+    kind: int | None
+    """None for text."""
 
 
 @dataclass(frozen=True)
@@ -336,7 +387,7 @@ class _Form:
 
 def is_uff(data: bytes) -> bool:
     """Return whether the first line that is not blank begins a data set."""
-    return re.match(rb"(?:[ \t]*\r?\n)*    -1[ \t]*\r?\n", data[:2000]) is not None
+    return re.match(rb"(?:\xef\xbb\xbf)?(?:[ \t]*\r?\n)*    -1[ \t]*\r?\n", data[:2000]) is not None
 
 
 def data_sets(data: bytes) -> Iterator[Function | Other]:
@@ -346,6 +397,9 @@ def data_sets(data: bytes) -> Iterator[Function | Other]:
     is_universal = False
     while (opening := cursor.next()) is not None:
         if not opening.content.strip(b" \t\r\n\x1a\x00"):
+            continue
+        if is_universal and _is_text(opening.content):
+            yield Other(opening, None)
             continue
         if not is_delimiter(opening.content):
             # Text before the first data set is not quoted, because the file may be anything.
@@ -365,6 +419,11 @@ def data_sets(data: bytes) -> Iterator[Function | Other]:
             while (line := cursor.next()) is not None and not is_delimiter(line.content):
                 pass
             yield Other(identity, kind)
+
+
+def _is_text(content: bytes) -> bool:
+    """Return whether a line is a remark, and neither numbers nor a part of a data set without its opening -1."""
+    return not all(_REAL.fullmatch(word) for word in content.split()) and content[:6].strip() not in (b"58", b"58b")
 
 
 def _unit_system(cursor: Cursor) -> UnitSystem:
@@ -406,6 +465,7 @@ def _function(cursor: Cursor, identity: Line, units: UnitSystem | None) -> Funct
     closing = cursor.next()
     if closing is None:
         notes.append("the file ends without the -1 that closes the data set")
+        warn_user(f"{notes[-1]}: its last number may be cut")
     elif not is_delimiter(closing.content):
         raise closing.error(
             f"found {closing.excerpt()} after {form.describe()}, expected the -1 that closes the data set"
@@ -526,7 +586,7 @@ def _binary_body(cursor: Cursor, form: _Form, notes: list[str]) -> tuple[NDArray
     size = form.count * fitting[0].itemsize
     if size != form.declared_bytes:
         notes.append(f"{form.declared_bytes} binary bytes are declared, {form.describe()} take {size}, which were read")
-    table = np.frombuffer(cursor.data, dtype=fitting[0], count=form.count, offset=start)
+    table = _in_plausible_order(np.frombuffer(cursor.data, dtype=fitting[0], count=form.count, offset=start), notes)
     real_part = table["re"].astype(np.float64)
     values: NDArray[Any] = complex_values(real_part, table["im"]) if form.complex_ else real_part
     abscissa = _abscissa(form, real_part if form.even else table["x"].astype(np.float64))
@@ -540,6 +600,31 @@ def _binary_body(cursor: Cursor, form: _Form, notes: list[str]) -> tuple[NDArray
     while cursor.data[cursor.byte : cursor.byte + 1] in (b"\r", b"\n"):
         cursor.jump(cursor.byte + 1)
     return abscissa, values
+
+
+def _in_plausible_order(table: NDArray[Any], notes: list[str]) -> NDArray[Any]:
+    """Return the table in the stated byte order, or in the other one if only that gives numbers of a measurement."""
+    stated, turned = (_decades(one) for one in (table, table.view(table.dtype.newbyteorder())))
+    if stated <= _MOST_DECADES + _MARGIN or turned > _MOST_DECADES:
+        return table
+    note = (
+        f"a tenth of the numbers is more than {min(stated, 999.0):.0f} decades from 1 in the byte order that the "
+        f"header states, and {turned:.0f} in the other one, in which they were read"
+    )
+    warn_user(note)
+    notes.append(note)
+    return table.view(table.dtype.newbyteorder())
+
+
+def _decades(table: NDArray[Any]) -> float:
+    """Return how many decades the largest tenth of the ordinates is from 1, at least; 0 for few numbers."""
+    with np.errstate(all="ignore"):
+        parts = [table[name].astype(np.float64) for name in table.dtype.names or () if name != "x"]
+        numbers = np.concatenate(parts)
+        decades = np.abs(np.log10(np.abs(numbers[numbers != 0.0])))
+    if decades.size < _LEAST_NUMBERS:
+        return 0.0
+    return float(np.quantile(np.where(np.isfinite(decades), decades, np.inf), 0.9, method="lower"))
 
 
 def _closed(data: bytes, end: int) -> bool:

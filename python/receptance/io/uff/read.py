@@ -17,7 +17,18 @@ from receptance.io.build import SI, ReadOptions, make, make_frf, missing_phase_n
 from receptance.io.description import coordinate_from_list
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.uff.datasets import LOADS, MARK, MOTIONS, QUANTITIES, Function, Other, Point, data_sets
+from receptance.io.uff.datasets import (
+    LOADS,
+    MARK,
+    MOTIONS,
+    NO_POINT,
+    QUANTITIES,
+    SEPARATE,
+    Function,
+    Other,
+    Point,
+    data_sets,
+)
 from receptance.model.coordinates import Coordinate
 from receptance.units import (
     CHANNEL_UNITS,
@@ -83,15 +94,17 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
         )
     others = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
     notes = [f"not read: {name} ({count} in the file)" for name, count in others.items()]
-    coherences: dict[_Key, list[Function]] = {}  # the first in the file is last
-    for function in reversed(by_kind[_COHERENCE]):
-        coherences.setdefault(_key(function), []).append(function)
+    if remarks := [item.line for item in items if isinstance(item, Other) and item.kind is None]:
+        where = ", ".join(f"{name} {number}" for name, number in remarks[0].location.items())
+        notes.append(f"{len(remarks)} lines of text between the data sets were skipped, the first is {where}")
+    coherences = _by_points(by_kind[_COHERENCE], by_kind[_FRF])
     measurements: list[Measurement] = [
         _frf(matrix, coherences, notes, options)
         for matrix in _matrices([_entry(function, options) for function in by_kind[_FRF]])
     ]
     if not (options.ignore_coherence and measurements):
         unassigned = {id(function) for functions in coherences.values() for function in functions}
+        unassigned |= {id(function) for function in by_kind[_COHERENCE] if SEPARATE in _stored_values(function.texts)}
         entries = [
             _Entry(function, "receptance", ("y", "y"), _real(function), function.notes)
             for function in by_kind[_COHERENCE]
@@ -104,7 +117,7 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
 
 def _describe_item(item: Function | Other) -> str:
     if isinstance(item, Other):
-        return f"data set {item.kind}"
+        return "text" if item.kind is None else f"data set {item.kind}"
     return f"{_FUNCTIONS.get(item.kind, 'a function')} (data set 58 of function type {item.kind})"
 
 
@@ -174,13 +187,36 @@ def _key(function: Function) -> _Key:
     return function.response, function.reference, _lines_key(function)
 
 
+def _by_points(coherences: Sequence[Function], frfs: Sequence[Function]) -> dict[_Key, list[Function]]:
+    """Return the coherences of FRFs by points and lines; the first in the file is last.
+
+    One without a reference, or without points, belongs to the FRFs of its response, or on its lines, if these have one
+    pair of points.
+    """
+    exact = {_key(frf) for frf in frfs}
+    candidates: dict[tuple[Point, bytes], set[_Key]] = {}
+    for key in exact:
+        for response in (key[0], NO_POINT):
+            candidates.setdefault((response, key[2]), set()).add(key)
+    by_key: dict[_Key, list[Function]] = {}
+    for function in reversed(coherences):
+        if SEPARATE in _stored_values(function.texts):
+            continue
+        key = _key(function)
+        if key not in exact and function.reference == NO_POINT:
+            matching = candidates.get((key[0], key[2]), set())
+            key = next(iter(matching)) if len(matching) == 1 else key
+        by_key.setdefault(key, []).append(function)
+    return by_key
+
+
 def _frf(
     matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]], notes: Sequence[str], options: ReadOptions
 ) -> FRF:
     """Return the FRF of a matrix; its coherences are removed from those of the file."""
     first = matrix[0][0].function
     values = np.stack([np.stack([entry.values for entry in row], axis=-1) for row in matrix], axis=1)
-    coherence = _pop_coherence(matrix, coherences)
+    coherence, coherence_notes = _pop_coherence(matrix, coherences)
     rows, columns = [row[0] for row in matrix], matrix[0]
     labels = tuple(e.function.response.label for e in rows), tuple(e.function.reference.label for e in columns)
     fields = _stored_values(first.texts)
@@ -201,7 +237,11 @@ def _frf(
             labels=labels if labelled else None,
             coherence=coherence,
             label=first.texts[0],
-            notes=[*dict.fromkeys(note for row in matrix for entry in row for note in entry.notes), *notes],
+            notes=[
+                *dict.fromkeys(note for row in matrix for entry in row for note in entry.notes),
+                *coherence_notes,
+                *notes,
+            ],
             options=options,
             **fields,
         )
@@ -216,13 +256,24 @@ def _lines(function: Function, exact: tuple[float, float] | None) -> NDArray[np.
     return function.abscissa
 
 
-def _pop_coherence(matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]]) -> NDArray[np.float64] | None:
-    """Remove the coherences of all entries from those of the file and return them; None if one is missing."""
-    keys = [_key(entry.function) for row in matrix for entry in row]
+def _pop_coherence(
+    matrix: list[list[_Entry]], coherences: dict[_Key, list[Function]]
+) -> tuple[NDArray[np.float64] | None, list[str]]:
+    """Remove the coherences of all entries from those of the file; return them with notes, None if one is missing."""
+    frfs = [entry.function for row in matrix for entry in row]
+    keys = [_key(frf) for frf in frfs]
     if any(len(coherences.get(key, ())) < count for key, count in Counter(keys).items()):
-        return None
+        return None, []
     functions = [coherences[key].pop() for key in keys]
-    return np.stack([_real(function) for function in functions], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
+    notes: list[str] = []
+    for frf, function in zip(frfs, functions, strict=True):
+        notes += function.notes
+        if (function.response, function.reference) != (frf.response, frf.reference):
+            notes.append("the coherence states no reference point: it is the only one on the lines of the FRF")
+        if function.texts[0] and frf.texts[0] and function.texts[0] != frf.texts[0]:
+            notes.append(f"the coherence is labelled {function.texts[0]!r}; it has the points and lines of the FRF")
+    array = np.stack([_real(function) for function in functions], axis=-1).reshape(-1, len(matrix), len(matrix[0]))
+    return array, list(dict.fromkeys(notes))
 
 
 def _real(function: Function) -> NDArray[np.float64]:
@@ -340,8 +391,7 @@ def _stored_values(texts: Sequence[str]) -> dict[str, Any]:
     lines = values.get("lines")
     if isinstance(lines, list) and len(lines) == 2 and all(isinstance(x, float) and 0.0 <= x < math.inf for x in lines):
         valid["lines"] = (lines[0], lines[1])
-    if values.get("labels") == 0:
-        valid["labels"] = 0
+    valid |= {name: flag for name, flag in (("labels", 0), (SEPARATE, 1)) if values.get(name) == flag}
     for name in ("decay_rate", "sample_rate_hz"):
         value = values.get(name)
         if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < value < math.inf:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from receptance.frf import FRF
 from receptance.io.description import QUALITY, arrays_of, coordinate_to_list
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.uff.datasets import LOADS, MARK, MOTIONS, QUANTITIES, Axis, Function, Point
+from receptance.io.uff.datasets import LOADS, MARK, MOTIONS, QUANTITIES, SEPARATE, Axis, Function, Point
 from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import ROTATIONS
 
@@ -78,7 +78,8 @@ def _entries(measurement: FRF | Coherence, lost: list[str]) -> Iterator[Function
         if coherence is not None:
             axes = (frequency, Axis(0, "Coherence", "1"), empty)
             lines = measurement.frequency_hz
-            yield Function(6, *ends, lines, coherence[:, row, column], axes, (label, "", "", "", ""))
+            separate = "" if frf is not None else _values_line({SEPARATE: 1})
+            yield Function(6, *ends, lines, coherence[:, row, column], axes, (label, "", "", "", separate))
 
 
 def _values_text(frf: FRF, lost: list[str]) -> str:
