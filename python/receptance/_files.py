@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
+from receptance._text import printable
+
 LARGEST = 1 << 30
 """Most bytes read of one file, compressed or expanded: 1 GiB."""
 
@@ -18,13 +20,15 @@ LARGEST = 1 << 30
 def inert(text: str) -> str:
     """Return a text for a cell of a table, quoted if a spreadsheet would take it for a formula.
 
+    Control characters are escaped.
+
     Examples
     --------
     >>> from receptance._files import inert
     >>> inert("T12"), inert("=1+2")
     ('T12', "'=1+2")
     """
-    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
+    return f"'{printable(text)}" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else printable(text)
 
 
 def not_found(what: str, path: Path, otherwise: str = "") -> FileNotFoundError:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import struct
 import time
 import zipfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ import scipy.io
 from limits import LIMIT_S
 from receptance import FRF, Coordinate, ReceptanceWarning
 from receptance.io import Coherence, FileFormatError, TimeSeries, errors, mat_hdf5, read, read_all, read_frf, write
+from receptance.io.description import about_text, arrays_of
 
 h5py = pytest.importorskip("h5py", reason="needs h5py: pip install 'receptance[hdf5]'")
 
@@ -428,3 +431,137 @@ def test_reading_in_a_forked_process(tmp_path: Path) -> None:
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     assert mat_hdf5._reader is reader
     assert read_frf(path).shape == (3, 1, 1)
+
+
+def changed(data: bytes, seed: int, count: int) -> Iterator[bytes]:
+    """Yield copies of a file with a changed byte."""
+    rng = np.random.default_rng(seed)
+    for place in rng.choice(len(data), size=count, replace=False).tolist():
+        damaged = bytearray(data)
+        damaged[place] ^= int(rng.integers(1, 256))
+        yield bytes(damaged)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".h5"])
+def test_a_changed_byte_never_changes_a_measurement(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a{ending}"
+    frf = FRF(frequency_hz=LINES, values=NUMBERS, coherence=0.9, log_variance=1e-4, averages=7, label="tip")
+    things = [frf, TimeSeries(values=[[1.0], [2.0]], channels=["f"], units=["N"], sample_rate_hz=512.0)]
+    write(path, things)
+    data = path.read_bytes()
+    whole = [about_text(thing) + repr(arrays_of(thing)) for thing in read_all(path)]
+    refused = 0
+    for damaged in changed(data, 1, 300):
+        path.write_bytes(damaged)
+        try:
+            assert [about_text(thing) + repr(arrays_of(thing)) for thing in read_all(path)] == whole
+        except FileFormatError:
+            refused += 1
+    assert refused > 10
+
+
+def rewritten(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Change the arrays of an NPZ file."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    change(arrays)
+    np.savez(path, **arrays)
+
+
+def test_the_checksum_is_of_names_types_fields_and_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    frfs = [FRF(frequency_hz=LINES, values=NUMBERS, coherence=0.9, label=label) for label in ("first", "second")]
+    for change in (
+        lambda arrays: arrays.update({"frf1.values": arrays["frf1.values"] * 1.01}),
+        lambda arrays: arrays.pop("frf2.coherence"),
+        lambda arrays: arrays.update({"frf1.frequency_hz": arrays["frf1.frequency_hz"].astype("f4")}),
+        lambda arrays: arrays.update({"frf1.about": np.array(str(arrays["frf1.about"]).replace("first", "other"))}),
+    ):
+        write(path, frfs)
+        rewritten(path, change)
+        with pytest.raises(FileFormatError, match=r"a\.npz, frf.: the checksum is .*damaged or changed after"):
+            read_all(path)
+    write(path, frfs)
+    rewritten(path, lambda arrays: arrays.pop("frf2.about"))
+    with pytest.raises(FileFormatError, match="the file holds 1 of 2 measurements"):
+        read_all(path)
+
+    # Files of others and earlier versions have none.
+    def without(arrays: dict[str, Any]) -> None:
+        fields = json.loads(str(arrays["frf1.about"]))
+        arrays["frf1.about"] = np.array(
+            json.dumps({k: fields[k] for k in fields if k not in ("checksum", "measurements")})
+        )
+
+    write(path, frfs[0])
+    rewritten(path, without)
+    assert read_frf(path).label == "first"
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat", ".h5", ".csv"])
+def test_a_low_coherence_in_a_file_of_this_library_is_noted_once(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"a{ending}"
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS, coherence=[0.2, 0.3, 0.9]))
+    with pytest.warns(ReceptanceWarning, match="the median coherence is 0.30 over 3 lines"):
+        frf = read_frf(path)
+    assert len(frf.notes) == 1
+    write(path, frf)
+    with pytest.warns(ReceptanceWarning, match="the median coherence is 0.30 over 3 lines"):
+        assert read_frf(path).notes == frf.notes
+
+
+def sdynpy(path: Path, kind: int, ordinate: np.ndarray, coordinate: list[Any], **more: Any) -> Path:
+    """Write the arrays of SDynPy: functions x abscissae, and node and direction of their ends."""
+    shape, n = ordinate.shape[:-1], ordinate.shape[-1]
+    point = [("node", "u8"), ("direction", "i1")]
+    fields = [("abscissa", "f8", (n,)), ("ordinate", ordinate.dtype, (n,)), ("comment1", "<U80")]
+    data = np.zeros(shape, dtype=[*fields, ("coordinate", point, np.shape(coordinate)[-1:])])
+    data["abscissa"], data["ordinate"], data["comment1"] = LINES, ordinate, "swept"
+    data["coordinate"]["node"] = np.array(coordinate) // 10
+    data["coordinate"]["direction"] = np.array(coordinate) % 10
+    if more:
+        data = data[[name for name in data.dtype.names or () if name != "abscissa"]].copy()
+    np.savez(path, data=data, function_type=kind, **more)
+    return path
+
+
+def test_arrays_of_sdynpy(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    matrix = np.stack([[NUMBERS, 2 * NUMBERS], [3 * NUMBERS, 4 * NUMBERS]])
+    points = [[[11, 11], [11, 25]], [[25, 11], [25, 25]]]
+    with pytest.raises(FileFormatError, match=r"a\.npz, the array 'data': .* unit of the FRF; give it"):
+        read_frf(sdynpy(path, 4, matrix, points))
+    frf = read_frf(path, unit="SI", quantity="accelerance")
+    assert np.array_equal(frf.values, np.moveaxis(matrix, -1, 0))
+    assert (frf.labels, frf.label) == ((("1:+1", "2:+5"), ("1:+1", "2:+5")), "swept")
+    assert frf.units[1] == ("rad/s^2/N", "rad/s^2/(N m)")
+    single = read_frf(sdynpy(path, 4, NUMBERS[None], [[11, 11]], abscissa_start=5.0, abscissa_step=2.0), unit="g/N")
+    assert single.frequency_hz.tolist() == [5.0, 7.0, 9.0]
+    coherence = read(sdynpy(path, 6, np.array([[0.5, 0.6, 0.7]]), [[11, 11]]))
+    assert isinstance(coherence, Coherence)
+    series = read(sdynpy(path, 1, np.arange(6.0).reshape(2, 3), [[11], [21]]), unit={"1:+1": "N", "2:+1": "g"})
+    assert isinstance(series, TimeSeries)
+    assert series.channels == ("1:+1", "2:+1")
+    named = {"frequency_hz": "data.abscissa", "values": "data.ordinate"}
+    sdynpy(path, 4, NUMBERS, [11, 11])
+    assert np.array_equal(read_frf(path, variables=named, unit="m/N").values.ravel(), NUMBERS)
+
+
+def test_cells_of_matlab_7_3(tmp_path: Path) -> None:
+    path = tmp_path / "cells.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        stored = [file.create_dataset(f"#refs#/{name}", data=value) for name, value in (("a", LINES), ("b", 2 * LINES))]
+        inner = file.create_group("#refs#/c")
+        inner.create_dataset("f", data=3 * LINES)
+        cells = file.create_dataset("C", (3, 1), dtype=h5py.ref_dtype)
+        cells[:, 0] = [stored[0].ref, stored[1].ref, inner.ref]
+        cells.attrs["MATLAB_class"] = np.bytes_("cell")
+    content = path.read_bytes()
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + content[512:])
+    with pytest.raises(
+        FileFormatError, match=r"The file holds C\[0\] \(3 float64\), C\[1\] .*, C\[2\]/f \(3 float64\)"
+    ):
+        read(path)
+    with pytest.warns(ReceptanceWarning, match="the values are real"):
+        frf = read_frf(path, variables={"frequency_hz": "C[0]", "values": "C[2]/f"}, unit="m/N")
+    assert np.array_equal(frf.values[:, 0, 0].real, 3 * LINES)

@@ -171,6 +171,11 @@ def input_errors(*kinds: type[Exception]) -> Iterator[None]:
 
 def refuse_existing(option: str, path: Path, *, overwrite: bool) -> None:
     """Raise `InputError` if a file exists and may not be replaced; devices and pipes are written to."""
+    if path.is_symlink() and not path.exists() and not overwrite:
+        target = os.readlink(path)
+        raise InputError(
+            f"{option} is {path}, a link to {target}, which would be created; add --overwrite if it should"
+        )
     if path.is_file() and not overwrite:
         raise InputError(f"{option} would replace {path}, which exists; give another name, or add --overwrite")
 

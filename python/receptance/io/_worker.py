@@ -21,6 +21,8 @@ _MEASUREMENT_NAME = re.compile(r"(?:frf|time|coherence)[0-9]+")
 """Names of measurements written by this library."""
 _MAX_DEPTH, _MAX_DATA_SETS, _MAX_ELEMENTS = 5, 10_000, 1000
 """Limits of nesting, of data sets in a file, and of elements of an array of structs."""
+_MAX_REFERENCES = 1_000_000
+"""Most cells of an array; more are not followed."""
 _MEMORY = 4 << 30
 """Bytes of memory allowed beside eight times the size of the file."""
 _EXTERNAL = "in another file, which is not read"
@@ -125,11 +127,28 @@ def _members(h5py: Any, group: Any, prefix: str, depth: int) -> Iterator[tuple[s
         # Soft links and links into other files are not followed.
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue
-        item = group[name]
-        if isinstance(item, h5py.Dataset):
-            yield prefix + name, item
-        elif isinstance(item, h5py.Group) and depth < _MAX_DEPTH:
-            yield from _members(h5py, item, f"{prefix}{name}/", depth + 1)
+        yield from _contents(h5py, group[name], prefix + name, depth)
+
+
+def _contents(h5py: Any, item: Any, name: str, depth: int) -> Iterator[tuple[str, Any]]:
+    """Yield the data sets in an item: itself, those of a group, or those of the cells of MATLAB's version 7.3."""
+    if isinstance(item, h5py.Group):
+        # The contents of cells are in this group, and have the names of their cells.
+        if depth < _MAX_DEPTH and name != "#refs#":
+            yield from _members(h5py, item, f"{name}/", depth + 1)
+    elif isinstance(item, h5py.Dataset):
+        if h5py.check_ref_dtype(item.dtype) is not h5py.Reference or not _is_cell(item) or depth >= _MAX_DEPTH:
+            yield name, item
+            return
+        cells = np.atleast_1d(np.asarray(item[()]).T.squeeze())
+        for index in itertools.islice(np.ndindex(cells.shape), _MAX_ELEMENTS):
+            if cells[index]:
+                place = name + "".join(f"[{number}]" for number in index)
+                yield from _contents(h5py, item.file[cells[index]], place, depth + 1)
+
+
+def _is_cell(item: Any) -> bool:
+    return not _is_external(item) and item.shape is not None and 0 < item.size <= _MAX_REFERENCES
 
 
 def _value(item: Any) -> Any:

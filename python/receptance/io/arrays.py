@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 import re
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,10 @@ from receptance.io.build import (
     sampling,
     to_si,
 )
-from receptance.io.description import ABOUT, about_text, arrays_of, kind_of, measurement_of, parse_about
+from receptance.io.description import ABOUT, ARRAYS, about_text, arrays_of, kind_of, measurement_of, parse_about
 from receptance.io.errors import FileFormatError, check_size, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
+from receptance.io.sdynpy import is_sdynpy, read_sdynpy
 
 _FRF_KEYS = (
     "frequency_hz",
@@ -46,17 +48,49 @@ _COLUMN = re.compile(r"(?P<name>.+)\[:, ?(?P<column>[0-9]{1,9})\]")
 _MAX_LISTED = 30
 
 
-def named_items(measurements: Sequence[Measurement], *, separator: str) -> dict[str, Any]:
-    """Return the arrays and texts of measurements under names such as frf1.values and frf1.about."""
+def named_items(measurements: Sequence[Measurement], *, separator: str, with_checksum: bool = True) -> dict[str, Any]:
+    """Return the arrays and texts of measurements under names such as frf1.values and frf1.about.
+
+    The checksum in `about` is that of its other fields and of names, types, shapes and numbers of the arrays.
+    """
     items: dict[str, Any] = {}
     counts: dict[str, int] = {}
     for measurement in measurements:
         kind = kind_of(measurement).removesuffix(" series")
         counts[kind] = counts.get(kind, 0) + 1
         prefix = f"{kind}{counts[kind]}{separator}"
-        items[prefix + ABOUT] = about_text(measurement)
-        items.update({prefix + name: array for name, array in arrays_of(measurement).items()})
+        arrays, about = arrays_of(measurement), about_text(measurement)
+        if with_checksum:
+            about = about_text(measurement, measurements=len(measurements))
+            about = about_text(
+                measurement, measurements=len(measurements), checksum=_checksum(json.loads(about), arrays)
+            )
+        items[prefix + ABOUT] = about
+        items.update({prefix + name: array for name, array in arrays.items()})
     return items
+
+
+def _checksum(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> int:
+    """Return the CRC-32 of fields and of arrays of a measurement; arrays of other names are left out."""
+    checksum = zlib.crc32(json.dumps(about, sort_keys=True).encode())
+    for name in ARRAYS:
+        if name in arrays:
+            array = arrays[name].astype(arrays[name].dtype.newbyteorder("<"), copy=False)
+            checksum = zlib.crc32(f"{name} {array.dtype.str} {array.shape}".encode(), checksum)
+            checksum = zlib.crc32(array.tobytes(), checksum)
+    return checksum
+
+
+def _check_undamaged(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raise if fields or arrays differ from the checksum, which files of other formats and earlier ones lack."""
+    if "checksum" not in about:
+        return
+    checksum = _checksum({name: value for name, value in about.items() if name != "checksum"}, arrays)
+    if checksum != about["checksum"]:
+        raise FileFormatError(
+            f"the checksum is {checksum}, but {ABOUT!r} states {about['checksum']!r}: the file was damaged or changed "
+            f"after it was written; restore a copy, or, if the change is intended, remove the checksum from {ABOUT!r}"
+        )
 
 
 def measurements_of(
@@ -88,13 +122,19 @@ def _stored_measurements(
         prefix, _, field = name.rpartition(separator)
         if prefix:
             arrays_by_prefix.setdefault(prefix, {})[field] = array
-    measurements = []
+    measurements: list[Measurement] = []
+    count = 0
     for name, value in items.items():
         prefix, _, field = name.rpartition(separator)
         about = parse_about(value) if field == ABOUT else None
         if about is not None:
             with error_location(place=prefix or "the file"):
+                _check_undamaged(about, arrays_by_prefix.get(prefix, {}))
                 measurements.append(measurement_of(arrays_by_prefix.get(prefix, {}), about, options))
+            stated = about.get("measurements")
+            count = max(count, stated if isinstance(stated, int) else 0)
+    if len(measurements) < count:
+        raise FileFormatError(f"the file holds {len(measurements)} of {count} measurements: the others are damaged")
     return measurements
 
 
@@ -292,11 +332,17 @@ def npz_bytes(measurements: Sequence[Measurement]) -> bytes:
 
 def read_npz(data: bytes, options: ReadOptions) -> list[Measurement]:
     """Return the measurements in an NPZ file: those written by this library, else the arrays of the options."""
-    return measurements_of(arrays_in(data), options, separator=".")
+    arrays = arrays_in(data)
+    if options.variables is None and is_sdynpy(arrays):
+        return read_sdynpy(arrays, options)
+    return measurements_of(arrays, options, separator=".")
 
 
 def arrays_in(data: bytes) -> dict[str, Any]:
-    """Return the arrays of an NPZ file by name, texts as str; damaged files and Python objects raise."""
+    """Return the arrays of an NPZ file by name, texts as str; damaged files and Python objects raise.
+
+    The fields of structured arrays are arrays of their own, such as data.abscissa.
+    """
     arrays: dict[str, Any] = {}
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -309,12 +355,21 @@ def arrays_in(data: bytes) -> dict[str, Any]:
                 with error_location(place=f"array {name!r}"):
                     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                         raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's")
-                    arrays[name] = parse_npy(archive.read(member))
+                    arrays.update(_with_fields(name, parse_npy(archive.read(member))))
     except FileFormatError:
         raise
     except _BROKEN as error:
         raise FileFormatError(f"this is not a complete NPZ file: {error}") from None
     return arrays
+
+
+def _with_fields(name: str, array: NDArray[Any] | str) -> Iterator[tuple[str, NDArray[Any] | str]]:
+    """Yield an array by its name, or the fields of a structured one."""
+    if isinstance(array, str) or array.dtype.names is None:
+        yield name, array
+        return
+    for field in array.dtype.names:
+        yield from _with_fields(f"{name}.{field}", array[field])
 
 
 def parse_npy(content: bytes) -> NDArray[Any] | str:
@@ -327,7 +382,7 @@ def parse_npy(content: bytes) -> NDArray[Any] | str:
     except Exception as error:
         # NumPy evaluates the header as a Python literal, and damaged ones raise various errors.
         raise FileFormatError(f"the header is damaged: {error}") from None
-    if dtype.kind not in _KINDS or dtype.hasobject:
+    if (dtype.kind not in _KINDS and dtype.names is None) or dtype.hasobject:
         raise FileFormatError(f"the dtype is {dtype}, expected numbers or text: Python objects (pickles) are not read")
     start, count = stream.tell(), math.prod(shape)
     size = len(content) - start

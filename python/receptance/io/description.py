@@ -25,6 +25,7 @@ from receptance.units import parse_unit
 ABOUT = "about"
 QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
 """Fields of an FRF, beside its coherence, that are stored as arrays."""
+ARRAYS = ("frequency_hz", "values", "coherence", *QUALITY)
 _VERSION = 1
 _KINDS: dict[str, type] = {"frf": FRF, "time series": TimeSeries, "coherence": Coherence}
 

@@ -56,7 +56,8 @@ def mat_bytes(measurements: Sequence[Measurement]) -> bytes:
     import scipy.io
 
     structs: dict[str, dict[str, Any]] = {}
-    for name, value in named_items(measurements, separator=".").items():
+    # MATLAB changes shapes and types when it saves a struct again, so there is no checksum of them.
+    for name, value in named_items(measurements, separator=".", with_checksum=False).items():
         owner, _, field = name.partition(".")
         structs.setdefault(owner, {})[field] = value
     buffer: Any = io.BytesIO()

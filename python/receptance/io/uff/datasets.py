@@ -66,7 +66,9 @@ class Line:
     @property
     def location(self) -> dict[str, Any]:
         """Line number, or the first byte without a number, as arguments of `FileFormatError`."""
-        return {"byte": self.byte} if self.number is None else {"line": self.number}
+        if self.number is not None:
+            return {"line": self.number}
+        return {"byte": self.byte} if self.byte >= 0 else {}
 
     def error(self, problem: str) -> FileFormatError:
         """Return an error at this line."""
@@ -339,8 +341,8 @@ class Function:
     """Abscissa, ordinate numerator, ordinate denominator."""
     texts: Sequence[str]
     """The five ID lines; empty for NONE."""
-    line: Line = Line(b"", None, 0)
-    """First line in the file."""
+    line: Line = Line(b"", None, -1)
+    """First line in the file; without a place if it is not in a universal file."""
     binary: bool = False
     step: float | None = None
     """Abscissa increment in the file; None for uneven spacing."""

@@ -84,17 +84,25 @@ def read_uff(data: bytes, options: ReadOptions) -> list[Measurement]:
     """
     items = list(data_sets(data))
     functions = [item for item in items if isinstance(item, Function)]
+    return measurements_of_functions(functions, [item for item in items if isinstance(item, Other)], options)
+
+
+def measurements_of_functions(
+    functions: Sequence[Function], others: Sequence[Other], options: ReadOptions
+) -> list[Measurement]:
+    """Return the measurements of the functions in a file; see `read_uff`."""
     by_kind = {kind: [f for f in functions if f.kind == kind] for kind in (_TIME, _FRF, _COHERENCE)}
     if not any(by_kind.values()):
+        items: list[Function | Other] = sorted([*functions, *others], key=lambda item: item.line.byte)
         contents = ", ".join(dict.fromkeys(_describe_item(item) for item in items)) or "no data set"
         raise FileFormatError(
             "there is no time series, FRF or coherence in the file (data set 58 of function type 1, 4 or 6); "
             f"it holds {contents}",
             line=items[0].line.number if items else 1,
         )
-    others = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
-    notes = [f"not read: {name} ({count} in the file)" for name, count in others.items()]
-    if remarks := [item.line for item in items if isinstance(item, Other) and item.kind is None]:
+    unread = Counter(_FUNCTIONS.get(f.kind, f"function of type {f.kind}") for f in functions if f.kind not in by_kind)
+    notes = [f"not read: {name} ({count} in the file)" for name, count in unread.items()]
+    if remarks := [item.line for item in others if item.kind is None]:
         where = ", ".join(f"{name} {number}" for name, number in remarks[0].location.items())
         notes.append(f"{len(remarks)} lines of text between the data sets were skipped, the first is {where}")
     coherences = _by_points(by_kind[_COHERENCE], by_kind[_FRF])
