@@ -18,15 +18,15 @@ LARGEST = 1 << 30
 
 
 def inert(text: str) -> str:
-    """Return a text for a cell of a table, quoted if a spreadsheet would take it for a formula.
+    r"""Return a text for a cell of a table, quoted if a spreadsheet would take it for a formula.
 
     Control characters are escaped.
 
     Examples
     --------
     >>> from receptance._files import inert
-    >>> inert("T12"), inert("=1+2")
-    ('T12', "'=1+2")
+    >>> inert("T12"), inert("=1+2"), inert("T" + chr(27) + "[2J")
+    ('T12', "'=1+2", 'T\\x1b[2J')
     """
     return f"'{printable(text)}" if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else printable(text)
 

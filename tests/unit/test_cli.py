@@ -152,6 +152,15 @@ def test_mistake_prints_message_without_traceback(
     assert left() == set()
 
 
+def test_results_are_not_written_through_a_link_to_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("results.json").symlink_to("elsewhere.json")
+    assert call(monkeypatch, "demo", "--json", "results.json") == 2
+    assert "--json is results.json, a link to elsewhere.json, which would be created" in capsys.readouterr().err
+    assert not Path("elsewhere.json").exists()
+
+
 def test_internal_error_has_a_separate_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

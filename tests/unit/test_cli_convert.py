@@ -118,3 +118,13 @@ def test_exit_codes(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
     output = capsys.readouterr()
     assert output.err == ""
     assert output.out.endswith("Written: b.npz\n")
+
+
+def test_a_link_to_nothing_is_not_written_through_without_overwrite() -> None:
+    write("a.csv", FRF(frequency_hz=[10.0, 20.0], values=[1.0, 2.0 - 1j], form="accelerance"))
+    Path("b.npz").symlink_to("elsewhere.npz")
+    with pytest.raises(InputError, match=r"OUT is b\.npz, a link to elsewhere\.npz, which would be created"):
+        call("a.csv", "b.npz")
+    assert not Path("elsewhere.npz").exists()
+    call("a.csv", "b.npz", "--overwrite")
+    assert read_frf("elsewhere.npz").form == "accelerance"

@@ -308,7 +308,7 @@ def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"cannot write to {folder}: it is a pipe or a device, expected a folder")
     target = folder / _FILE
-    if target.exists() and not overwrite:
+    if (target.exists() or target.is_symlink()) and not overwrite:
         raise InputError(f"{target} exists already; choose another folder, or replace it with --overwrite")
     double = [file for index, file in enumerate(files) if file.resolve() in [one.resolve() for one in files[:index]]]
     if double:

@@ -139,7 +139,7 @@ def write(
     if target.exists() and not target.is_dir():
         raise NotADirectoryError(f"cannot write to {target}: it is a file, expected a folder")
     contents = {target / file: content for file, content in EXAMPLES[name].files(progress).items()}
-    existing = [str(path) for path in contents if path.exists()]
+    existing = [str(path) for path in contents if path.exists() or path.is_symlink()]
     if existing and not overwrite:
         exist = f"exist{'' if len(existing) > 1 else 's'} already"
         raise FileExistsError(
