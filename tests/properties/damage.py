@@ -342,7 +342,7 @@ def _rebuilt_npz(base: Base, rng: random.Random) -> bytes | None:
                     content = _odd_npy(content, rng)
                 new.writestr(member.filename, content)
         return buffer.getvalue()
-    arrays = {name: np.asarray(value) for name, value in _rebuilt_items(items_of(base.content), rng).items()}
+    arrays = {name: np.asarray(value) for name, value in _rebuilt_items(items_of(base.arrays), rng).items()}
     np.savez(buffer, **arrays)
     return buffer.getvalue()
 

@@ -60,7 +60,7 @@ def frfs(draw: st.DrawFn, *, text_file: bool = False) -> FRF:
     known: dict[str, Any] = {}
     if draw(st.booleans()):
         # A poor one would be noted on reading another's file.
-        known["coherence"] = draw_array(draw, shape, st.floats(0.5 if text_file else 0.0, 1.0))
+        known["coherence"] = draw_array(draw, shape, st.floats(0.5, 1.0))
     if draw(st.booleans()):
         known["averages"] = draw(st.integers(1, 1000))
     if draw(st.booleans()):
