@@ -104,7 +104,7 @@ def test_columns_of_arrays(path: Path) -> None:
         ({"time_s": "X1", "hammer": "X1", "tip": "X2"}, {}),
         ({"hammer": "X1", "tip": "X2"}, {"sample_rate_hz": 512.0}),
     ):
-        with pytest.raises(FileFormatError, match=r"has shape \(100, 2\), expected one column.*\[:,1\]"):
+        with pytest.raises(FileFormatError, match=r"has shape \(100, 2\), expected one column.*\[:,[01]\]"):
             read(path, variables=variables, **in_units, **options)
     frf = read_frf(
         path,
@@ -565,3 +565,21 @@ def test_cells_of_matlab_7_3(tmp_path: Path) -> None:
     with pytest.warns(ReceptanceWarning, match="the values are real"):
         frf = read_frf(path, variables={"frequency_hz": "C[0]", "values": "C[2]/f"}, unit="m/N")
     assert np.array_equal(frf.values[:, 0, 0].real, 3 * LINES)
+
+
+def test_layouts_of_analysers_are_answered_with_what_to_type(path: Path) -> None:
+    times, lines = np.arange(8) / 512.0, np.arange(1.0, 9.0)
+    pairs = {"X1": np.c_[times, times**2], "H1_2": np.c_[lines, 1.0 / (1.0 + 1j * lines)]}
+    save(path, pairs)
+    for variables, words in (
+        ({"time_s": "X1", "hammer": "X1"}, r"'time_s' has shape \(8, 2\).*for example 'X1\[:,0\]'"),
+        ({"time_s": "X1[:,0]", "hammer": "X1"}, r"'hammer' has shape \(8, 2\).*for example 'X1\[:,1\]'"),
+        ({"frequency_hz": "H1_2", "values": "H1_2"}, r"'H1_2\[:,0\]' is its first column"),
+        ({"frequency_hz": "H1_2[:,0]", "values": "H1_2"}, r"select one column, .* 'H1_2\[:,1\]'"),
+        ({"values": "H1_2"}, r"not 'frequency_hz', the axis, of the FRF.*'values': 'NAME\[:,1\]'"),
+        ({"frequency_hz": "H1_2[:,0]"}, r"not a value such as 'values' of the FRF"),
+    ):
+        with pytest.raises(FileFormatError, match=words):
+            read(path, variables=variables)
+    columns = {"frequency_hz": "H1_2[:,0]", "values": "H1_2[:,1]"}
+    assert np.array_equal(read_frf(path, variables=columns, unit="g/N").frequency_hz, lines)

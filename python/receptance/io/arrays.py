@@ -154,6 +154,13 @@ def _external(arrays: Mapping[str, NDArray[Any]], options: ReadOptions, listing:
     is_frf = "frequency_hz" in names and not {"values", "real", "magnitude", "coherence"}.isdisjoint(names)
     if is_frf and (unknown := sorted(names.keys() - set(_FRF_KEYS))):
         raise FileFormatError(f"variables names {unknown[0]!r}, expected some of {', '.join(_FRF_KEYS)} for an FRF")
+    if options.variables is not None and options.sample_rate_hz is None and not is_frf and set(names) <= set(_FRF_KEYS):
+        missing = "a value such as 'values'" if "frequency_hz" in names else "'frequency_hz', the axis,"
+        raise FileFormatError(
+            f"variables names {', '.join(map(repr, names))}, but not {missing} of the FRF; if one variable holds both, "
+            "name its columns, counted from 0: variables={'frequency_hz': 'NAME[:,0]', 'values': 'NAME[:,1]'} (on the "
+            f"command line --variable 'frequency_hz=NAME[:,0]'). The file holds {listing}"
+        )
     if is_frf or (options.variables is not None and "frequency_hz" not in names):
         variables = {role: _variable(arrays, role, name, listing) for role, name in names.items()}
         return (_external_frf if is_frf else _external_time_series)(variables, names, options)
@@ -245,7 +252,8 @@ def _one_column(role: str, name: str, array: NDArray[Any]) -> NDArray[np.float64
         raise FileFormatError(
             f"the variable {name!r} for {role!r} has shape {array.shape}, expected one column; "
             + (
-                f"name the column, counted from 0, for example {name + '[:,1]'!r}"
+                f"name the column, counted from 0, for example "
+                f"{name + ('[:,0]' if role in ('frequency_hz', 'time_s') else '[:,1]')!r}"
                 if array.ndim == 2
                 else "select it first"
             )
@@ -274,7 +282,8 @@ def _by_line(name: str, array: NDArray[Any], n: int, options: ReadOptions) -> ND
             return squeezed[:, None, :]
         raise FileFormatError(
             f"the variable {name!r} has shape {array.shape}, and its columns may be responses or excitations; select "
-            f"one column, counted from 0, for example {name + '[:,0]'!r}, or give {count} responses= or excitations="
+            f"one column, counted from 0, for example {name + ('[:,1]' if count == 2 else '[:,0]')!r}, or give {count} "
+            "responses= or excitations="
         )
     return squeezed if squeezed.ndim == 3 else squeezed[:, None, None]
 
