@@ -467,7 +467,7 @@ class _Settings:
 
 @dataclass(frozen=True)
 class _SecondPulse:
-    """Second pulse of a hit: first sample, peak over that of the contact, end of the last pulse, loss of the spectrum."""
+    """Second pulse of a hit: first sample, peak over the contact's, end of the last pulse, loss of the spectrum."""
 
     onset: int
     share: float
