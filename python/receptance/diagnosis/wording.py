@@ -115,9 +115,9 @@ def _words(title: str) -> str:
 
 def _digits(value: float, width: float) -> int:
     """Return the significant digits that the width of the interval justifies."""
-    if not (math.isfinite(width) and width > 0.0 and value):
-        return 3
-    return min(max(math.floor(math.log10(abs(value) / width)) + 3, 2), 6)
+    ratio = abs(value) / width if width > 0.0 else 0.0
+    # Neither an underflow nor an open interval says anything of the digits.
+    return min(max(math.floor(math.log10(ratio)) + 3, 2), 6) if math.isfinite(ratio) and ratio > 0.0 else 3
 
 
 def _percent(logarithm: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -18,16 +19,21 @@ def number(value: float, form: str = ".4g") -> str:
     Examples
     --------
     >>> from receptance.report.table import number
-    >>> number(416234.0), number(float("inf")), number(1.5, "+.2f")
-    ('4.162e+05', 'not determined', '+1.50')
+    >>> number(416234.0), number(float("inf")), number(1.5, "+.2f"), number(-0.001, "+.2f")
+    ('4.162e+05', 'not determined', '+1.50', '0.00')
     """
     if math.isnan(value):
         return ""
-    return format(value, form) if math.isfinite(value) else "not determined"
+    return _without_sign_of_zero(format(value, form)) if math.isfinite(value) else "not determined"
+
+
+def _without_sign_of_zero(text: str) -> str:
+    """Return a number as text without the sign of one that is rounded to zero."""
+    return text if _NOT_ZERO.search(text) else text.lstrip("+-")
 
 
 def interval(ends: Interval, form: str = ".4g") -> str:
-    """Return an interval as text; an end that is None or infinite is open.
+    """Return an interval as text; an end that is None or not finite is open.
 
     Examples
     --------
@@ -35,7 +41,7 @@ def interval(ends: Interval, form: str = ".4g") -> str:
     >>> interval((98e3, 102e3)), interval((4e7, None)), interval((None, 2.0)), interval((None, None))
     ('9.8e+04 to 1.02e+05', 'above 4e+07', 'below 2', 'open')
     """
-    low, high = (None if end is None or math.isinf(end) else format(end, form) for end in ends)
+    low, high = (None if end is None or not math.isfinite(end) else number(end, form) for end in ends)
     if low is None:
         return "open" if high is None else f"below {high}"
     return f"above {low}" if high is None else f"{low} to {high}"
@@ -49,6 +55,9 @@ _SMALLER = {
 """Units of small amounts by SI unit: smallest amount, scale and name."""
 _PLAIN = (1e-3, 1e5)
 """Magnitudes that are written without a power of ten."""
+_LEAST_BESIDE = 1e-6
+"""Smaller magnitudes have a power of ten beside larger numbers that have none."""
+_NOT_ZERO = re.compile("^[^e]*[1-9]")
 
 
 def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[list[str], str]:
@@ -74,18 +83,18 @@ def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[l
     choices = _SMALLER.get(unit, ((0.0, 1.0, unit),)) if largest else ((0.0, 1.0, unit),)
     scale, shown = next((own, name) for least, own, name in choices if largest >= least)
     power = bool(largest) and not _PLAIN[0] <= largest / scale < _PLAIN[1]
-    decimals = max(digits - 1 - _exponent(largest / scale), 0)
+    decimals = 0 if power else max(digits - 1 - _exponent(largest / scale), 0)
 
     def text(value: float) -> str:
         if not math.isfinite(value):
             return "not determined"
         number = value / scale
-        if power and number:
-            exponent = _exponent(_rounded(number, digits))
-            return f"{number / 10.0**exponent:.{digits - 1}f}e{exponent}"
+        if number and (power or abs(number) < _LEAST_BESIDE):
+            mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
+            return f"{mantissa}e{int(exponent)}"
         # Beside a much larger number a small one keeps its own digits.
         own = max(digits - 1 - _exponent(number), 0) if abs(number) < 10.0**-decimals else decimals
-        return f"{number:.{own if number else decimals}f}"
+        return _without_sign_of_zero(f"{number:.{own if number else decimals}f}")
 
     return [text(value) for value in values], shown
 
@@ -113,7 +122,7 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
 
 
 def amount_interval(ends: Interval, unit: str = "", digits: int = 4) -> str:
-    """Return an interval with its unit as text; an end that is None or infinite is open.
+    """Return an interval with its unit as text; an end that is None or not finite is open.
 
     Examples
     --------
@@ -121,7 +130,7 @@ def amount_interval(ends: Interval, unit: str = "", digits: int = 4) -> str:
     >>> amount_interval((4.138e8, 4.237e8), "N/m"), amount_interval((None, 2e-3), "kg", 2)
     ('4.138e8 to 4.237e8 N/m', 'below 2.0 g')
     """
-    low, high = (None if end is None or math.isinf(end) else end for end in ends)
+    low, high = (None if end is None or not math.isfinite(end) else end for end in ends)
     texts, shown = amounts([end for end in (low, high) if end is not None], unit, digits)
     if not texts:
         return "open"
