@@ -68,6 +68,19 @@ def one_of(known: Iterable[str]) -> str:
     return f"one of {', '.join(names[:_LONGEST_LIST])}{rest}"
 
 
+def first_of(texts: Sequence[str], separator: str = ", ", most: int = 4) -> str:
+    """Return the first of many texts, and how many more there are.
+
+    Examples
+    --------
+    >>> from receptance._text import first_of
+    >>> first_of(["a", "b", "c"], most=2), first_of(["a", "b"], most=2)
+    ('a, b, and 1 more', 'a, b')
+    """
+    rest = [f"and {len(texts) - most} more"] if len(texts) > most else []
+    return separator.join([*texts[:most], *rest])
+
+
 def join_names(names: Sequence[str]) -> str:
     """Return names as a list in a sentence: "a, b and c"."""
     return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + f" and {names[-1]}"

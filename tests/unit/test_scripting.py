@@ -58,7 +58,7 @@ def test_a_campaign_is_loaded_and_shown(tmp_path: Path) -> None:
     read = rc.Campaign.load(tmp_path)
     assert campaign.load(tmp_path).assemblies == read.assemblies
     html = read._repr_html_()
-    assert "data:image/svg+xml;base64," in html
+    assert "data:image/png;base64," in html
     assert "Free-free hammer test" in html
     assert "medium" in read.summary()
     assert rc.read_frf(tmp_path / "short.csv").shape[0] == 1451

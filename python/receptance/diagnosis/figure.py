@@ -107,21 +107,21 @@ def curve_figure(before: Curve, after: Curve | None) -> Figure:
             ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
             lower.plot(*_with_gaps(curve.frequency_hz, ratio, signed=True), color=colour, lw=1.0, ls=style)
     lower.axhline(0.0, color=PALE, lw=0.8)
-    return figure
+    return finished(figure)
 
 
 def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figure:
     """Return the errors of natural frequencies, before and after."""
     figure = new_figure(_SIZE[0], 3.0)
     _draw_frequencies(figure.subplots(), before, after)
-    return figure
+    return finished(figure)
 
 
 def evidence_figure(verdict: Verdict) -> Figure:
     """Return how far each cause is behind the best."""
     figure = new_figure(_SIZE[0], 1.0 + 0.28 * min(len(verdict.candidates) + 1, _CANDIDATES))
     _draw_evidence(figure.subplots(), verdict)
-    return figure
+    return finished(figure)
 
 
 def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:

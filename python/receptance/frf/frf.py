@@ -529,6 +529,10 @@ class FRF(Renderable):
 
         return draw_frf(self, ax)
 
+    def drawing(self) -> Figure:
+        """Return the figure that a notebook shows."""
+        return self.plot()
+
     def conjugated(self) -> FRF:
         """Return the complex conjugate, for files written for e^(-i w t), with a note."""
         return self._checked_copy({"values": self.values.conj(), "notes": (*self.notes, "conjugated on request")})

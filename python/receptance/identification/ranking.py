@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from receptance import _checks
+from receptance._text import first_of
 from receptance.errors import ReceptanceError
 from receptance.identification.likelihood import Profile, require_likelihood
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
@@ -241,8 +242,8 @@ class NextMeasurement(Result):
         return draw_next_measurement(self, ax)
 
     def __repr__(self) -> str:
-        order = " > ".join(f"{one.label} ({100.0 * one.shrink:.3g} %)" for one in self.ranking)
-        return f"NextMeasurement({order})"
+        order = [f"{one.label} ({100.0 * one.shrink:.3g} %)" for one in self.ranking]
+        return f"NextMeasurement({first_of(order, ' > ')})"
 
 
 def next_measurement(

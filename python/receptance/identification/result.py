@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance._text import first_of
 from receptance.identification.covariance import confidence_multiplier
 from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
@@ -555,8 +556,8 @@ class Identification(Result):
 
     def __repr__(self) -> str:
         errors = self.standard_errors
-        found = ", ".join(f"{name}={value:.4g} +- {errors[name]:.1g}" for name, value in self.values.items())
-        return f"Identification({found}; {self._headline()})"
+        found = [f"{x}={value:.4g} +- {errors[x]:.1g}" for x, value in self.values.items() if x not in self.errors]
+        return f"Identification({first_of(found)}; {self._headline()})"
 
     def _parameter_table(self) -> Table:
         errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]

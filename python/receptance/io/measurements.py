@@ -119,6 +119,10 @@ class Coherence(Renderable):
         ]
         return [Table("", ("property", "value"), rows)]
 
+    def drawing(self) -> Figure:
+        """Return the figure that a notebook shows."""
+        return self.plot()
+
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the coherence of all entries over frequency; `ax` as in `FRF.plot`."""
         figure = surface(ax, 9.0, 3.2)
@@ -290,6 +294,10 @@ class TimeSeries(Renderable):
             Table("", ("property", "value"), rows),
             Table("Channels", ("channel", "quantity", Column("largest magnitude", form=".4g"), "unit"), channels),
         ]
+
+    def drawing(self) -> Figure:
+        """Return the figure that a notebook shows."""
+        return self.plot()
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw all channels over time, a panel each; `ax` as in `FRF.plot`."""

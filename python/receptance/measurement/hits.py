@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance._text import first_of
 from receptance.errors import warn_user
 from receptance.measurement import agreement
 from receptance.measurement.records import HammerRecords
@@ -314,8 +315,9 @@ class Hits(Renderable):
         return self.summary()
 
     def __repr__(self) -> str:
-        dropped = "".join(f"; hit {hit.number} dropped: {hit.reason}" for hit in self.dropped)
-        return f"Hits({len(self.kept)} of {len(self.hits)} kept, blocks of {self.duration_s:g} s{dropped})"
+        dropped = [f"hit {hit.number} dropped: {hit.reason}" for hit in self.dropped]
+        kept = f"{len(self.kept)} of {len(self.hits)} kept, blocks of {self.duration_s:g} s"
+        return f"Hits({'; '.join(filter(None, [kept, first_of(dropped, '; ')]))})"
 
 
 def single_records(records: Sequence[HammerRecords]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
+from receptance._text import first_of
 from receptance.frf import form_factor
 from receptance.modal._selection import EXACT, Scatter, search_range, weights_of
 from receptance.modal.estimate import ModeEstimate, constants, intervals, joint_with_residue, modal_values, scaled
@@ -207,8 +208,8 @@ class ModalFit(Result):
         return f"{count} between {low:g} and {high:g} Hz"
 
     def __repr__(self) -> str:
-        modes = ", ".join(
-            f"{f:.6g} Hz {100.0 * z:.3g} %" for f, z in zip(self.frequency_hz, self.damping_ratio, strict=True)
+        modes = first_of(
+            [f"{f:.6g} Hz {100.0 * z:.3g} %" for f, z in zip(self.frequency_hz, self.damping_ratio, strict=True)]
         )
         state = "" if self.converged else ", not converged"
         return f"ModalFit({self._headline()}: {modes}{state})"

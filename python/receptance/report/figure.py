@@ -38,22 +38,31 @@ _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
 
-def new_figure(width: float, height: float, *, math: bool = False) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure without window and global state.
 
     Parameters
     ----------
     width, height : float
         Size in inches.
-    math : bool, optional
-        Whether dollar signs in texts mark formulas; by default titles and names of users are shown literally.
     """
-    from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    kind = Figure if math else _literal_figure()
     layout = ConstrainedLayoutEngine(w_pad=_PADDING, h_pad=_PADDING)
-    return kind(figsize=(width, height), layout=layout, facecolor="white")
+    return _shown_figure()(figsize=(width, height), layout=layout, facecolor="white")
+
+
+@functools.cache
+def _shown_figure() -> type[Figure]:
+    from matplotlib.figure import Figure
+
+    class ShownFigure(Figure):
+        """A figure that a notebook shows without a magic command of matplotlib, which would register figures."""
+
+        def _repr_png_(self) -> bytes:
+            return as_image(self, "png", self.dpi)
+
+    return ShownFigure
 
 
 def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
@@ -105,7 +114,7 @@ def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any)
 def finished(figure: Figure | SubFigure, rejection: Sequence[str] = ()) -> Figure:
     """Return the whole figure, with the rejection of its numbers as the first lines of its title.
 
-    In a subfigure of a user's figure, dollar signs are made literal.
+    Its texts have names of users, in which dollar signs mark no formulas.
     """
     from matplotlib.figure import Figure
     from matplotlib.text import Text
@@ -115,14 +124,13 @@ def finished(figure: Figure | SubFigure, rejection: Sequence[str] = ()) -> Figur
         lines = [textwrap.fill(text.replace("`", ""), width) for text in (f"{REJECTED}.", *rejection)]
         title = figure.get_suptitle()
         figure.suptitle("\n".join([*lines, *filter(None, [title])]), x=0.01, ha="left", fontsize=9, color=BAD)
-    if isinstance(figure, Figure):
-        return figure
     for artist in figure.findobj(Text):
         assert isinstance(artist, Text)
         text = artist.get_text()
-        if "$" in text and not text.startswith(_POWER):
-            artist.set_parse_math(False)
-    whole = figure.figure
+        if not text.startswith(_POWER):
+            artist.set_text(printable(text))
+            artist.set_parse_math("$" not in text)
+    whole = figure if isinstance(figure, Figure) else figure.figure
     assert isinstance(whole, Figure)
     return whole
 
@@ -130,28 +138,6 @@ def finished(figure: Figure | SubFigure, rejection: Sequence[str] = ()) -> Figur
 def title_left(figure: Figure | SubFigure, text: str, size: float = 13.0) -> None:
     """Add a title at the left of a figure or subfigure."""
     figure.suptitle(text, x=0.01, ha="left", fontsize=size, color=INK)
-
-
-@functools.cache
-def _literal_figure() -> type[Figure]:
-    from matplotlib.figure import Figure
-    from matplotlib.text import Text
-
-    class LiteralFigure(Figure):
-        """A figure without formulas, except for the powers of ten at logarithmic axes."""
-
-        def draw(self, renderer: Any) -> None:
-            for artist in self.findobj(Text):
-                text = artist.get_text()
-                if not text.startswith(_POWER):
-                    shown = printable(text)
-                    if shown != text:
-                        artist.set_text(shown)
-                    if "$" in text:
-                        artist.set_parse_math(False)
-            super().draw(renderer)
-
-    return LiteralFigure
 
 
 def add_heading(figure: Figure, title: str, caption: str) -> None:
@@ -231,10 +217,10 @@ def draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[np
     axes.set_xlim(lines[0], lines[-1])
 
 
-def as_image(figure: Figure, kind: str) -> bytes:
+def as_image(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
     """Return the content of an image file in one of `image_formats`, such as "png"."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=150)
+    figure.savefig(buffer, format=kind, dpi=dpi)
     return buffer.getvalue()
 
 

@@ -28,10 +28,10 @@ def as_html(content: Renderable, figure: Figure | None = None) -> str:
     """Return a result or another renderable as an HTML fragment, with a figure below its title."""
     parts = [f"<p><b>{shown(content.title)}</b></p>", rejection_html(content)]
     if figure is not None:
-        # In an image of its own: names inside several drawings of one page must not meet.
-        drawing = base64.b64encode(as_image(figure, "svg")).decode()
+        # Of many lines a drawing in vectors would be many times as large.
+        drawing = base64.b64encode(as_image(figure, "png", figure.dpi)).decode()
         alternative = escape(printable(content.title), quote=True)
-        parts.append(f'<img alt="{alternative}" style="max-width: 100%" src="data:image/svg+xml;base64,{drawing}">')
+        parts.append(f'<img alt="{alternative}" style="max-width: 100%" src="data:image/png;base64,{drawing}">')
     return "\n".join(filter(None, [*parts, *content_html(content)]))
 
 

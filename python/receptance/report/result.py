@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from receptance._text import first_of
 from receptance.report.table import Fact, Table, joined
 
 if TYPE_CHECKING:
@@ -383,4 +384,4 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
         return len(self._items)
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self._items!r})"
+        return f"{type(self).__name__}({{{first_of([f'{name!r}: {one!r}' for name, one in self._items.items()])}}})"

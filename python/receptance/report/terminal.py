@@ -38,7 +38,15 @@ _LEAST_TEXT = 8
 def as_text(content: Renderable, width: int = 100) -> str:
     """Return a result or another renderable as plain text with tables of at most `width` characters."""
     buffer = io.StringIO()
-    console = Console(file=buffer, width=max(width, LEAST_WIDTH), color_system=None, highlight=False, markup=False)
+    # Otherwise rich would show the text below the cell of a notebook instead of writing it.
+    console = Console(
+        file=buffer,
+        width=max(width, LEAST_WIDTH),
+        color_system=None,
+        highlight=False,
+        markup=False,
+        force_jupyter=False,
+    )
     print_result(console, content)
     return "\n".join(printable(line).rstrip() for line in buffer.getvalue().split("\n")).rstrip()
 

@@ -34,7 +34,7 @@ def draw(results: dict[str, Any]) -> Figure:
     """
     virtual, published = results["virtual"], results["published"]
     series = series_of(virtual["trends"])
-    figure = new_figure(16.0, 9.6, math=True)
+    figure = new_figure(16.0, 9.6)
     cells = figure.add_gridspec(2, 3)
     broken = cells[0, 2].subgridspec(2, 1, height_ratios=(1.0, 4.0))
     _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), series, published)

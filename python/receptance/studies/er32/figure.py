@@ -37,7 +37,7 @@ def draw(results: dict[str, Any]) -> Figure:
     matplotlib.figure.Figure
         The figure; save it with `savefig`.
     """
-    figure = new_figure(16.0, 9.6, math=True)
+    figure = new_figure(16.0, 9.6)
     panels = figure.subplots(2, 3)
     _draw_diameter(panels[0, 0], results)
     _draw_torque(panels[0, 1], results)
