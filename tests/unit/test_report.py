@@ -170,7 +170,7 @@ def test_notes_of_many_sources_are_counted() -> None:
     notes = [f"measurements.m{i}: {text}" for i in range(6) for text in ("simulated", "few lines")]
     shown = list(Found(notes=("before", *notes, "other: alone")).grouped_notes())
     assert shown[:4] == ["before", "measurements.m0:", "  simulated", "  few lines"]
-    assert shown[-2:] == ["other: alone", "the notes of 3 more sources are in the JSON"]
+    assert shown[-2:] == ["other: alone", "3 more sources have notes: `to_dict` and --json have all of them"]
     assert len(shown) == 1 + 3 * 3 + 2
 
 

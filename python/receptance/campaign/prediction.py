@@ -121,8 +121,13 @@ class Prediction(Result):
         return () if self.identified is None else self.identified.rejection
 
     def warnings(self) -> list[str]:
-        """Return the advice of the fit."""
-        return [] if self.identified is None else self.identified.warnings()
+        """Return the most important advice of the fit; the fit itself has the rest."""
+        if self.identified is None or len(advice := self.identified.warnings()) < 2:
+            return [] if self.identified is None else self.identified.warnings()
+        return [
+            advice[0],
+            f"{len(advice) - 1} more on the fit: `receptance identify` and `identified.advice` have them",
+        ]
 
     def data(self) -> dict[str, Any]:
         """Return all predictions with their measurements, and the fit."""

@@ -10,7 +10,7 @@ import numpy as np
 from receptance.diagnosis import wording
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.report import Column, Fact, Table
-from receptance.report.table import amount
+from receptance.report.table import amount, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -60,7 +60,7 @@ def facts(verdict: Verdict) -> list[Fact]:
         found.append(Fact("How to fix", (f"{wording.capital(other.remedy)}.",)))
     elif verdict.verdict == "unexplained" and (near := _nearest(verdict)) is not None:
         text = (
-            f"{wording.capital(near.title)} ({wording.place(near)}) comes nearest: {near.meaning}. It leaves "
+            f"{wording.capital(near.title)}{_at(near)} comes nearest: {near.meaning}. It leaves "
             f"{wording.residual(verdict, near.misfit)}."
         )
         found += [Fact("Nearest cause", (text,)), Fact("Size", (f"{wording.sizes(near) or 'no parameter'}.",))]
@@ -70,12 +70,16 @@ def facts(verdict: Verdict) -> list[Fact]:
 
 
 def _of_cause(one: CandidateCause, number: str) -> list[Fact]:
-    where = f" ({wording.place(one)})" if wording.place(one) else ""
     beside = f" It acts together with the {wording.names(one.together_with)}." if one.together_with else ""
-    found = [Fact(f"Cause{number}", (f"{wording.capital(one.title)}: {one.meaning}{where}.{beside}",))]
+    found = [Fact(f"Cause{number}", (f"{wording.capital(one.title)}: {one.meaning}{_at(one)}.{beside}",))]
     if one.parameters:
         found.append(Fact("Size", (f"{wording.sizes(one)}.",)))
     return [*found, Fact("How to fix", (f"{wording.capital(one.remedy)}.",))]
+
+
+def _at(one: CandidateCause) -> str:
+    """Return where or how a cause acts in brackets; empty if it acts everywhere."""
+    return f" ({wording.place(one)})" if wording.place(one) else ""
 
 
 def _nearest(verdict: Verdict) -> CandidateCause | None:
@@ -157,8 +161,8 @@ def _residuals(verdict: Verdict) -> Iterable[_Row]:
 
 def _held_out(verdict: Verdict) -> Iterable[_Row]:
     for gain in verdict.gains:
-        name, scale, unit = wording.metric(gain.metric)
-        before, after = (amount(scale * value, unit) for value in (gain.held_out_before, gain.held_out_after))
+        name, *_ = wording.metric(gain.metric)
+        before, after = (wording.of_metric(gain.metric, value) for value in (gain.held_out_before, gain.held_out_after))
         yield f"held out: {name}", before, after, wording.improvement_interval(gain)
 
 
@@ -190,7 +194,7 @@ def _ratio(before: float, after: float) -> str:
     if before * after <= 0.0:
         return ""
     ratio = after / before
-    return f"{100.0 * (ratio - 1.0):+.2g} %" if 0.5 < ratio < 2.0 else f"× {amount(ratio, digits=2)}"
+    return percent(ratio - 1.0, sign=True) if 0.5 < ratio < 2.0 else f"× {amount(ratio, digits=2)}"
 
 
 def _with_interval(found: Identification, name: str) -> str:
@@ -208,7 +212,7 @@ def _with_interval(found: Identification, name: str) -> str:
 
 
 def _percent(size: float) -> str:
-    return f"{amount(100.0 * size, digits=2)} %"
+    return percent(size)
 
 
 def _percent_or_none(size: float | None) -> str | None:
@@ -236,19 +240,19 @@ def alternatives(verdict: Verdict, most: int | None = _ALTERNATIVES) -> Table:
         Largest number of causes; None for all.
     """
     best, gain = verdict.best_evidence, verdict.gain
-    name, scale, unit = wording.metric(gain.metric) if gain is not None else ("", 1.0, "")
+    metric = gain.metric if gain is not None else ""
     is_held_out = gain is not None and any(one.held_out is not None for one in verdict.candidates)
-    before = amount(scale * gain.held_out_before, unit) if gain is not None and is_held_out else None
+    before = wording.of_metric(metric, gain.held_out_before) if gain is not None and is_held_out else None
     rows: list[list[Cell]] = [["none: the model as it is", "", wording.odds(best), before, ""]]
     likely = beyond_chance(verdict)
     for one in likely[:most]:
-        own = amount(scale * one.held_out, unit) if one.held_out is not None and is_held_out else None
+        own = wording.of_metric(metric, one.held_out) if one.held_out is not None and is_held_out else None
         odds = wording.odds(best - one.evidence)
         rows.append([one.title, _share(verdict, one), odds, own, _why_not(verdict, one)])
     columns = ("cause, alone", Column("share\nexplained"), Column("odds to\nthe best"), Column("held out"), "why not")
-    notes = [f"Held out: {name}."] if is_held_out else []
+    notes = [f"Held out: {wording.metric(metric)[0]}."] if is_held_out else []
     less = len(likely) - len(likely[:most])
-    notes += [f"{less} more in the report and in the JSON."] if less else []
+    notes += [f"{less} more: --report and --json have all of them."] if less else []
     others = len(verdict.candidates) - len(likely)
     notes += [f"No more than noise by chance: {others} other cause{'s' if others > 1 else ''}."] if others else []
     return Table("Alternatives", columns, rows if likely else [], " ".join(notes)).without_empty()

@@ -57,6 +57,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.errors import ReceptanceError
 from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
+from receptance.report.table import percent
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 """Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
@@ -81,9 +82,9 @@ class Discrepancy:
     damping: float | None = None
 
     def __str__(self) -> str:
-        level = "" if self.relative is None else f" and {100.0 * self.relative:.2g} % in level"
-        damping = "" if self.damping is None else f" and {100.0 * self.damping:.2g} % in damping ratios"
-        return f"{100.0 * self.frequency:.2g} % in natural frequencies{level}{damping}"
+        level = "" if self.relative is None else f" and {percent(self.relative)} in level"
+        damping = "" if self.damping is None else f" and {percent(self.damping)} in damping ratios"
+        return f"{percent(self.frequency)} in natural frequencies{level}{damping}"
 
     def times(self, factor: float) -> Discrepancy:
         """Return a discrepancy that is larger by a factor, up to the largest one that is tried."""

@@ -11,6 +11,7 @@ from typing import Literal, TypeGuard
 
 import numpy as np
 
+from receptance._text import join_names
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import Model, UndecidableError, require_beams, require_no_table, with_points
 from receptance.diagnosis.thresholds import (
@@ -27,6 +28,7 @@ from receptance.identification.observations import MeasuredFRF, Observation, alt
 from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
+from receptance.report.table import amount
 from receptance.units import FORMS
 
 _NOT_COMPLEX = "which has no values at the complex frequencies of a window: describe that part by modes"
@@ -69,8 +71,21 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
     mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
     changed = model.map(change).with_shared_assemblies()
+    stated = join_names(sorted({amount(size, "kg") for one in model.observations if (size := _mass_at_response(one))}))
     for name in _each(model):
-        yield Variant(name or "all", changed.plus(mass.unknown("cause_sensor.mass", configurations=name)))
+        yield Variant(
+            name or "all",
+            changed.plus(mass.unknown("cause_sensor.mass", configurations=name)),
+            meaning=f"the mass at the sensor exceeds the stated {stated} by this size" if stated else "",
+            remedy=f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable" if stated else "",
+        )
+
+
+def _mass_at_response(one: Observation) -> float:
+    """Return the mass in kg that the model has where the sensor is."""
+    place = one.response if isinstance(one, MeasuredFRF) else Coordinate()
+    points = [point for point in one.assembly.attachments.values() if isinstance(point, PointMass)]
+    return sum(point.mass for point in points if (point.part, point.position) == (place.part, place.position))
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

@@ -12,12 +12,12 @@ from receptance.diagnosis.figure import curve_figure, evidence_figure, frequenci
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.screening import look_alike
 from receptance.diagnosis.thresholds import LOOK_ALIKE
-from receptance.diagnosis.wording import metric, names, sentence, sizes
+from receptance.diagnosis.wording import metric, names, of_metric, sentence, sizes
 from receptance.identification.observations import MeasuredFRF
 from receptance.report import Column, Table
 from receptance.report.figure import as_svg
 from receptance.report.html import facts_html, html_page, meta, shown, table_html
-from receptance.report.table import amount
+from receptance.report.table import number
 
 if TYPE_CHECKING:
     from receptance.diagnosis import Verdict
@@ -85,14 +85,19 @@ def _answer(verdict: Verdict) -> Iterable[str]:
     yield from (table_html(table) for table in card.effect(verdict))
 
 
+def _before_and_after(verdict: Verdict, separator: str = " ") -> str:
+    """Return that data are shown before and after the causes; empty where no cause is part of the model."""
+    return "" if verdict.explanation is None else f"{separator}before and after"
+
+
 def _held_out(verdict: Verdict) -> Iterable[str]:
     if not verdict.gains:
         return
-    yield "<h2>Held-out data, before and after</h2>"
+    yield f"<h2>Held-out data{_before_and_after(verdict, ', ')}</h2>"
     own = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
     drawn = held_out_curves(verdict)
     if drawn:
-        yield f'<p class="small">Records {own}: measured, and predicted by the model before and after.</p>'
+        yield f'<p class="small">Records {own}: measured, and predicted by the model{_before_and_after(verdict)}.</p>'
         yield _figures([(f"held out: {one.label}", curve_figure(one, after)) for one, after in drawn])
     if verdict.bias is not None:
         yield f"<p>With the model as it is, {shown(str(verdict.bias))}.</p>"
@@ -104,18 +109,17 @@ def _folds(verdict: Verdict) -> str:
     gain = verdict.gains[0]
     if len(gain.folds) < 2:
         return ""
-    name, scale, unit = metric(gain.metric)
     rows = [
         (
             fold["configuration"],
             fold["verdict"],
             names(fold["causes"]) if fold["causes"] else "none",
-            *(amount(scale * fold[key], unit) if math.isfinite(fold[key]) else "" for key in ("before", "after")),
+            *(of_metric(gain.metric, fold[key]) if math.isfinite(fold[key]) else "" for key in ("before", "after")),
         )
         for fold in gain.folds
     ]
     columns = ("held out", "verdict without it", "causes", Column("before"), Column("after"))
-    return table_html(Table(f"By configuration: {name}", columns, rows))
+    return table_html(Table(f"By configuration: {metric(gain.metric)[0]}", columns, rows))
 
 
 def _records(verdict: Verdict) -> Iterable[str]:
@@ -129,7 +133,7 @@ def _records(verdict: Verdict) -> Iterable[str]:
     if frequencies:
         extended = [curve for i in frequencies if (curve := after[i]) is not None]
         drawn.append(("natural frequencies", frequencies_figure([before[i] for i in frequencies], extended)))
-    yield "<h2>Fitted data, before and after</h2>"
+    yield f"<h2>Fitted data{_before_and_after(verdict, ', ')}</h2>"
     if len(receptances) > len(largest):
         yield f'<p class="small">The {len(largest)} of {len(receptances)} records with the largest residuals.</p>'
     yield _figures(drawn)
@@ -208,7 +212,7 @@ def _mode_table(title: str, before: Sequence[ModeResidual], after: Sequence[Mode
 
 def _change(before: float, after: float, form: str) -> str:
     """Return a residual before and after; empty where the data do not show it."""
-    return " → ".join(format(one, form) for one in (before, after) if math.isfinite(one))
+    return " → ".join(number(one, form) for one in (before, after) if math.isfinite(one))
 
 
 def _notes(verdict: Verdict) -> Iterable[str]:

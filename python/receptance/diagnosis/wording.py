@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from receptance._text import join_names
-from receptance.report.table import amount, amount_interval, amounts
+from receptance.report.table import amount, amount_interval, amounts, percent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,8 +75,8 @@ def sizes(one: CandidateCause) -> str:
         title = _title(parameter, name)
         digits = _digits(value, high - low)
         if title.startswith("log_"):
-            numbers, digits = [_percent(number) for number in (value, low, high)], 3
-            texts_of, unit = [f"{number:+.3g}" for number in numbers], "%"
+            texts_of = [percent(_relative(number), 3, sign=True).removesuffix(" %") for number in (value, low, high)]
+            unit = "%"
         else:
             texts_of, unit = amounts([value, low, high], parameter.unit, digits)
         unit = f" {unit}" if unit else ""
@@ -95,7 +95,7 @@ def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]
         numbers = (value, *parameter.plausible)
         title = _title(parameter, name)
         if title.startswith("log_"):
-            shown = [f"{_percent(x):+.3g} %" for x in numbers]
+            shown = [percent(_relative(x), 3, sign=True) for x in numbers]
         else:
             numbers_shown, unit = amounts(numbers, parameter.unit)
             shown = [f"{text} {unit}".strip() for text in numbers_shown]
@@ -120,8 +120,8 @@ def _digits(value: float, width: float) -> int:
     return min(max(math.floor(math.log10(ratio)) + 3, 2), 6) if math.isfinite(ratio) and ratio > 0.0 else 3
 
 
-def _percent(logarithm: float) -> float:
-    return 100.0 * math.expm1(min(logarithm, 50.0))
+def _relative(logarithm: float) -> float:
+    return math.expm1(min(logarithm, 50.0))
 
 
 # Ratios.
@@ -184,6 +184,24 @@ def metric(name: str) -> tuple[str, float, str]:
     if name.endswith(" in percent"):
         return name.removesuffix(" in percent"), 1.0, "%"
     return name, 1.0, ""
+
+
+def of_metric(metric_name: str, value: float, digits: int = 3) -> str:
+    """Return the value of a metric of held-out data in the unit in which it is shown.
+
+    Examples
+    --------
+    >>> from receptance.diagnosis.wording import of_metric
+    >>> of_metric("predictive log score in nats", -760123.0), of_metric("rms error in percent", 2.2e-4)
+    ('-760,000 nats', '< 0.001 %')
+    """
+    _, scale, unit = metric(metric_name)
+    shown = scale * value
+    if unit == "%":
+        return percent(0.01 * shown, digits)
+    if unit == "nats" and math.isfinite(shown) and abs(shown) >= 1e3:
+        return f"{float(f'{shown:.{digits}g}'):,.0f} nats"
+    return amount(shown, unit, digits)
 
 
 # Sentences.

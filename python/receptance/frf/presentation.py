@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from receptance.model.coordinates import UnknownPosition
 from receptance.report import Table
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -137,7 +138,7 @@ def summary_table(frf: FRF) -> Table:
     if frf.coherence is not None:
         rows.append(("coherence", f"median {np.median(frf.coherence):.4g}, lowest {frf.coherence.min():.4g}"))
     if frf.standard_deviation is not None:
-        rows.append(("standard deviation", f"median {100.0 * np.median(frf.standard_deviation):.3g} %"))
+        rows.append(("standard deviation", f"median {percent(np.median(frf.standard_deviation), 3)}"))
     if frf.usable is not None:
         rows.append(("usable", f"{np.count_nonzero(frf.usable)} lines{_band(frf)}"))
     if frf.source:

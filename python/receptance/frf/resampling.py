@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance.report.table import percent
+
 if TYPE_CHECKING:
     from receptance.frf.frf import FRF
 
@@ -124,7 +126,7 @@ def curvature_warning(
     worst = np.unravel_index(int((sharp * size).argmax()), sharp.shape)
     return (
         f"around {positions.frequency_hz[worst[0]]:g} Hz the lines are too far apart for interpolation (spline and "
-        f"linear interpolation differ by {100.0 * sharp[worst]:.2g} %): values between them are uncertain by over 1 %"
+        f"linear interpolation differ by {percent(sharp[worst])}): values between them are uncertain by over 1 %"
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance._chances import chi_square_chance
+from receptance._text import first_of
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.covariance import covariance_of, variance_factor
 from receptance.identification.mapping import Parameters
@@ -384,6 +385,7 @@ def _start_advice(runs: Sequence[Start], same: int, elsewhere: int) -> list[str]
 def _bound_advice(x: NDArray[np.float64], variables: Variables, errors: Sequence[str]) -> list[str]:
     low, high = variables.limits
     advice = []
+    at_bound: list[str] = []
     extreme: list[str] = []
     for i, unknown in enumerate(variables.unknowns):
         near = _AT_BOUND * (high[i] - low[i])
@@ -391,16 +393,18 @@ def _bound_advice(x: NDArray[np.float64], variables: Variables, errors: Sequence
             extreme += [unknown.name] if min(x[i] - low[i], high[i] - x[i]) <= near else []
             continue
         sides = (("lower", unknown.lower, x[i] - low[i]), ("upper", unknown.upper, high[i] - x[i]))
-        advice += [
-            f"{unknown.name} is at its {side} bound {bound:g}: widen the bound, unless the data limit it from one "
-            "side only; its interval is not valid there"
-            for side, bound, distance in sides
-            if distance <= near
+        at_bound += [
+            f"{unknown.name} is at its {side} bound {bound:g}" for side, bound, distance in sides if distance <= near
         ]
+    if at_bound:
+        advice.append(
+            f"{first_of(at_bound)}: widen the bound, unless the data limit the parameter from one side only; its "
+            "interval is not valid there"
+        )
     if extreme:
         limit = variables.unknowns[variables.names.index(extreme[0])].upper
         advice.append(
-            f"{', '.join(extreme)}: {limit:g} standard deviations off, the limit of the fit: the tolerances are too "
+            f"{first_of(extreme)}: {limit:g} standard deviations off, the limit of the fit: the tolerances are too "
             "small, a dimension is wrong, or the model is incomplete"
         )
     return advice
@@ -409,18 +413,18 @@ def _bound_advice(x: NDArray[np.float64], variables: Variables, errors: Sequence
 def _covariance_advice(
     inverse: NDArray[np.float64], correlation: NDArray[np.float64], names: tuple[str, ...]
 ) -> list[str]:
-    advice = [
-        f"the data do not determine {name}: fix it, or measure something that depends on it"
-        for name, variance in zip(names, np.diag(inverse), strict=True)
-        if np.isinf(variance)
-    ]
-    for i, first in enumerate(names):
-        for j in range(i):
-            if abs(correlation[i, j]) > _TIED:
-                advice.append(
-                    f"{names[j]} and {first} are tied (correlation {correlation[i, j]:+.4f}): the data determine a "
-                    "combination of them; fix one, or measure another overhang or mode"
-                )
+    advice = []
+    if undetermined := [name for name, variance in zip(names, np.diag(inverse), strict=True) if np.isinf(variance)]:
+        advice.append(
+            f"the data do not determine {first_of(undetermined)}: fix it, or measure something that depends on it"
+        )
+    pairs = [(i, j) for i in range(len(names)) for j in range(i) if abs(correlation[i, j]) > _TIED]
+    strongest = sorted(pairs, key=lambda pair: -abs(correlation[pair]))
+    if tied := [f"{names[j]} and {names[i]} are tied (correlation {correlation[i, j]:+.4f})" for i, j in strongest]:
+        advice.append(
+            f"{first_of(tied)}: the data determine a combination of the two; fix one, or measure another overhang or "
+            "mode"
+        )
     return advice
 
 
@@ -480,7 +484,7 @@ def _comparable(observation: Observation, other: Observation) -> bool:
 
 def _copy_advice(observed: Sequence[Observation]) -> list[str]:
     """Return advice on observations with the same numbers, which noise would make different."""
-    advice = []
+    copies = []
     names = [observation.title(i) for i, observation in enumerate(observed)]
     pairs = [
         (i, j)
@@ -496,8 +500,10 @@ def _copy_advice(observed: Sequence[Observation]) -> list[str]:
         same = np.intersect1d(values[i], values[j], assume_unique=True).size
         least = min(values[i].size, values[j].size)
         if same > 0.5 * least:
-            advice.append(
-                f"{names[j]} and {names[i]} have the same numbers ({same} of {least}): a measurement that counts twice "
-                "makes the standard errors too small; leave one of them out"
-            )
-    return advice
+            copies.append(f"{names[j]} and {names[i]} have the same numbers ({same} of {least})")
+    if not copies:
+        return []
+    return [
+        f"{first_of(copies)}: a measurement that counts twice makes the standard errors too small; leave one of them "
+        "out"
+    ]

@@ -14,6 +14,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.likelihood import Profile, require_likelihood
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,7 +203,7 @@ class NextMeasurement(Result):
 
     def sentences(self) -> list[str]:
         """Return the best candidate."""
-        return [f"best: {self.best.label}; deviations to {100.0 * self.best.shrink:.3g} % of now."]
+        return [f"best: {self.best.label}; deviations to {percent(self.best.shrink, 3)} of now."]
 
     def data(self) -> dict[str, Any]:
         """Return the ranking with the expected intervals."""
@@ -242,7 +243,7 @@ class NextMeasurement(Result):
         return draw_next_measurement(self, ax)
 
     def __repr__(self) -> str:
-        order = [f"{one.label} ({100.0 * one.shrink:.3g} %)" for one in self.ranking]
+        order = [f"{one.label} ({percent(one.shrink, 3)})" for one in self.ranking]
         return f"NextMeasurement({first_of(order, ' > ')})"
 
 

@@ -24,6 +24,7 @@ from receptance.measurement.spectra import (
     Windows,
     make_windows,
 )
+from receptance.report.table import percent
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
@@ -292,7 +293,7 @@ def _truncation_warning(
     unit = 10.0 ** (np.floor(np.log10(further)) - 1.0)
     rate = decay_rate + float(np.ceil(further / unit) * unit)
     return (
-        f"the response has not decayed at the end of the block (to {100.0 * remainder:.2g} %); use longer blocks, or "
+        f"the response has not decayed at the end of the block (to {percent(remainder)}); use longer blocks, or "
         f"an exponential window (decay_rate={rate:g})"
     )
 
@@ -310,7 +311,7 @@ def _unknown_noise_warnings(
     direction = {"H1": "too small", "H2": "too large", "Hv": "too small or too large"}[estimator]
     return [
         "noise on the force could not be estimated (too little silence around the hits, or a force window of the "
-        f"recorder); {estimator} may be {direction} by up to {100.0 * bias:.2g} %, the median of all scatter"
+        f"recorder); {estimator} may be {direction} by up to {percent(bias)}, the median of all scatter"
     ]
 
 

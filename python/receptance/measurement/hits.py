@@ -15,6 +15,7 @@ from receptance.errors import warn_user
 from receptance.measurement import agreement
 from receptance.measurement.records import HammerRecords
 from receptance.report import Column, Renderable, Table
+from receptance.report.table import percent
 
 CLEAR = 2
 """Samples left out before a contact, whose rise begins before the detected edge."""
@@ -581,7 +582,7 @@ class _Search:
         if second is not None:
             delay_ms = 1e3 * (second.onset - first.onset) / self.rate
             text = (
-                f"{100.0 * second.share:.2g} % of the force {delay_ms:.3g} ms later "
+                f"{percent(second.share)} of the force {delay_ms:.3g} ms later "
                 f"takes up to {second.loss_db:.2g} dB from the force's spectrum"
             )
             if second.loss_db < self.settings.double_hit_loss_db:

@@ -15,6 +15,7 @@ from receptance.errors import warn_user
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
@@ -390,7 +391,7 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         window = "(including that of the exponential window) " if frf.decay_rate > 0.0 else ""
         messages.append(
             f"only {width / spacing:.1f} lines in the half-power band of the mode at {natural / (2.0 * np.pi):.6g} Hz: "
-            f"its width {window}is overestimated by {100.0 * resolution.bias:.2g} % on average; use circle_fit or "
+            f"its width {window}is overestimated by {percent(resolution.bias)} on average; use circle_fit or "
             "fit_modes"
         )
         warn_user(f"{owner}: {messages[-1]}")

@@ -14,6 +14,7 @@ from receptance.frf import form_factor
 from receptance.modal._selection import EXACT, Scatter, search_range, weights_of
 from receptance.modal.estimate import ModeEstimate, constants, intervals, joint_with_residue, modal_values, scaled
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -209,7 +210,7 @@ class ModalFit(Result):
 
     def __repr__(self) -> str:
         modes = first_of(
-            [f"{f:.6g} Hz {100.0 * z:.3g} %" for f, z in zip(self.frequency_hz, self.damping_ratio, strict=True)]
+            [f"{f:.6g} Hz {percent(z, 3)}" for f, z in zip(self.frequency_hz, self.damping_ratio, strict=True)]
         )
         state = "" if self.converged else ", not converged"
         return f"ModalFit({self._headline()}: {modes}{state})"

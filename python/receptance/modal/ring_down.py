@@ -14,6 +14,7 @@ from receptance.errors import warn_user
 from receptance.modal.estimate import intervals
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.figure import COLOURS, finished, set_up, surface, title_left
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -360,7 +361,7 @@ def ring_down(
     initial = fits[0]["relative_scatter"]
     if initial > _MAX_INITIAL_SCATTER:
         text = (
-            f"{100.0 * fits[0]['relative_scatter']:.2g} % of the amplitude at the start of the decay is not that of a "
+            f"{percent(fits[0]['relative_scatter'])} of the amplitude at the start of the decay is not that of a "
             f"single decaying mode between {low:g} and {high:g} Hz: there is another mode in the band, or the hit; "
             "narrow the band or start later"
         )

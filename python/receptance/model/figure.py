@@ -11,6 +11,7 @@ from receptance.model.beams import Part, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,7 +99,7 @@ def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
         y = shapes.y[number]
         # The phase of the largest deflection; what is left of the imaginary part is due to damping.
         turned = (y * np.conj(y[np.abs(y).argmax()]) / np.abs(y).max()).real
-        text = f"{shapes.frequency_hz[number]:.1f} Hz, damping ratio {100.0 * shapes.damping_ratio[number]:.3g} %"
+        text = f"{shapes.frequency_hz[number]:.1f} Hz, damping ratio {percent(shapes.damping_ratio[number], 3)}"
         set_up(place, "", "", "y (1/√kg)", grid="none")
         place.set_title(f"{number + 1}: {text}", loc="left", fontsize=9.5, color=INK)
         place.axhline(0.0, color=PALE, linewidth=0.8)

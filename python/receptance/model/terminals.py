@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
 from receptance.model.fields import Element, Field, Number
+from receptance.report.table import percent
 
 if TYPE_CHECKING:
     from receptance.frf import FRF
@@ -267,7 +268,7 @@ class MeasuredPart(Terminal):
                 f"{line:g} Hz; {leave_out}, or fit a ModalPart"
             )
         raise ValueError(
-            f"{owner}: interpolation to {line:g} Hz has an error of about {100.0 * worst[at]:.2g} %: the lines are too "
+            f"{owner}: interpolation to {line:g} Hz has an error of about {percent(worst[at])}: the lines are too "
             f"far apart or too noisy; use its lines, {leave_out}, or fit a ModalPart"
         )
 

@@ -55,6 +55,8 @@ _SMALLER = {
 """Units of small amounts by SI unit: smallest amount, scale and name."""
 _PLAIN = (1e-3, 1e5)
 """Magnitudes that are written without a power of ten."""
+_LEAST_SHARE = 1e-5
+"""Smaller shares are not written in percent: no measurement is as accurate."""
 _LEAST_BESIDE = 1e-6
 """Smaller magnitudes have a power of ten beside larger numbers that have none."""
 _NOT_ZERO = re.compile("^[^e]*[1-9]")
@@ -119,6 +121,24 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     """
     (text,), shown = amounts([value], unit, digits)
     return f"{text} {shown}" if shown and math.isfinite(value) else text
+
+
+def percent(share: float, digits: int = 2, *, sign: bool = False) -> str:
+    """Return a share in percent as text, with its sign on request; what is too small to matter is not written out.
+
+    Examples
+    --------
+    >>> from receptance.report.table import percent
+    >>> percent(0.02), percent(0.996), percent(2.2e-6), percent(0.163, 3, sign=True), percent(float("inf"))
+    ('2 %', '100 %', '< 0.001 %', '+16.3 %', 'not determined')
+    """
+    if 0.0 < abs(share) < _LEAST_SHARE:
+        return f"< {100.0 * _LEAST_SHARE:g} %"
+    value = 100.0 * share
+    text = number(value, f"{'+' if sign else ''}.{digits}g")
+    if "e" in text:  # 100 has more digits than two
+        text = f"{'+' if sign and value > 0.0 else ''}{amount(value, digits=digits)}"
+    return f"{text} %" if math.isfinite(value) else text
 
 
 def amount_interval(ends: Interval, unit: str = "", digits: int = 4) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
 from receptance.identification.pointwise_joint import linear_solution
+from receptance.report.table import percent
 from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 
 if TYPE_CHECKING:
@@ -101,8 +102,8 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
                 standard_deviation=np.hypot(noise, error),
                 label=f"{name} by differences",
                 notes=(
-                    f"{name} by differences: noise {100.0 * float(np.median(noise)):.2g} %, truncation "
-                    f"{100.0 * float(np.median(error)):.2g} % (medians over the lines)",
+                    f"{name} by differences: noise {percent(float(np.median(noise)))}, truncation "
+                    f"{percent(float(np.median(error)))} (medians over the lines)",
                 ),
             )
         )

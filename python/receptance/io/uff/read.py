@@ -441,10 +441,10 @@ def _declared_form(function: Function) -> Form | None:
     """Return the form by specific data type or axis label, or None."""
     numerator, denominator = function.axes[1:]
     if numerator.kind in QUANTITIES and numerator.kind not in MOTIONS:
-        raise FileFormatError(f"the numerator of the FRF is a {QUANTITIES[numerator.kind]}, expected a motion per load")
+        raise FileFormatError(f"the numerator of the FRF is {QUANTITIES[numerator.kind]}, expected a motion per load")
     if denominator.kind in MOTIONS:
         raise FileFormatError(
-            f"the denominator of the FRF is a {QUANTITIES[denominator.kind]}, expected a load: transmissibilities and "
+            f"the denominator of the FRF is {QUANTITIES[denominator.kind]}, expected a load: transmissibilities and "
             "dynamic stiffnesses are not read"
         )
     if numerator.kind in MOTIONS:
