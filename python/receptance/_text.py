@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Characters that move the cursor, or change colours or writing direction, except line feeds and tabs."""
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that move the cursor, or change columns, colours or writing direction, except line feeds."""
 _LONGEST_LIST = 12
 _LONGEST_TEXT = 60
 
@@ -21,6 +21,8 @@ def printable(text: str) -> str:
     >>> from receptance._text import printable
     >>> print(printable("tip" + chr(27) + "[2J"))
     tip\x1b[2J
+    >>> print(printable("left" + chr(9) + "right"))
+    left\tright
     """
     return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 

@@ -122,12 +122,9 @@ class Prediction(Result):
 
     def warnings(self) -> list[str]:
         """Return the most important advice of the fit; the fit itself has the rest."""
-        if self.identified is None or len(advice := self.identified.warnings()) < 2:
-            return [] if self.identified is None else self.identified.warnings()
-        return [
-            advice[0],
-            f"{len(advice) - 1} more on the fit: `receptance identify` and `identified.advice` have them",
-        ]
+        advice = [] if self.identified is None else self.identified.warnings()
+        rest = len(advice) - 1
+        return advice if rest < 1 else [advice[0], f"{rest} more on the fit: `receptance identify` prints them"]
 
     def data(self) -> dict[str, Any]:
         """Return all predictions with their measurements, and the fit."""

@@ -136,7 +136,8 @@ class _Columns:
     def __init__(self, table: Table) -> None:
         self._text = [isinstance(column, str) for column in table.columns]
         self._heads = table.headings
-        self._rows = rows = table.texts()
+        # Before the layout: an escaped character takes more room.
+        self._rows = rows = [[printable(text) for text in row] for row in table.texts()]
         cells = [[row[i] for row in rows] for i in range(len(self._heads))]
         self._natural = [_widest([head, *own]) for head, own in zip(self._heads, cells, strict=True)]
         # Headings and text may wrap between words; numbers and intervals stay on one line.
