@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, new_figure, set_up, surface
+from receptance.report.figure import (
+    COLOURS,
+    INK,
+    PALE,
+    add_legend,
+    finished,
+    label_point,
+    new_figure,
+    plain_ticks,
+    set_up,
+    surface,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,6 +29,8 @@ _LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""
 _LARGEST_LEGEND = 25
 """Largest number of holders in a legend."""
+_LARGEST_PLAIN = 20.0
+"""Smaller ranges of the dynamic stiffness have plain numbers along the axis."""
 _DECADES = 3.5
 """Largest range of the magnitude."""
 
@@ -87,6 +100,9 @@ def draw_catalogue(catalogue: CatalogueSummary, ax: Axes | None = None) -> Figur
             for tool, point in zip(group, zip(x, y, strict=True), strict=True):
                 label_point(axes, tool.name, point, offset=(5.0, 5.0))
     axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    if high < _LARGEST_PLAIN * low:
+        plain_ticks(axes.yaxis)
     hidden = len(tools) - len(shown)
     if hidden:
         axes.text(0.01, 0.01, f"{hidden} without a mode", transform=axes.transAxes, fontsize=8, color=PALE)

@@ -99,8 +99,8 @@ def _prediction(found: Verdict, *, after: bool) -> str:
 
 
 def _draw(found: Verdict) -> Figure:
-    from receptance.diagnosis.figure import curve_figure
+    from receptance.diagnosis.figure import prediction_figure
     from receptance.diagnosis.held_out_curves import held_out_curves
 
     ((before, after),) = held_out_curves(found)
-    return curve_figure(before, after)
+    return prediction_figure(before, after)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance.diagnosis.thresholds import MARGIN
+from receptance.frf.presentation import PHASE_FROM
 from receptance.report.figure import (
     COLOURS,
     PALE,
@@ -15,6 +17,7 @@ from receptance.report.figure import (
     finished,
     new_figure,
     panels,
+    phase_line,
     set_up,
     surface,
     title_left,
@@ -40,6 +43,8 @@ _SIZE = (4.5, 4.0)
 _RECEPTANCES = 5
 """Receptances that are drawn; the report has all of them."""
 _COLUMNS = 3
+_AROUND = 0.05
+"""Half width of the lines around a peak, relative to its frequency."""
 _GAP = 4.0
 """Ratio of the distance of two lines to those around it from which lines are left out between them."""
 
@@ -101,13 +106,33 @@ def curve_figure(before: Curve, after: Curve | None) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     _draw_receptance(upper, before, after)
     upper.set_xlabel("")
-    set_up(lower, "", "frequency (Hz)", "model / measured (dB)")
-    for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
-        if curve is not None:
-            ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
-            lower.plot(*_with_gaps(curve.frequency_hz, ratio, signed=True), color=colour, lw=1.0, ls=style)
-    lower.axhline(0.0, color=PALE, lw=0.8)
+    _draw_ratio(lower, before, after)
     return finished(figure)
+
+
+def prediction_figure(before: Curve, after: Curve | None) -> Figure:
+    """Return magnitude, phase and error of a predicted receptance, on all lines and around its highest peak."""
+    figure = new_figure(9.0, 6.2)
+    axes = figure.subplots(3, 2, sharex="col", height_ratios=(3, 2, 2), width_ratios=(3, 2))
+    lines, peak = before.frequency_hz, float(before.frequency_hz[np.argmax(np.abs(before.measured))])
+    for column, chosen in zip(axes.T, (lines > 0.0, np.abs(lines / peak - 1.0) < _AROUND), strict=True):
+        own, other = (None if curve is None else _on_lines(curve, chosen) for curve in (before, after))
+        assert own is not None
+        _draw_receptance(column[0], own, other)
+        _draw_phase(column[1], own, other)
+        _draw_ratio(column[2], own, other)
+        for upper in column[:2]:
+            upper.set_xlabel("")
+    set_up(axes[0, 1], f"around {peak:.0f} Hz")
+    axes[0, 1].get_legend().remove()
+    for own in axes[1:, 1]:
+        own.set_ylabel("")
+    return finished(figure)
+
+
+def _on_lines(curve: Curve, chosen: NDArray[np.bool_]) -> Curve:
+    arrays = {name: getattr(curve, name)[..., chosen] for name in ("frequency_hz", "measured", "modelled", "residual")}
+    return replace(curve, **arrays)
 
 
 def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figure:
@@ -133,6 +158,26 @@ def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
         axes.plot(*_with_gaps(after.frequency_hz, after.modelled), color=COLOURS[2], lw=1.0, label="model after")
     axes.set_yscale("log")
     add_legend(axes, fontsize=9)
+
+
+def _draw_phase(axes: Axes, before: Curve, after: Curve | None) -> None:
+    set_up(axes, "", "", "phase (°)")
+    lowest = PHASE_FROM["receptance"]
+    axes.plot(*phase_line(before.frequency_hz, before.measured, lowest), color=PALE, lw=3.0)
+    for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
+        if curve is not None:
+            axes.plot(*phase_line(curve.frequency_hz, curve.modelled, lowest), color=colour, lw=1.0, ls=style)
+    axes.set_yticks([-180, -90, 0, 90])
+
+
+def _draw_ratio(axes: Axes, before: Curve, after: Curve | None) -> None:
+    """Draw the ratio of model and measurement in decibels."""
+    set_up(axes, "", "frequency (Hz)", "model over\nmeasured (dB)")
+    for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
+        if curve is not None:
+            ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
+            axes.plot(*_with_gaps(curve.frequency_hz, ratio, signed=True), color=colour, lw=1.0, ls=style)
+    axes.axhline(0.0, color=PALE, lw=0.8)
 
 
 def _with_gaps(

@@ -27,6 +27,7 @@ from receptance.report.figure import (
     finished,
     label_point,
     panels,
+    plain_ticks,
     set_up,
     surface,
     title_left,
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 
 _MOST_FRFS = 12
 """Most receptances of a fit or a prediction that are drawn."""
+_MOST_BESIDE = 8
+"""Most parameters whose intervals are drawn in a panel beside the others."""
 _STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Distances of ticks on an axis of factors."""
 _MAX_BAND = 3.0
@@ -68,20 +71,26 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
     frfs = [(label, one, assembly) for label, one, assembly in everything if isinstance(one, MeasuredFRF)]
     shown = frfs[:_MOST_FRFS]
     lists = [(label, one, assembly) for label, one, assembly in everything if not isinstance(one, MeasuredFRF)]
-    figure, cells = _grid(ax, len(shown) + bool(lists) + 1, f"{found.title}{_left_out(frfs, shown)}")
+    parameters = [name for name in found.values if name not in found.errors]
+    # Many rows take the whole width below the other panels.
+    below = 1.4 + 0.24 * len(parameters) if len(parameters) > _MOST_BESIDE else 0.0
+    title = f"{found.title}{_left_out(frfs, shown)}"
+    figure, cells = _grid(ax, len(shown) + bool(lists) + (not below), title, below)
     for (label, seen, assembly), cell in zip(shown, cells, strict=False):
         model = assembly.receptance(
             seen.frequency_hz, response=seen.response, excitation=seen.excitation, force=seen.force
         )
-        top, below = _pair(cell)
+        top, bottom = _pair(cell)
         _magnitude(top, label, seen.response, seen.excitation)
         lines = seen.frequency_hz.real
         _curves(top, lines, seen.receptance, model, "fitted")
         low, high = top.get_ylim()
         top.set_ylim(low, 30.0 * high)
-        _legend(top, seen.standard_deviation)
+        # As stated: the fit may have used more, and predictions show the stated noise as well.
+        noise = None if seen.standard_deviation is None else seen.standard_deviation / found.noise_factor
+        _legend(top, noise)
         ratio = np.log(np.abs(seen.receptance / model))
-        _ratio(below, "measured over\nfitted (dB)", lines, ratio, None, seen.standard_deviation)
+        _ratio(bottom, "measured over\nfitted (dB)", lines, ratio, None, noise)
     if lists:
         axes = cells[len(shown)].subplots()
         rows = []
@@ -89,7 +98,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
             fitted = assembly.lowest_natural_frequencies(max(listed.modes))[0][[mode - 1 for mode in listed.modes]]
             rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation_hz))
         _frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
-    _parameters(cells[len(shown) + bool(lists)].subplots(), found)
+    _parameters(cells[-1], found, parameters)
     return finished(figure, found.rejection)
 
 
@@ -118,11 +127,14 @@ def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
     return finished(figure, found.rejection)
 
 
-def _grid(ax: Axes | None, count: int, title: str) -> tuple[Figure | SubFigure, list[SubFigure]]:
+def _grid(ax: Axes | None, count: int, title: str, below: float = 0.0) -> tuple[Figure | SubFigure, list[SubFigure]]:
+    """Return a figure and its cells; with a height `below` in inches, the last cell is a wide one below the others."""
     columns = min(count, 3 if count > 4 or count == 3 else 2)
     rows = -(-count // columns)
-    figure = surface(ax, 5.6 * columns + (2.0 if columns == 1 else 0.0), 4.4 * rows + 0.6)
-    cells = list(np.ravel(figure.subfigures(rows, columns, squeeze=False)))
+    figure = surface(ax, 5.6 * columns + (2.0 if columns == 1 else 0.0), 4.4 * rows + below + 0.6)
+    grid = figure.add_gridspec(rows + bool(below), columns, height_ratios=[4.4] * rows + [below] * bool(below))
+    cells = [figure.add_subfigure(grid[i // columns, i % columns]) for i in range(count)]
+    cells += [figure.add_subfigure(grid[rows, :])] if below else []
     most = 64 * columns + 24
     text = title if len(title) < most else title[: most - 3] + "..."
     title_left(figure, text, 14.0 if len(text) < 32 * columns + 12 else 12.0)
@@ -265,15 +277,17 @@ def _frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[Any, 
     add_legend(axes, loc="upper right", ncols=2)
 
 
-def _parameters(axes: Axes, found: Identification) -> None:
+def _parameters(cell: SubFigure, found: Identification, names: Sequence[str]) -> None:
     """Draw the 95 % interval of every parameter relative to its value."""
+    axes = cell.subplots()
+    between = "\n" if len(names) <= _MOST_BESIDE else "   "
     set_up(axes, "95 % intervals of the parameters", "relative to the value", grid="both")
     styles = [(BAND, 12.0, "with tolerances")] if found.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
-    for index, address in enumerate(name for name in found.values if name not in found.errors):
+    for index, address in enumerate(names):
         value = found.values[address]
         intervals = [found.interval(address)] if found.errors else []
         for ends, (colour, width, _) in zip([*intervals, found.interval(address, exact=True)], styles, strict=True):
@@ -282,16 +296,14 @@ def _parameters(axes: Axes, found: Identification) -> None:
                 axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")
                 continue
             text = "the interval includes zero" if np.isfinite(high) and value else "not determined"
-            axes.annotate(
-                text, (1.0, -index), xytext=(0, 9), textcoords="offset points", ha="center", fontsize=9, color=BAD
-            )
+            label_point(axes, text, (1.0, -index), offset=(6.0, -3.0), colour=BAD)
         axes.plot(1.0, -index, "|", color=INK, markersize=11)
-        labels.append(f"{printable(address)}\n{value:.4g}")
+        labels.append(f"{printable(address)}{between}{value:.4g}")
     axes.set_yticks([-i for i in range(len(labels))], labels, fontsize=8 if len(labels) > 6 else 9)
     axes.set_ylim(-len(labels) + 0.4, 0.6)
     axes.set_xscale("log")
     _factors(axes)
-    add_legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+    add_legend(cell, ncols=2)
 
 
 def _factors(axes: Axes) -> None:
@@ -567,19 +579,10 @@ def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list
         axes.axvline(first.value, color=PALE, linewidth=0.9)
     if log:
         axes.set_xscale("log")
-        if high / low < 20.0:
-            _plain_ticks(axes)
+        if high / low < _WIDE:
+            plain_ticks(axes.xaxis)
     axes.set_yticks(range(len(names)), list(map(printable, names)), fontsize=9)
     axes.set_ylim(len(names) - 0.5, -0.5)
-
-
-def _plain_ticks(axes: Axes) -> None:
-    """Use a few plain numbers along a logarithmic axis with a small range."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
-
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
 
 
 def _shown(e: Expectation, ends: tuple[float, float]) -> tuple[float, float]:

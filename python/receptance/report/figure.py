@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
@@ -178,6 +179,15 @@ def add_room(axes: Axes, share: float) -> None:
     axes.set_ylim(bottom, top + share * (top - bottom))
 
 
+def plain_ticks(axis: Axis) -> None:
+    """Use a few plain numbers along a logarithmic axis with a small range."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+
+    axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+
+
 def label_point(
     axes: Axes,
     text: str,
@@ -201,7 +211,7 @@ def label_point(
 
 
 def phase_line(
-    lines: NDArray[np.float64], values: NDArray[np.complex128], lowest: float = -180.0
+    lines: NDArray[np.float64], values: NDArray[np.inexact], lowest: float = -180.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return lines and phases in degrees, from `lowest` over a full turn, with a gap at each jump by a turn."""
     phase = (np.degrees(np.angle(values)) - lowest) % 360.0 + lowest

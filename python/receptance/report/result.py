@@ -52,8 +52,8 @@ def grouped_notes(notes: Sequence[str]) -> Iterator[str]:
             yield from (f"  {text}" for text in sources[source])
     rest = len(several) - len(shown)
     if rest:
-        sources = "source has" if rest == 1 else "sources have"
-        yield f"{rest} more {sources} notes: `to_dict` and --json have all of them"
+        having = "source has" if rest == 1 else "sources have"
+        yield f"{rest} more {having} notes: `to_dict` and --json have all of them"
 
 
 def versions() -> dict[str, str]:
