@@ -10,7 +10,7 @@ import numpy as np
 from receptance.diagnosis import wording
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.report import Column, Fact, Table
-from receptance.report.table import amount, percent
+from receptance.report.table import amount, number, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -186,14 +186,15 @@ def _change(base: Identification, extended: Identification | None, name: str) ->
     if extended is None:
         return 0.0
     before, after = base.values[name], extended.values[name]
-    return abs(math.log(after / before)) if before * after > 0.0 else abs(after - before)
+    ratio = after / before if before else 0.0
+    return abs(math.log(ratio)) if 0.0 < ratio < math.inf else abs(after - before)
 
 
 def _ratio(before: float, after: float) -> str:
     """Return a change in percent, or as a factor where it is large."""
-    if before * after <= 0.0:
+    ratio = after / before if before else 0.0
+    if not 0.0 < ratio < math.inf:
         return ""
-    ratio = after / before
     return percent(ratio - 1.0, sign=True) if 0.5 < ratio < 2.0 else f"× {amount(ratio, digits=2)}"
 
 
@@ -203,7 +204,7 @@ def _with_interval(found: Identification, name: str) -> str:
     low, high = found.interval(name)
     if not found.determined(name) or not math.isfinite(high - low):
         return f"{amount(value, unknown.unit)} (open)"
-    if unknown.scale == "linear":
+    if unknown.scale == "linear" or value == 0.0:
         return f"{amount(value, unknown.unit)} ± {amount(0.5 * (high - low), unknown.unit, 2)}"
     factor = high / value
     if factor > 1.5:
@@ -220,7 +221,9 @@ def _percent_or_none(size: float | None) -> str | None:
 
 
 def _decibel(before: float, after: float | None) -> str:
-    return "" if not before or not after else f"{20.0 * math.log10(after / before):+.2g} dB"
+    if not before or not after or not 0.0 < (ratio := after / before) < math.inf:
+        return ""
+    return f"{number(20.0 * math.log10(ratio), '+.2g')} dB"
 
 
 def _rms(modes: Sequence[ModeResidual]) -> float | None:

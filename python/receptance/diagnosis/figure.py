@@ -112,6 +112,8 @@ def curve_figure(before: Curve, after: Curve | None) -> Figure:
 
 def prediction_figure(before: Curve, after: Curve | None) -> Figure:
     """Return magnitude, phase and error of a predicted receptance, on all lines and around its highest peak."""
+    from matplotlib.ticker import NullFormatter
+
     figure = new_figure(9.0, 6.2)
     axes = figure.subplots(3, 2, sharex="col", height_ratios=(3, 2, 2), width_ratios=(3, 2))
     lines, peak = before.frequency_hz, float(before.frequency_hz[np.argmax(np.abs(before.measured))])
@@ -125,6 +127,7 @@ def prediction_figure(before: Curve, after: Curve | None) -> Figure:
             upper.set_xlabel("")
     set_up(axes[0, 1], f"around {peak:.0f} Hz")
     axes[0, 1].get_legend().remove()
+    axes[0, 1].yaxis.set_minor_formatter(NullFormatter())
     for own in axes[1:, 1]:
         own.set_ylabel("")
     return finished(figure)

@@ -292,10 +292,12 @@ def _parameters(cell: SubFigure, found: Identification, names: Sequence[str]) ->
         intervals = [found.interval(address)] if found.errors else []
         for ends, (colour, width, _) in zip([*intervals, found.interval(address, exact=True)], styles, strict=True):
             low, high = sorted(end / value if value else float("inf") for end in ends)
-            if np.isfinite(high) and low > 0.0:
+            # A wider interval would hide all others.
+            bounded = np.isfinite(high) and high < _OPEN and bool(value)
+            if bounded and low > 0.0:
                 axes.plot([low, high], [-index] * 2, color=colour, linewidth=width, solid_capstyle="butt")
                 continue
-            text = "the interval includes zero" if np.isfinite(high) and value else "not determined"
+            text = "the interval includes zero" if bounded else "not determined"
             label_point(axes, text, (1.0, -index), offset=(6.0, -3.0), colour=BAD)
         axes.plot(1.0, -index, "|", color=INK, markersize=11)
         labels.append(f"{printable(address)}{between}{value:.4g}")

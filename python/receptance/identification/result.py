@@ -666,7 +666,7 @@ class Identification(Result):
 
 def _error(unknown: Unknown, value: float, error: float) -> str:
     """Return a standard error as text: in percent where the scale is logarithmic."""
-    if not np.isfinite(error) or unknown.scale == "linear":
+    if not np.isfinite(error) or unknown.scale == "linear" or value == 0.0:
         return amount(error, unknown.unit, 2)
     return f"{amount(100.0 * error / value, digits=2)} %"
 
