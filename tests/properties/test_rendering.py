@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
+import math
+import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
@@ -21,8 +23,22 @@ from receptance.report.figure import as_image
 from receptance.report.table import amount, amount_interval, amounts, interval, number, percent
 
 AWKWARD = st.sampled_from(
-    [0.0, -0.0, 5e-324, -5e-324, 1e-310, 1e-100, 0.9999999, 1e8, 1e150, -1e300, 1.7976931348623157e308]
-    + [float("inf"), float("-inf"), float("nan")]
+    [
+        0.0,
+        -0.0,
+        5e-324,
+        -5e-324,
+        1e-310,
+        1e-100,
+        1.0,
+        1e8,
+        1e150,
+        -1e300,
+        sys.float_info.max,
+        math.inf,
+        -math.inf,
+        math.nan,
+    ]
 )
 NUMBERS = st.one_of(AWKWARD, st.floats())
 UNITS = st.sampled_from(["", "N/m", "kg", "m", "s", "%"])
@@ -71,20 +87,8 @@ def _results() -> dict[str, Renderable]:
     }
 
 
-_NUMERIC = [
-    "values",
-    "standard_errors",
-    "covariance",
-    "correlation",
-    "rise",
-    "threshold",
-    "lower",
-    "upper",
-    "value",
-    "frequency_hz",
-    "coherence",
-    "log_variance",
-]
+_NUMERIC = ("values", "standard_errors", "covariance", "correlation", "rise", "threshold", "lower", "upper", "value")
+"""Attributes of the results that are replaced."""
 
 
 def _damaged(value: Any, draw: Callable[[], float]) -> Any:

@@ -43,8 +43,8 @@ def facts(verdict: Verdict) -> list[Fact]:
         )
     found = [Fact("Verdict", tuple(texts))]
     count = len(verdict.causes)
-    for number, one in enumerate(verdict.causes, 1):
-        found += _of_cause(one, f" {number} of {count}" if count > 1 else "")
+    for position, one in enumerate(verdict.causes, 1):
+        found += _of_cause(one, f" {position} of {count}" if count > 1 else "")
     if verdict.campaign_lines:
         added = f"add the {wording.names(verdict.causes_together)} to the model"
         if len(verdict.campaign_lines) > _MOST_LINES:
