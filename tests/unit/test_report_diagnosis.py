@@ -146,7 +146,7 @@ def test_page_is_complete(page: str, verdict: Any) -> None:
         "State the sensor in the campaign",
         "residuals over noise, rms",
         "held out: distance of the spectra",
-        "model / measured (dB)",
+        "measured (dB)",
         "the model as it is",
         "Residuals at each mode",
         "odds to<br>the best",
