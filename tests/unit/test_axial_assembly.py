@@ -15,6 +15,7 @@ from receptance import (
     MeasuredFrequencies,
     MeasuredFRF,
     Part,
+    PointJoint,
     PointMass,
     Section,
     Segment,
@@ -48,6 +49,16 @@ def test_uniform_rod_on_a_spring() -> None:
     stiffness = STEEL.youngs_modulus * np.pi / 4.0 * diameter**2 * q * np.tan(q * length)
     assert len(found) == 4
     assert stiffness == pytest.approx(k, rel=1e-8)
+
+
+def test_a_joint_of_rods_needs_no_rotational_stiffness() -> None:
+    """Two nearly rigid rods of mass m on one spring k: w^2 = 2 k / m."""
+    bar = [Segment(length=0.02, outer_diameter=0.03, material=STEEL)]
+    joint = PointJoint(k_y=9106.0, name="joint")
+    pair = Assembly([Part(bar, name="tool"), joint, Part(bar, name="holder")], motion="axial")
+    mass = STEEL.density * 0.02 * np.pi / 4.0 * 0.03**2
+    expected = np.sqrt(2.0 * joint.k_y / mass) / (2.0 * np.pi)
+    np.testing.assert_allclose(pair.natural_frequencies(1e3), [expected], rtol=1e-5)
 
 
 def test_a_rod_on_a_spring_is_fitted() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from receptance import GroundSpring, PointJoint, PointMass
+from receptance import STEEL, Assembly, ColletJoint, GroundSpring, Part, PointJoint, PointMass, Segment
 
 GOOD: dict[str, Any] = {"k_y": 1e8, "k_theta": 1e5, "k_ytheta": 1e6, "c_y": 10.0, "c_theta": 0.1, "loss_factor": 0.01}
 QUANTITIES = ["k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor"]
@@ -59,13 +59,23 @@ def test_both_parts_must_be_semidefinite(coupling: str, part: str, sign: float) 
     [
         ({}, "k_y and c_y are both zero"),
         ({"k_theta": 1e5}, "k_y and c_y are both zero, so the translation is free"),
-        ({"k_y": 1e8}, "k_theta and c_theta are both zero, so the rotation is free"),
-        ({"k_y": 1e8, "loss_factor": 0.1}, "give k_theta or c_theta"),
     ],
 )
 def test_joint_without_stiffness_is_an_error(values: dict[str, float], words: str) -> None:
     with pytest.raises(ValueError, match=f"PointJoint 'clamp': {words}|{words}"):
         PointJoint(**values, name="clamp")
+
+
+@pytest.mark.parametrize("more", [{}, {"loss_factor": 0.1}])
+def test_joint_with_a_free_rotation_is_an_error_in_bending(more: dict[str, float]) -> None:
+    bar = [Segment(length=0.1, outer_diameter=0.02, material=STEEL)]
+    joint = PointJoint(k_y=1e8, **more, name="clamp")
+    with pytest.raises(
+        ValueError, match="PointJoint 'clamp': k_theta and c_theta are both zero, so the rotation is free"
+    ):
+        Assembly([Part(bar, name="tool"), joint, Part(bar, name="holder")])
+    with pytest.raises(ValueError, match="give k_theta or c_theta"):
+        ColletJoint(inner=joint, outer=PointJoint(k_y=1e8, k_theta=1e5), mass=0.1)
 
 
 def test_a_joint_may_be_held_by_dashpots() -> None:

@@ -284,6 +284,13 @@ class Builder:
         if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
             return None
         chain = [elements[own] for own in table.chain]
+        for own, element in zip(table.chain, chain, strict=True):
+            if isinstance(element, PointJoint):
+                place = ("joints", own)
+                if not self.problems.at(place):
+                    self.make(place, element.check_motion, table.motion)
+                if self.problems.at(place):
+                    return None
         made = self.make((*path, "chain"), Assembly, chain, motion=table.motion)
         if made is not None and table.attachments:
             on = [points[own] for own in table.attachments]

@@ -58,6 +58,8 @@ def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> 
             )
         if motion != "bending" and not isinstance(element, (Part, PointJoint)):
             raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which supports bending only")
+        if isinstance(element, PointJoint):
+            element.check_motion(motion)
     for index, point in enumerate(points):
         if not isinstance(point, Attachment):
             raise TypeError(

@@ -77,7 +77,8 @@ class PointJoint(_Interface):
     Raises
     ------
     ValueError
-        A negative or not finite value, an indefinite matrix, or a direction without stiffness and damping.
+        A negative or not finite value, an indefinite matrix, or no stiffness and damping along y. Assemblies in
+        bending and collets also require those of the rotation; axial motion has none.
 
     Examples
     --------
@@ -91,12 +92,19 @@ class PointJoint(_Interface):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for y, kind in (("y", "translation"), ("theta", "rotation")):
-            if getattr(self, f"k_{y}") == 0.0 and getattr(self, f"c_{y}") == 0.0:
-                raise ValueError(
-                    f"{self.owner}: k_{y} and c_{y} are both zero, so the {kind} is free and the interface is "
-                    f"singular; give k_{y} or c_{y}"
-                )
+        self._check_held("y", "translation")
+
+    def check_motion(self, motion: str) -> None:
+        """Raise if the joint leaves a direction free that a motion has; rods have no rotation."""
+        if motion == "bending":
+            self._check_held("theta", "rotation")
+
+    def _check_held(self, direction: str, kind: str) -> None:
+        if getattr(self, f"k_{direction}") == 0.0 and getattr(self, f"c_{direction}") == 0.0:
+            raise ValueError(
+                f"{self.owner}: k_{direction} and c_{direction} are both zero, so the {kind} is free and the interface "
+                f"is singular; give k_{direction} or c_{direction}"
+            )
 
     def moved(self, distance: float) -> PointJoint:
         """Return the joint that acts at a point `distance` (m) further along x, expressed at the present point.
@@ -312,6 +320,8 @@ class ColletJoint(Element):
 
     def __post_init__(self) -> None:
         self.check()
+        for side in ("inner", "outer"):
+            getattr(self, side).check_motion("bending")
         # Addresses use the name of the field.
         _checks.set_fields(self, {side: replace(getattr(self, side), name="") for side in ("inner", "outer")})
 
