@@ -19,6 +19,7 @@ from receptance.sweep import (
     Listed,
     Misfit,
     NaturalFrequencies,
+    Reduction,
     Sampled,
     StableDepth,
     SweepError,
@@ -46,6 +47,9 @@ def largest(h: Any) -> Any:
     return np.abs(h).max(axis=1)
 
 
+LARGEST = Reduction(largest, name="largest", version="1")
+
+
 def test_last_grid_parameter_varies_fastest() -> None:
     found = as_grid(sweep(pair(), GRID, FrequencyResponse(frequency_hz=LINES)))
     assert found["receptance"].dims == ("joint.k_y", "tool.segment[0].length", "frequency_hz")
@@ -70,7 +74,7 @@ def test_every_output_of_a_candidate_is_that_of_its_assembly() -> None:
     speeds = np.linspace(5000.0, 20000.0, 7)
     outputs = [
         NaturalFrequencies(upper_hz=9000.0, modes=2),
-        FrequencyResponse(frequency_hz=LINES, reduce=largest, name="largest"),
+        FrequencyResponse(frequency_hz=LINES, reduce=LARGEST, name="largest"),
         FrequencyResponse(frequency_hz=LINES, magnitude=True, name="magnitude"),
         StableDepth(cut=cut, frequency_hz=LINES, speeds_rpm=speeds),
         StableDepth(cut=cut, frequency_hz=LINES, name="least_depth"),
@@ -204,7 +208,22 @@ def test_a_latin_hypercube_has_one_candidate_in_each_interval_of_every_parameter
         (lambda: NaturalFrequencies(upper_hz=-1.0), "upper_hz"),
         (lambda: StableDepth(cut=3, frequency_hz=LINES), "expected Milling"),  # type: ignore[arg-type]
         (lambda: Misfit([]), "observations is empty"),
-        (lambda: sweep(pair(), GRID, FrequencyResponse(frequency_hz=LINES, reduce=np.abs)), "reduce returned"),
+        (
+            lambda: sweep(
+                pair(),
+                GRID,
+                FrequencyResponse(frequency_hz=LINES, reduce=Reduction(np.abs, name="modulus", version="1")),
+            ),
+            "reduce returned",
+        ),
+        (
+            lambda: FrequencyResponse(frequency_hz=LINES, reduce=largest),  # type: ignore[arg-type]
+            r"expected Reduction\(function, name=..., version=...\)",
+        ),
+        (lambda: Reduction(3.0, name="a", version="1"), "Reduction: function is 3.0"),  # type: ignore[arg-type]
+        (lambda: Reduction(largest, name="", version="1"), "Reduction: name is empty"),
+        (lambda: Reduction(largest, name="a", version=2), "Reduction: version is 2, expected text"),  # type: ignore[arg-type]
+        (lambda: type("Own", (NaturalFrequencies,), {}), "the output Own: version is None, expected text"),
     ],
 )
 def test_mistakes_give_messages(make: Any, words: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import multiprocessing
 import os
 import re
@@ -12,7 +13,6 @@ import sys
 import textwrap
 import threading
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +26,19 @@ from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Receptanc
 from receptance.sweep import (
     FrequencyResponse,
     Grid,
+    Listed,
     Misfit,
     NaturalFrequencies,
     Output,
+    Reduction,
     Sampled,
     SweepError,
     Variable,
     as_grid,
+    disk,
     open_sweep,
     sweep,
 )
-from receptance.sweep.disk import Chunks
 from receptance.sweep.run import PendingBlocks
 
 LINES = np.linspace(200.0, 4000.0, 50)
@@ -136,17 +138,17 @@ def test_interruption_keeps_finished_blocks(tmp_path: Path) -> None:
 
 
 def test_full_disk_ends_the_sweep_and_keeps_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    put = Chunks._write_chunk
+    put = disk._write
     written: list[Path] = []
 
-    def full(self: Chunks, path: Path, *rest: Any) -> None:
+    def full(path: Path, content: bytes) -> None:
         written.append(path)
         if len(written) > 20:
             raise OSError(errno.ENOSPC, "no space left on device", str(path))
-        put(self, path, *rest)
+        put(path, content)
 
     with monkeypatch.context() as until:
-        until.setattr(Chunks, "_write_chunk", full)
+        until.setattr(disk, "_write", full)
         with pytest.raises(OSError, match="no space left"):
             sweep(pair(), draw(100), measure(), store=tmp_path / "s", block=10)
     same(
@@ -316,160 +318,26 @@ def test_a_disk_without_space_names_the_chunk(tmp_path: Path) -> None:
     same(sweep(pair(), draw(400), output, store=store), sweep(pair(), draw(400), output))
 
 
-SCALE, NAMES = 2.0, {"factor": 1.0}
+def peak(h: Any) -> Any:
+    return abs(h).max(axis=1)
 
 
-def scaled(h: Any) -> Any:
-    return SCALE * NAMES["factor"] * abs(h).max(axis=1)
-
-
-def peak(power: float) -> Callable[[Any], Any]:
-    return lambda h: scaled(h) ** power
-
-
-class Weighted:
-    def __init__(self, weights: Any) -> None:
-        self.weights = weights
-
-    def __call__(self, h: Any) -> Any:
-        return (abs(h) * self.weights).sum(axis=1)
-
-
-def weighted(h: Any, weights: Any = LINES) -> Any:
-    return (abs(h) * weights).sum(axis=1)
-
-
-def made(source: str) -> Callable[[Any], Any]:
-    """Return the function `reduce` of a text: as a script that was edited between two runs."""
-    found: dict[str, Any] = {"__name__": "__main__", "np": np}
-    exec(textwrap.dedent(source), found)
-    function: Callable[[Any], Any] = found["reduce"]
-    return function
-
-
-CHANGES = {
-    "a constant": ("reduce = lambda h: abs(h).max(axis=1)", "reduce = lambda h: 2 * abs(h).max(axis=1)"),
-    "an operation": ("reduce = lambda h: abs(h).max(axis=1)", "reduce = lambda h: abs(h).min(axis=1)"),
-    "a default": ("def reduce(h, n=3): return abs(h[:, n])", "def reduce(h, n=4): return abs(h[:, n])"),
-    "a keyword": ("def reduce(h, *, n=3): return abs(h[:, n])", "def reduce(h, *, n=4): return abs(h[:, n])"),
-    "a global": ("N = 3\ndef reduce(h): return abs(h[:, N])", "N = 4\ndef reduce(h): return abs(h[:, N])"),
-    "a helper": (
-        "def one(h): return abs(h[:, 3])\ndef reduce(h): return one(h)",
-        "def one(h): return abs(h[:, 4])\ndef reduce(h): return one(h)",
-    ),
-    "an inner function": (
-        "def reduce(h): return np.array([(lambda row: abs(row[3]))(row) for row in h])",
-        "def reduce(h): return np.array([(lambda row: abs(row[4]))(row) for row in h])",
-    ),
-    "an object's method": (
-        "class One:\n  def of(self, h): return abs(h[:, 3])\nreduce = One().of",
-        "class One:\n  def of(self, h): return abs(h[:, 4])\nreduce = One().of",
-    ),
-    "a class's value": (
-        "class One:\n  n = 3\n  def __call__(self, h): return abs(h[:, self.n])\nreduce = One()",
-        "class One:\n  n = 4\n  def __call__(self, h): return abs(h[:, self.n])\nreduce = One()",
-    ),
-    "a partial": (
-        "import functools\ndef of(n, h): return abs(h[:, n])\nreduce = functools.partial(of, 3)",
-        "import functools\ndef of(n, h): return abs(h[:, n])\nreduce = functools.partial(of, 4)",
-    ),
-    "a decorated function": (
-        "import functools\n@functools.lru_cache\ndef n(): return 3\ndef reduce(h): return abs(h[:, n()])",
-        "import functools\n@functools.lru_cache\ndef n(): return 4\ndef reduce(h): return abs(h[:, n()])",
-    ),
-    "a set": (
-        "N = {'a': {3, 5}}\ndef reduce(h): return abs(h[:, min(N['a'])])",
-        "N = {'a': {4, 5}}\ndef reduce(h): return abs(h[:, min(N['a'])])",
-    ),
-}
-
-
-@pytest.mark.parametrize("what", CHANGES)
-def test_a_changed_function_is_another_sweep(tmp_path: Path, what: str) -> None:
-    def run(source: str) -> xr.Dataset:
-        output = FrequencyResponse(frequency_hz=LINES, reduce=made(source), name="peak")
+@pytest.mark.parametrize(("name", "version"), [("peak", "2"), ("level", "1")])
+def test_another_version_of_a_reduction_is_another_sweep(tmp_path: Path, name: str, version: str) -> None:
+    def run(reduction: Reduction) -> xr.Dataset:
+        output = FrequencyResponse(frequency_hz=LINES, reduce=reduction, name="result")
         return sweep(pair(), draw(6), output, store=tmp_path / "s")
 
-    before, after = CHANGES[what]
-    first = run(before).load()
-    same(run(before), first)
-    with pytest.raises(SweepError, match="different sweep: it differs in output peak"):
-        run(after)
-
-
-def test_closure_and_globals_identify_a_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(reduce: Any, name: str) -> None:
-        sweep(pair(), draw(6), FrequencyResponse(frequency_hz=LINES, reduce=reduce), store=tmp_path / name)
-
-    run(peak(2.0), "closure")
-    run(peak(2.0), "closure")
-    run(Weighted(LINES), "object")
-    run(Weighted(LINES.copy()), "object")
-    run(weighted, "default")
-    run(scaled, "global")
-    others = [
-        (peak(3.0), "closure"),
-        (Weighted(LINES + 1.0), "object"),
-        (np.vectorize(abs, signature="(n)->()"), "global"),
-    ]
-    for reduce, name in others:
-        with pytest.raises(SweepError, match="different sweep: it differs in output receptance"):
-            run(reduce, name)
-    monkeypatch.setattr(weighted, "__defaults__", (LINES[::-1],))
-    with pytest.raises(SweepError, match="different sweep"):
-        run(weighted, "default")
-    monkeypatch.setitem(NAMES, "factor", 1.5)
-    for reduce, name in ((scaled, "global"), (peak(2.0), "closure")):
-        with pytest.raises(SweepError, match="different sweep"):
-            run(reduce, name)
-
-
-def test_changed_user_module_is_another_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    for number, differs in (("3", False), ("3", False), ("4", True)):
-        (tmp_path / "sweep_helpers.py").write_text(f"LINE = {number}\ndef one(h):\n    return abs(h[:, LINE])\n")
-        monkeypatch.delitem(sys.modules, "sweep_helpers", raising=False)
-        reduce = made("import sweep_helpers\ndef reduce(h): return sweep_helpers.one(h)")
-        output = FrequencyResponse(frequency_hz=LINES, reduce=reduce, name="peak")
-        if differs:
-            with pytest.raises(SweepError, match="different sweep: it differs in output peak"):
-                sweep(pair(), draw(6), output, store=tmp_path / "s")
-        else:
-            sweep(pair(), draw(6), output, store=tmp_path / "s")
-
-
-@pytest.mark.slow
-def test_function_identity_persists_across_processes(tmp_path: Path) -> None:
-    script = """
-        import sys
-        import numpy as np
-        sys.path.insert(0, sys.argv[1])
-        import unit.test_sweep_store as module
-        NAMES = {"large", "larger", "largest"}
-        def reduce(h):
-            assert "large" in NAMES
-            return module.scaled(h) + module.Weighted(module.LINES)(h) * np.pi + (1 if NAMES & {"a", "b", "c"} else 0)
-        output = module.FrequencyResponse(frequency_hz=module.LINES, reduce=reduce)
-        module.sweep(module.pair(), module.draw(6), output, store=sys.argv[2])
-    """
-    command = [sys.executable, "-c", textwrap.dedent(script), str(Path(__file__).parents[1]), str(tmp_path / "s")]
-    for seed in ("1", "2"):
-        subprocess.run(command, check=True, env={**os.environ, "PYTHONHASHSEED": seed})
-
-
-def test_a_function_that_cannot_be_compared_is_refused_before_the_work(tmp_path: Path) -> None:
-    lock = threading.Lock()
-
-    def reduce(h: Any) -> Any:
-        with lock:
-            return abs(h).max(axis=1)
-
-    output = FrequencyResponse(frequency_hz=LINES, reduce=reduce, name="peak")
-    assert sweep(pair(), draw(6), output).sizes["candidate"] == 6
-    with pytest.raises(SweepError, match=r"output peak: <unlocked _thread.lock .* has no content .* without a store"):
-        sweep(pair(), draw(6), output, store=tmp_path / "s")
-    assert not list(tmp_path.iterdir())
+    first = run(Reduction(peak, name="peak", version="1")).load()
+    # Code is not compared.
+    same(run(Reduction(lambda h: peak(h), name="peak", version="1")), first)
+    record = json.loads((tmp_path / "s" / "zarr.json").read_text())["attributes"]["receptance_sweep"]
+    assert record["code"] == {"output result": "peak, version 1"}
+    text = rf"output result \(by peak, version 1 in the store, by {name}, version {version} now\)"
+    with pytest.raises(SweepError, match=f"different sweep: it differs in {text}"):
+        run(Reduction(peak, name=name, version=version))
+    with pytest.raises(SweepError, match=r"output result \(by peak, version 1 in the store, by the program now\)"):
+        sweep(pair(), draw(6), FrequencyResponse(frequency_hz=LINES, name="result"), store=tmp_path / "s")
 
 
 def test_the_version_of_the_program_is_compared(tmp_path: Path) -> None:
@@ -485,7 +353,8 @@ def test_the_version_of_the_program_is_compared(tmp_path: Path) -> None:
 class Twice(Output):
     """A custom output."""
 
-    factor = 2.0
+    version = "1"
+    described: Any = 2.0
 
     def variables(self) -> tuple[Variable, ...]:
         return (Variable("own", "float64", "m"),)
@@ -494,18 +363,51 @@ class Twice(Output):
         return ()
 
     def prepare(self, assembly: Assembly | None, addresses: Any, threads: int | None) -> Any:
-        return lambda values: ({"own": self.factor * values[:, 0]}, np.ones(len(values), bool))
+        return lambda values: ({"own": 2.0 * values[:, 0]}, np.ones(len(values), bool))
 
     def describe(self) -> list[Any]:
-        return []
+        return [self.described]
 
 
-def test_custom_output_is_identified_by_its_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sweep(pair(), draw(6), Twice(), store=tmp_path / "s")
-    sweep(pair(), draw(6), Twice(), store=tmp_path / "s")
-    monkeypatch.setattr(Twice, "factor", 3.0)
-    with pytest.raises(SweepError, match="different sweep: it differs in output own"):
+def test_custom_output_is_identified_by_its_version_and_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run() -> None:
         sweep(pair(), draw(6), Twice(), store=tmp_path / "s")
+
+    run()
+    run()
+    with monkeypatch.context() as patch:
+        patch.setattr(Twice, "version", "2")
+        with pytest.raises(SweepError, match=r"own \(by Twice, version 1 in the store, by Twice, version 2 now\)"):
+            run()
+    for value in (3.0, 2, [2.0], (2.0, None), np.array([2.0]), {"a": 2.0}, 2.0 + 0.0j):
+        with monkeypatch.context() as patch:
+            patch.setattr(Twice, "described", value)
+            with pytest.raises(SweepError, match="different sweep: it differs in output own; "):
+                run()
+    monkeypatch.setattr(Twice, "described", staticmethod(peak))
+    with pytest.raises(SweepError, match=r"output own: <function peak .* described by Reduction"):
+        run()
+
+
+@pytest.mark.parametrize("name", ["misfit", "receptance", "joint.k_y", "valid"])
+def test_exchanged_chunks_are_damaged(tmp_path: Path, name: str) -> None:
+    """Both files are sound, and each belongs to the other block."""
+    store, outputs = tmp_path / "s", [measure(), FrequencyResponse(frequency_hz=LINES)]
+    # The bar is shorter than it can be in the second half, so that `valid` differs.
+    lengths = Listed({"joint.k_y": [1e7, 2e7, 3e7, 4e7], "tool.segment[0].length": [0.1, 0.1, -0.1, 0.1]})
+    expected = sweep(pair(), lengths, outputs, store=store, block=2).load()
+    assert expected["valid"].values.tolist() == [True, True, False, True]
+    folder, within = store / name / "c", "0" if name == "receptance" else ""
+    first, second = folder / "0" / within, folder / "1" / within
+    contents = first.read_bytes(), second.read_bytes()
+    first.write_bytes(contents[1])
+    second.write_bytes(contents[0])
+    with pytest.raises(SweepError, match=f"the chunk {name}/c/0.* is damaged"):
+        open_sweep(store)[name].load()
+    with pytest.warns(
+        ReceptanceWarning, match=f"the chunk {name}/c/0.* is damaged.*; 4 candidates are evaluated again"
+    ):
+        same(sweep(pair(), lengths, outputs, store=store), expected)
 
 
 class Bent:

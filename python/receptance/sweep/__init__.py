@@ -2,7 +2,15 @@
 
 from receptance.sweep.candidates import Candidates, Grid, Listed, Sampled
 from receptance.sweep.disk import SweepError
-from receptance.sweep.outputs import FrequencyResponse, Misfit, NaturalFrequencies, Output, StableDepth, Variable
+from receptance.sweep.outputs import (
+    FrequencyResponse,
+    Misfit,
+    NaturalFrequencies,
+    Output,
+    Reduction,
+    StableDepth,
+    Variable,
+)
 from receptance.sweep.run import SweepProgress, sweep
 from receptance.sweep.store import as_grid, open_sweep
 
@@ -14,6 +22,7 @@ __all__ = [
     "Misfit",
     "NaturalFrequencies",
     "Output",
+    "Reduction",
     "Sampled",
     "StableDepth",
     "SweepError",

@@ -134,8 +134,10 @@ class Chunks:
 
     A chunk is one file: the values of one block of `rows` candidates, little-endian, in C order, followed by their
     checksum (CRC-32C, Zarr's codec `crc32c`). Writing through Zarr needed more processor time than all other steps
-    besides the evaluation. The layout is data type and shape of one candidate for each array. The chunk of its last
-    array, `valid`, is written last: a block with this chunk is finished, unless a checksum is wrong.
+    besides the evaluation. The layout is data type and shape of one candidate for each array. A file beside the arrays
+    has the marks of the chunks of a block: checksums that include its number, so that a chunk of another block is
+    noticed. The chunk of the last array, `valid`, is written last: a block with this chunk is finished, unless a
+    checksum is wrong.
     """
 
     def __init__(self, path: Path, layout: Mapping[str, tuple[str, tuple[int, ...]]], rows: int) -> None:
@@ -147,10 +149,11 @@ class Chunks:
 
     def check(self, number: int) -> list[str] | None:
         """Return the faults of the chunks of a block, or None if the block was not finished."""
-        files = [self._file(name, number) for name in self._layout]
-        if not files[-1].exists():
+        files = {name: self._file(name, number) for name in self._layout}
+        if not list(files.values())[-1].exists():
             return None
-        faults = [(file, fault(_content(file))) for file in files]
+        marks = Marks(self._path, self._layout)
+        faults = [(file, marks.fault(name, number, _content(file))) for name, file in files.items()]
         return [f"{file.relative_to(self._path).as_posix()} {text}" for file, text in faults if text]
 
     def read(self, name: str, number: int) -> NDArray[Any]:
@@ -175,26 +178,26 @@ class Chunks:
             self._thread.shutdown()
 
     def _write_block(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
-        for name, (dtype, _) in self._layout.items():
-            self._write_chunk(self._file(name, number), np.dtype(dtype), arrays[name])
+        chunks = {name: self._chunk(np.dtype(dtype), arrays[name]) for name, (dtype, _) in self._layout.items()}
+        marks = b"".join(_mark(number, chunk) for chunk in chunks.values())
+        _write(Marks.file(self._path, number), marks)
+        for name, chunk in chunks.items():
+            _write(self._file(name, number), chunk)
         self._unflushed.append(number)
         if time.monotonic() - self._flushed > _FLUSH_INTERVAL_S:
             self._flush()
 
-    def _write_chunk(self, path: Path, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
-        """Write a chunk completely or not at all; the last chunk is padded with zeros."""
+    def _chunk(self, dtype: np.dtype[Any], values: NDArray[Any]) -> bytes:
+        """Return the content of a chunk; the last chunk is padded with zeros."""
         content = np.ascontiguousarray(values, dtype.newbyteorder("<"))
         missing = (self._rows - len(content)) * (content.nbytes // len(content))
         whole = content.tobytes() + bytes(missing)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with renamed(path) as temporary, temporary.open("wb", buffering=0) as file:
-            for part in (memoryview(whole), memoryview(_checksum(whole))):
-                while len(part) > 0:
-                    part = part[file.write(part) :]
+        return whole + _checksum(whole)
 
     def _flush(self) -> None:
         """Flush the written blocks to the disk."""
-        flush([self._file(name, number) for number in self._unflushed for name in self._layout], self._path)
+        files = [self._file(name, number) for number in self._unflushed for name in self._layout]
+        flush([*files, *(Marks.file(self._path, number) for number in self._unflushed)], self._path)
         self._unflushed = []
         self._flushed = time.monotonic()
 
@@ -202,13 +205,45 @@ class Chunks:
         return self._path.joinpath(name, "c", *map(str, (number, *(0 for _ in self._layout[name][1]))))
 
 
+class Marks:
+    """The marks of the blocks of a store, in the order of its arrays."""
+
+    def __init__(self, path: Path, names: Iterable[str]) -> None:
+        self._path, self._place = path, {name: i * _CHECKSUM for i, name in enumerate(names)}
+
+    @staticmethod
+    def file(path: Path, number: int) -> Path:
+        """Return the file with the marks of a block."""
+        return path / "marks" / str(number)
+
+    def fault(self, name: str, number: int, content: bytes | None) -> str:
+        """Return the fault of the chunk of a block as `fault` does; the chunk of another block is a fault as well."""
+        place = self._place[name]
+        marks = _content(self.file(self._path, number)) or b""
+        if content is not None and _mark(number, content) != marks[place : place + _CHECKSUM]:
+            return _DAMAGED
+        return fault(content)
+
+
+_DAMAGED = "is damaged: its checksum does not agree with its content"
+
+
 def fault(content: bytes | None) -> str:
     """Return the fault of the content of a chunk, empty for a sound one; a content of None means a missing file."""
     if content is None:
         return "is missing"
     if len(content) < _CHECKSUM or _checksum(content[:-_CHECKSUM]) != content[-_CHECKSUM:]:
-        return "is damaged: its checksum does not agree with its content"
+        return _DAMAGED
     return ""
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file completely or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with renamed(path) as temporary, temporary.open("wb", buffering=0) as file:
+        part = memoryview(content)
+        while len(part) > 0:
+            part = part[file.write(part) :]
 
 
 def _content(path: Path) -> bytes | None:
@@ -222,3 +257,8 @@ def _checksum(content: bytes) -> bytes:
     import google_crc32c  # used by Zarr as well
 
     return int(google_crc32c.value(content)).to_bytes(_CHECKSUM, "little")
+
+
+def _mark(number: int, content: bytes) -> bytes:
+    """Return the checksum of the number of a block and of a chunk without its own checksum, which would cancel it."""
+    return _checksum(number.to_bytes(8, "little") + content[:-_CHECKSUM])

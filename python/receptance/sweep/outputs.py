@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,14 +65,82 @@ class Variable:
         return tuple(len(values) for values in self.dimensions.values())
 
 
+PROGRAM = "of the program"
+"""Version of outputs of this package, whose code has the version of the program."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A function of the receptances of some candidates, with a name and a version that identify it in a store.
+
+    A store cannot compare code. It records name and version, and is continued only by a reduction that has the same:
+    raise the version when the function, or anything that it uses, changes its results.
+
+    Parameters
+    ----------
+    function : callable
+        Function from receptances (or magnitudes) `(m, n)` to one number each `(m,)`, such as the maximum. Workers need
+        a function of a module.
+    name, version : str
+        Name, and version of the results.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An object that cannot be called, or an empty text.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.sweep import FrequencyResponse, Reduction
+    >>> largest = Reduction(lambda h: h.max(axis=1), name="largest", version="1")
+    >>> print(largest)
+    largest, version 1
+    >>> output = FrequencyResponse(frequency_hz=np.linspace(100.0, 4000.0, 40), magnitude=True, reduce=largest)
+    """
+
+    function: Callable[[NDArray[Any]], NDArray[Any]]
+    name: str = field(kw_only=True)
+    version: str = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise TypeError(f"Reduction: function is {self.function!r}, expected a function")
+        for key in ("name", "version"):
+            _check_text("Reduction", key, getattr(self, key))
+
+    def __str__(self) -> str:
+        return f"{self.name}, version {self.version}"
+
+
+def _check_text(owner: str, key: str, value: object) -> None:
+    if not isinstance(value, str):
+        raise TypeError(f"{owner}: {key} is {value!r}, expected text")
+    if not value:
+        raise ValueError(f"{owner}: {key} is empty, expected some text")
+
+
 class Output(ABC):
     """Base of the quantities that a sweep keeps.
 
-    Subclasses implement the three abstract methods, and can be pickled if workers evaluate them.
+    Subclasses implement the three abstract methods, state a `version`, and can be pickled if workers evaluate them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A subclass without a version of its own.
     """
 
-    per_assembly = True
+    version: ClassVar[str]
+    """Version of the results. A store compares the name of the class and this text, but no code: raise it when the
+    class, or anything that it uses, changes its results."""
+    per_assembly: ClassVar[bool] = True
     """Whether it is evaluated for each assembly of the sweep, or once for the assemblies of the output."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # An inherited version would be that of other code.
+        _check_text(f"the output {cls.__name__}", "version", vars(cls).get("version"))
 
     @property
     def candidate_s(self) -> float:
@@ -93,9 +161,9 @@ class Output(ABC):
 
     @abstractmethod
     def describe(self) -> list[Any]:
-        """Return everything that defines the results: numbers, text, arrays and functions.
+        """Return everything that defines the results: numbers, text, arrays, reductions, lists and mappings of them.
 
-        A store compares these values and the code of the class.
+        A store compares these values, and name and version of the class.
         """
 
 
@@ -111,9 +179,9 @@ class FrequencyResponse(Output):
         Coordinates of the motion and of the load; by default y at the tip.
     magnitude : bool, optional
         Keep the magnitude only, which halves the memory.
-    reduce : callable, optional
-        Function from receptances (or magnitudes) `(m, n)` to one number each `(m,)`, such as the maximum; only these
-        numbers are kept. Workers need a function of a module. A store compares its code and the values that it uses.
+    reduce : Reduction, optional
+        Function of the receptances (or magnitudes) of each candidate, with its name and version; only its results are
+        kept.
     name : str, optional
         Name in the results.
     unit : str, optional
@@ -131,11 +199,17 @@ class FrequencyResponse(Output):
     response: Coordinate | None = None
     excitation: Coordinate | None = None
     magnitude: bool = False
-    reduce: Callable[[NDArray[Any]], NDArray[Any]] | None = None
+    reduce: Reduction | None = None
     name: str = "receptance"
     unit: str = "m/N"
 
+    version = PROGRAM
+
     def __post_init__(self) -> None:
+        if self.reduce is not None and not isinstance(self.reduce, Reduction):
+            raise TypeError(
+                f"FrequencyResponse: reduce is {self.reduce!r}, expected Reduction(function, name=..., version=...)"
+            )
         object.__setattr__(self, "frequency_hz", _checks.frequencies(self.frequency_hz))
 
     @property
@@ -164,7 +238,7 @@ class FrequencyResponse(Output):
                 return {self.name: h}, feasible
             reduced = np.full(len(h), np.nan)
             if count := int(feasible.sum()):
-                values = np.asarray(self.reduce(h[feasible]))
+                values = np.asarray(self.reduce.function(h[feasible]))
                 if values.shape != (count,) or values.dtype.kind not in "iufb":
                     raise ValueError(
                         f"{self.name}: reduce returned {values.dtype} of shape {values.shape}, expected one real "
@@ -197,6 +271,8 @@ class NaturalFrequencies(Output):
     upper_hz: float
     modes: int = 3
     name: str = "natural_frequency"
+
+    version = PROGRAM
 
     def __post_init__(self) -> None:
         _checks.positive("NaturalFrequencies", "upper_hz", self.upper_hz, unit="Hz")
@@ -260,6 +336,8 @@ class StableDepth(Output):
     speeds_rpm: NDArray[np.float64] | None = None
     directions: str = "both"
     name: str = "stable_depth"
+
+    version = PROGRAM
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency_hz", checked_lines("StableDepth", self.frequency_hz))
@@ -346,6 +424,7 @@ class Misfit(Output):
         Name in the results.
     """
 
+    version = PROGRAM
     per_assembly = False
 
     def __init__(

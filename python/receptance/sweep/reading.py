@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from zarr.storage import LocalStore
 
-from receptance.sweep.disk import SweepError, fault
+from receptance.sweep.disk import Marks, SweepError, fault
 
 if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest
@@ -25,6 +25,7 @@ class CheckedStore(LocalStore):
     ) -> None:
         super().__init__(root, read_only=read_only)
         self._last, self._blocked = last, frozenset(blocked)
+        self._marks = Marks(self.root, blocked)
 
     async def get(
         self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
@@ -42,11 +43,15 @@ class CheckedStore(LocalStore):
         name, separator, chunk = key.partition("/c/")
         if not separator or byte_range is not None:
             return content
-        if name in self._blocked and not (self.root / self._last / "c" / chunk.partition("/")[0]).exists():
-            return None
-        if wrong := fault(None if content is None else content.to_bytes()):
+        whole = None if content is None else content.to_bytes()
+        if name in self._blocked:
+            block = chunk.partition("/")[0]
+            if not (self.root / self._last / "c" / block).exists():
+                return None
+            wrong = self._marks.fault(name, int(block), whole)
             remedy = "run the same sweep with this store again to evaluate the block"
-            if name not in self._blocked:
-                remedy = "remove the store and run the sweep again"
+        else:
+            wrong, remedy = fault(whole), "remove the store and run the sweep again"
+        if wrong:
             raise SweepError(f"{self.root}: the chunk {key} {wrong}; {remedy}")
         return content

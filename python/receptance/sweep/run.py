@@ -84,7 +84,7 @@ def sweep(
     MissingExtraError
         xarray or Zarr is not installed: `pip install 'receptance[sweep]'`.
     SweepError
-        The store holds a different sweep (models, candidates, outputs, code of functions or version of the program
+        The store holds a different sweep (models, candidates, outputs, versions of reductions or of the program
         differ), its metadata are damaged, another run writes to it, or the results do not fit into memory.
 
     Examples

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import platform
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from receptance.sweep.outputs import Variable
 
 _RECORD = "receptance_sweep"
-_FORMAT = 2
+_FORMAT = 3
 _SAME = 1e-9
 """Relative difference up to which candidates are equal; processors may differ in the last bits."""
 _EXPECTED = "expected a store written by a sweep, or a new name"
@@ -157,7 +156,6 @@ def _record(definition: Definition, block: int) -> dict[str, Any]:
     return {
         "format": _FORMAT,
         "receptance": version("receptance"),
-        "python": platform.python_version(),
         "count": definition.candidates.count,
         "block": block,
         "addresses": list(definition.candidates.addresses),
@@ -265,7 +263,7 @@ def _create(path: Path, definition: Definition, block: int) -> None:
     import zarr
     from zarr.codecs import Crc32cCodec
 
-    fingerprints = definition.fingerprints()
+    identity = {"fingerprints": definition.fingerprints(), "code": definition.code()}
     count = definition.candidates.count
     variables = {v.name: v for v in definition.variables()}
     with renamed(path) as temporary:
@@ -296,7 +294,7 @@ def _create(path: Path, definition: Definition, block: int) -> None:
                         config={"write_empty_chunks": True},
                     )
         blocked = list(_layout(definition))
-        group.attrs[_RECORD] = {**_record(definition, block), "blocked": blocked, "fingerprints": fingerprints}
+        group.attrs[_RECORD] = {**_record(definition, block), "blocked": blocked, **identity}
         with warnings.catch_warnings():
             # Zarr warns that consolidated metadata are not in the specification; other readers ignore them.
             warnings.simplefilter("ignore")
@@ -358,12 +356,14 @@ def _checked(path: Path, definition: Definition, block: int | None) -> int:
     stored = metadata["fingerprints"]
     if stored != fingerprints:
         other = [name for name in {**stored, **fingerprints} if stored.get(name) != fingerprints.get(name)]
-        # Bytecode differs between versions of Python.
-        this, before = (".".join(text.split(".")[:2]) for text in (platform.python_version(), metadata["python"]))
-        python = f" (it was started with Python {before}, and this is {this}: functions cannot be compared)"
+        before, now = metadata["code"], definition.code()
+        for i, name in enumerate(other):
+            if before.get(name) != now.get(name):
+                other[i] += (
+                    f" (by {before.get(name, 'the program')} in the store, by {now.get(name, 'the program')} now)"
+                )
         raise SweepError(
-            f"{path} holds a different sweep: it differs in {', '.join(other)}{python if this != before else ''}; give "
-            "another store or remove it"
+            f"{path} holds a different sweep: it differs in {', '.join(other)}; give another store or remove it"
         )
     if block is not None and block != metadata["block"]:
         raise SweepError(f"{path} was started with blocks of {metadata['block']} candidates, not {block}; omit block")
