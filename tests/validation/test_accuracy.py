@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from oracle import draw, tables
+from oracle import draw, exact, tables
 from oracle.resonance import ENDS, Ends, cutoff, resonance_above
 from oracle.tables import Tables, make, segment
 from receptance import _core
@@ -201,3 +201,32 @@ def test_core_is_more_accurate_than_textbook_formulations(chains: int, summarise
     # The same closed forms, so all three agree without cancellation.
     assert coupling[-1] > 0.5
     assert stiffness[-1] > 0.5
+
+
+STIFF = [(1e6, 1e20), (1e6, 1e30), (1e6, 1e40), (1e30, 1e3), (1e40, 1e38)]
+"""Stiffnesses in y and in theta, one far above the other or both far above the parts."""
+
+
+@pytest.mark.parametrize("element", ["joint", "ground"])
+@pytest.mark.parametrize("correlation", [0.5, -0.9])
+@pytest.mark.parametrize(("k_y", "k_theta"), STIFF)
+def test_coupling_beside_a_stiff_direction_keeps_the_digits(
+    element: str, correlation: float, k_y: float, k_theta: float
+) -> None:
+    """The centre of such a spring lies up to 1e17 m beyond its node."""
+    row = [k_y, k_theta, correlation * np.sqrt(k_y * k_theta), 1e-5 * k_y, 1e-5 * k_theta, 0.0, 0.01]
+    soft = [1e8, 1e5, 0.0, 0.0, 0.0, 0.0, 0.0]
+    steel = (200e9, 7800.0, 0.29)
+    parts = [(0, 1, 0.08, 0.016), (1, 2, 0.05, 0.016), (3, 4, 0.1, 0.03)]
+    rows = (row, soft) if element == "joint" else (soft, row)
+    model = make([segment(*part, steel) for part in parts], [[2, 3, *rows[0]]], [], [[4, *rows[1]]])
+    w = 2.0 * np.pi * np.array([50.0, 700.0, 2500.0, 9000.0])
+    points = np.array([[0.0, 0.0], [0.0, 1.0], [4.0, 0.0], [4.0, 1.0]])
+    core = _core.Model(0, *model)
+    found, _ = core.receptance(_core.Lines(w), points, points, np.empty((0, 3)), 1)
+    np.testing.assert_allclose(found, exact.receptance_complex128(model, w, points, points), rtol=1e-10)
+    table, first = (tables.JOINTS, 2) if element == "joint" else (tables.GROUNDS, 1)
+    parameters = np.array([[table, 0, first + k] for k in range(3)] + [[tables.SEGMENTS, 0, 2]], dtype=float)
+    tip = points[:1]
+    _, slope = core.receptance(_core.Lines(w), tip, tip, parameters, 1)
+    np.testing.assert_allclose(slope, exact.derivative_complex128(model, w, tip, tip, parameters), rtol=1e-10)

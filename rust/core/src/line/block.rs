@@ -192,6 +192,7 @@ impl<const D: usize> Prepared<D> {
                 segment.evaluate(w, into.w2, square, pieces_only, differentiated, &mut into.kernels[row]);
             }
         }
+        let weights = into.weights_of_first();
         into.compliances.clear();
         into.centres.clear();
         into.coupled.clear();
@@ -209,7 +210,7 @@ impl<const D: usize> Prepared<D> {
                 }
             }
             into.compliances.push(small::inverse(&stiffness));
-            into.centres.push(Centre::new(&stiffness, joint.couples()));
+            into.centres.push(Centre::new(&stiffness, joint.couples(), &weights));
             into.coupled.push(D == 2 && joint.couples());
         }
         into.points.clear();
@@ -224,7 +225,7 @@ impl<const D: usize> Prepared<D> {
             for spring in springs {
                 let stiffness = spring.stiffness::<S, D>(simd, into.iw);
                 if D == 2 && spring.nearly_singular() {
-                    beyond.push(Centre::new(&stiffness, true));
+                    beyond.push(Centre::new(&stiffness, true, &weights));
                     continue;
                 }
                 if D == 2 && spring.couples() {

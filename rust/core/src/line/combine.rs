@@ -1,7 +1,7 @@
 //! Connections at a node: compliances in series, branches in parallel.
 
 use crate::line::plane::{Added, Plane};
-use crate::simd::lane::C;
+use crate::simd::lane::{C, R};
 use crate::simd::small::{self, Mat};
 use pulp::Simd;
 
@@ -36,11 +36,12 @@ pub fn add_diagonal<S: Simd, const D: usize>(
     (plane, back)
 }
 
-/// A full symmetric stiffness as a diagonal one beyond the node: K = T^T diag T with T = [[1, e], [0, 1]].
+/// A full symmetric stiffness as a diagonal one beyond the node: K = T^T diag T with T = [[1, e], [0, 1]], or with
+/// T = [[1, 0], [e, 1]] where the first would lie many wavelengths away.
 #[derive(Copy, Clone)]
 pub struct Centre<S: Simd, const D: usize> {
-    /// The offset e along x.
-    pub offset: C<S>,
+    /// The entry e of each row of T; one of the two is zero.
+    pub offset: [C<S>; D],
     /// The diagonal stiffness there.
     pub stiffness: [C<S>; D],
     /// Its inverse.
@@ -49,20 +50,39 @@ pub struct Centre<S: Simd, const D: usize> {
 
 impl<S: Simd, const D: usize> Centre<S, D> {
     /// The centre of a stiffness; without coupling it is at the node.
+    ///
+    /// Elimination starts with the entry that keeps T bounded in the units of the pivot weights: a rotation 1e20 times
+    /// stiffer than the translation would have its centre beyond all digits of the positions around it.
     #[inline(always)]
-    pub fn new(stiffness: &Mat<S, D>, couples: bool) -> Self {
-        let zero = C::zero(stiffness[0][0].simd);
-        let mut out = Self { offset: zero, stiffness: [zero; D], compliance: [zero; D] };
+    pub fn new(stiffness: &Mat<S, D>, couples: bool, weights: &[f64; D]) -> Self {
+        let simd = stiffness[0][0].simd;
+        let zero = C::zero(simd);
+        let mut out = Self { offset: [zero; D], stiffness: [zero; D], compliance: [zero; D] };
         for i in 0..D {
             out.stiffness[i] = stiffness[i][i];
         }
         if D == 2 && couples {
-            let coupling = stiffness[0][D - 1];
-            out.offset = coupling * stiffness[0][0].recip();
-            out.stiffness[D - 1] = out.offset.neg_mul_add(coupling, stiffness[D - 1][D - 1]);
+            let (first, last, coupling) = (stiffness[0][0], stiffness[D - 1][D - 1], stiffness[0][D - 1]);
+            let (along, across) = (coupling * first.recip(), coupling * last.recip());
+            let far = along.norm_sqr().greater(R::splat(simd, weights[D - 1] / weights[0]));
+            out.offset = [zero; D];
+            out.offset[0] = C::select(far, zero, along);
+            out.offset[D - 1] = C::select(far, across, zero);
+            out.stiffness[0] = out.offset[D - 1].neg_mul_add(coupling, first);
+            out.stiffness[D - 1] = out.offset[0].neg_mul_add(coupling, last);
         }
         for i in 0..D {
             out.compliance[i] = out.stiffness[i].recip();
+        }
+        out
+    }
+
+    /// The offsets of the way back to the node.
+    #[inline(always)]
+    fn to_node(&self) -> [C<S>; D] {
+        let mut out = self.offset;
+        for entry in &mut out {
+            *entry = -*entry;
         }
         out
     }
@@ -80,7 +100,7 @@ pub fn add_beyond<S: Simd, const D: usize>(
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
     let (added, to_there) = beyond(plane, centre, kind, weights);
-    let (here, to_here) = shifted(&added, -centre.offset, weights);
+    let (here, to_here) = shifted(&added, &centre.to_node(), weights);
     (here, small::mul(&to_there, &to_here))
 }
 
@@ -92,7 +112,7 @@ fn beyond<S: Simd, const D: usize>(
     kind: Kind,
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
-    let (there, to_there) = shifted(plane, centre.offset, weights);
+    let (there, to_there) = shifted(plane, &centre.offset, weights);
     let values = if kind == Kind::Impedance { &centre.stiffness } else { &centre.compliance };
     let (added, step) = add_diagonal(&there, values, kind, weights);
     (added, small::mul(&to_there, &step))
@@ -121,14 +141,17 @@ pub fn in_joint<S: Simd, const D: usize>(
         return JointState { force, gap };
     }
     let (added, _) = beyond(before, centre, Kind::Compliance, weights);
-    let (_, to_here) = shifted(&added, -centre.offset, weights);
+    let (_, to_here) = shifted(&added, &centre.to_node(), weights);
     let there = added.state(&small::apply(&to_here, independent)).1;
+    let mut own = there;
     for i in 0..D {
-        gap[i] = centre.compliance[i] * there[i];
+        own[i] = centre.compliance[i] * there[i];
     }
-    gap[0] = centre.offset.neg_mul_add(gap[D - 1], gap[0]);
-    force[0] = there[0];
-    force[D - 1] = centre.offset.mul_add(there[0], there[D - 1]);
+    for i in 0..D {
+        let other = D - 1 - i;
+        gap[i] = centre.offset[i].neg_mul_add(own[other], own[i]);
+        force[i] = centre.offset[other].mul_add(there[other], there[i]);
+    }
     JointState { force, gap }
 }
 
@@ -141,17 +164,21 @@ pub struct JointState<S: Simd, const D: usize> {
     pub gap: [C<S>; D],
 }
 
-/// The plane seen from a rigid offset along x.
+/// The plane in the coordinates of a centre: u = T u and f = T^-T f.
 #[inline(always)]
 fn shifted<S: Simd, const D: usize>(
     plane: &Plane<S, D>,
-    offset: C<S>,
+    offset: &[C<S>; D],
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
-    let (mut u, mut f) = plane.basis();
-    for j in 0..D {
-        u[0][j] = offset.mul_add(u[D - 1][j], u[0][j]);
-        f[D - 1][j] = offset.neg_mul_add(f[0][j], f[D - 1][j]);
+    let (before_u, before_f) = plane.basis();
+    let (mut u, mut f) = (before_u, before_f);
+    for i in 0..D {
+        let other = D - 1 - i;
+        for j in 0..D {
+            u[i][j] = offset[i].mul_add(before_u[other][j], before_u[i][j]);
+            f[i][j] = offset[other].neg_mul_add(before_f[other][j], before_f[i][j]);
+        }
     }
     Plane::pivot(&u, &f, weights)
 }
