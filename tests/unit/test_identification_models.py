@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -357,6 +358,23 @@ def test_an_error_in_a_function_ends_the_fit():
     assert np.isnan(none.normal_matrix(np.array([1.0]))).all()
     with pytest.raises(ValueError, match="smoothing"):
         _core.Problem(np.zeros(1, dtype=bool), np.array([[0.0], [9.0]]), np.zeros((0, 3)), 1, -1.0)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interruption_in_a_function_ends_the_fits_from_all_starts(threads: int) -> None:
+    problem = _core.Problem(np.zeros(1, dtype=bool), np.array([[0.0], [9.0]]), np.zeros((0, 3)), threads)
+    asked = []
+
+    def function(x):
+        asked.append(float(x[0]))
+        signal.raise_signal(signal.SIGINT)
+        return x - 5.0, np.ones((1, 1))
+
+    problem.add_function(function)
+    starts = np.linspace(1.0, 8.0, 40)[:, None]
+    with pytest.raises(KeyboardInterrupt):
+        problem.fit(starts, np.ones(1, dtype=bool), np.full(40, 9), 1e-9)
+    assert len(asked) <= threads
 
 
 @pytest.mark.parametrize(

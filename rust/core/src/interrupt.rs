@@ -9,9 +9,24 @@ use std::time::{Duration, Instant};
 /// Time between two polls of the caller.
 const INTERVAL: Duration = Duration::from_millis(50);
 
+/// What ends a call in all of its threads.
+#[derive(Clone, Default)]
+pub(crate) struct Mark {
+    call: Arc<AtomicBool>,
+    /// Of the `Halt` that the caller has joined.
+    halt: Option<Arc<AtomicBool>>,
+}
+
+impl Mark {
+    fn is_set(&self) -> bool {
+        self.call.load(Ordering::Relaxed)
+            || self.halt.as_ref().is_some_and(|halt| halt.load(Ordering::Relaxed))
+    }
+}
+
 /// State of a call in one of its threads.
 struct Call {
-    interrupted: Arc<AtomicBool>,
+    mark: Mark,
     /// Whether the caller has ended the call; only the caller's own thread polls.
     poll: Option<fn() -> bool>,
     next: Instant,
@@ -51,19 +66,19 @@ impl Drop for Restore {
 /// Does the work; where `poll`, called on this thread every 50 ms between tasks, returns true the work ends early, with
 /// `Error::Interrupted` or with results that are not to be used.
 pub fn interruptible<T>(poll: fn() -> bool, work: impl FnOnce() -> T) -> T {
-    let interrupted = JOINED.with_borrow(Clone::clone).unwrap_or_default();
-    within(Call { interrupted, poll: Some(poll), next: Instant::now() + INTERVAL }, work)
+    let mark = Mark { halt: JOINED.with_borrow(Clone::clone), ..Mark::default() };
+    within(Call { mark, poll: Some(poll), next: Instant::now() + INTERVAL }, work)
 }
 
 /// The mark of the call that this thread works for.
-pub(crate) fn mark() -> Option<Arc<AtomicBool>> {
-    CALL.with_borrow(|call| call.as_ref().map(|call| call.interrupted.clone()))
+pub(crate) fn mark() -> Option<Mark> {
+    CALL.with_borrow(|call| call.as_ref().map(|call| call.mark.clone()))
 }
 
 /// Does work for the call of another thread.
-pub(crate) fn helping<T>(mark: Option<Arc<AtomicBool>>, work: impl FnOnce() -> T) -> T {
+pub(crate) fn helping<T>(mark: Option<Mark>, work: impl FnOnce() -> T) -> T {
     match mark {
-        Some(interrupted) => within(Call { interrupted, poll: None, next: Instant::now() }, work),
+        Some(mark) => within(Call { mark, poll: None, next: Instant::now() }, work),
         None => work(),
     }
 }
@@ -82,17 +97,23 @@ pub(crate) fn check() -> Result<()> {
         let call = call.as_mut()?;
         let poll = call.poll.filter(|_| Instant::now() >= call.next)?;
         call.next = Instant::now() + INTERVAL;
-        Some((poll, call.interrupted.clone()))
+        Some(poll)
     });
     // Not while the cell is borrowed: the caller may make another call.
-    if let Some((poll, interrupted)) = due
-        && poll()
-    {
-        interrupted.store(true, Ordering::Relaxed);
+    if due.is_some_and(|poll| poll()) {
+        end();
     }
-    let interrupted =
-        CALL.with_borrow(|call| call.as_ref().is_some_and(|call| call.interrupted.load(Ordering::Relaxed)));
-    if interrupted { Err(Error::Interrupted) } else { Ok(()) }
+    let ended = CALL.with_borrow(|call| call.as_ref().is_some_and(|call| call.mark.is_set()));
+    if ended { Err(Error::Interrupted) } else { Ok(()) }
+}
+
+/// Ends the call in all of its threads.
+pub(crate) fn end() {
+    CALL.with_borrow(|call| {
+        if let Some(call) = call {
+            call.mark.call.store(true, Ordering::Relaxed);
+        }
+    });
 }
 
 #[cfg(test)]

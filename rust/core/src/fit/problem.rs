@@ -7,6 +7,7 @@
 
 use crate::error::{Error, Result, if_any, one_a_line, same_length};
 use crate::fit::least_squares::{End, Stop, minimise};
+use crate::interrupt;
 use crate::model::frequencies::every;
 use crate::model::terminals::TERMINAL_ENTRIES;
 use crate::observe::joint::OfJoint;
@@ -397,7 +398,7 @@ impl Problem {
                 return Ok(Rows { residual: found.residual, jacobian });
             }
             Observation::Linear { matrix, centre } => linear(matrix, centre, x),
-            Observation::Given(one) => one.rows(x)?,
+            Observation::Given(one) => rows_given(one.as_ref(), x)?,
         };
         if moving.len() == x.len() {
             return Ok(whole);
@@ -466,7 +467,7 @@ impl Problem {
                 Observation::Whole(one) => one.tied.at(&values, &slopes).is_ok(),
                 Observation::Joint(one) => one.joint(&values).is_ok(),
                 Observation::Linear { .. } => true,
-                Observation::Given(one) => if_any(one.rows(x))?.is_some(),
+                Observation::Given(one) => if_any(rows_given(one.as_ref(), x))?.is_some(),
             };
             if !exists {
                 return Ok(false);
@@ -526,6 +527,15 @@ fn thinned_rows(values: &[Complex64], columns: usize, stride: usize) -> Vec<Comp
     values.chunks(columns.max(1)).step_by(stride).flatten().copied().collect()
 }
 
+/// Given residuals with their derivatives. Where they end the call, the fits from other starts end with it.
+fn rows_given(residuals: &dyn Residuals, x: &[f64]) -> Result<Rows> {
+    let rows = residuals.rows(x);
+    if matches!(rows, Err(Error::Interrupted)) {
+        interrupt::end();
+    }
+    rows
+}
+
 /// Residuals A (x - b) with their derivatives.
 fn linear(matrix: &[f64], centre: &[f64], x: &[f64]) -> Rows {
     let off: Vec<f64> = x.iter().zip(centre).map(|(x, b)| x - b).collect();
@@ -573,6 +583,7 @@ mod tests {
     use crate::model::request::{Coordinate, Request};
     use crate::model::section::Motion;
     use crate::observe::ties::{Rate, Tied};
+    use core::sync::atomic::{AtomicUsize, Ordering};
 
     const BAR: [f64; 14] = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.002, 0.0, 0.0, 0.0, 0.0, 0.0];
     // Seven and three times one unknown as modulus, and a length that is 0.2 exp(0.01 u).
@@ -654,5 +665,29 @@ mod tests {
         assert!(problem.fit(&starts, &[true], &[100; 2], SETTINGS, 1).is_err());
         let fewer = problem.thinned(30).fit(&starts, &[true, true], &[100; 2], SETTINGS, 1).unwrap();
         assert!((fewer[0].x[0] - 2e10_f64.log10()).abs() < 1e-7, "{fewer:?}");
+    }
+
+    /// Residuals whose evaluation ends the call, as an exception does that a caller's function raises.
+    #[derive(Debug, Default)]
+    struct Ending(AtomicUsize);
+
+    impl Residuals for Ending {
+        fn rows(&self, _: &[f64]) -> Result<Rows> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            Err(Error::Interrupted)
+        }
+    }
+
+    #[test]
+    fn residuals_that_end_the_call_are_not_evaluated_from_other_starts() {
+        for threads in [1, 2] {
+            let ending = Arc::new(Ending::default());
+            let mut problem = Problem::new(variables(), Vec::new(), None).unwrap();
+            problem.add(Observation::Given(ending.clone())).unwrap();
+            let starts = [10.0, 0.0].repeat(50);
+            let fit = || problem.fit(&starts, &[true, true], &[100; 50], SETTINGS, threads);
+            assert!(matches!(interrupt::interruptible(|| false, fit), Err(Error::Interrupted)));
+            assert!(ending.0.load(Ordering::Relaxed) <= threads);
+        }
     }
 }
