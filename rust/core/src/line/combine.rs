@@ -79,7 +79,7 @@ impl<S: Simd, const D: usize> Centre<S, D> {
 
     /// The offsets of the way back to the node.
     #[inline(always)]
-    fn to_node(&self) -> [C<S>; D] {
+    fn reversed(&self) -> [C<S>; D] {
         let mut out = self.offset;
         for entry in &mut out {
             *entry = -*entry;
@@ -100,7 +100,7 @@ pub fn add_beyond<S: Simd, const D: usize>(
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
     let (added, to_there) = beyond(plane, centre, kind, weights);
-    let (here, to_here) = shifted(&added, &centre.to_node(), weights);
+    let (here, to_here) = shifted(&added, &centre.reversed(), weights);
     (here, small::mul(&to_there, &to_here))
 }
 
@@ -141,7 +141,7 @@ pub fn in_joint<S: Simd, const D: usize>(
         return JointState { force, gap };
     }
     let (added, _) = beyond(before, centre, Kind::Compliance, weights);
-    let (_, to_here) = shifted(&added, &centre.to_node(), weights);
+    let (_, to_here) = shifted(&added, &centre.reversed(), weights);
     let there = added.state(&small::apply(&to_here, independent)).1;
     let mut own = there;
     for i in 0..D {
