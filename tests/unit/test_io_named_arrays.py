@@ -372,6 +372,15 @@ def test_damaged_numbers_in_hdf5_are_detected(tmp_path: Path) -> None:
         read(path)
 
 
+@pytest.mark.skipif(os.name != "posix", reason="process groups are those of POSIX")
+def test_an_interruption_from_a_terminal_does_not_reach_the_reader(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    write(path, FRF(frequency_hz=LINES, values=NUMBERS))
+    read_frf(path)
+    assert mat_hdf5._reader is not None
+    assert os.getpgid(mat_hdf5._reader.pid) != os.getpgid(0)
+
+
 def test_a_killed_reader_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     write(path, FRF(frequency_hz=LINES, values=NUMBERS))

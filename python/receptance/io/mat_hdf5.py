@@ -171,8 +171,14 @@ def _started_reader() -> subprocess.Popen[bytes]:
     # -P: modules in the folder of the script must not hide others.
     command = [sys.executable, "-P", "-W", "ignore", str(Path(__file__).with_name("_worker.py"))]
     environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    # A process group of its own: Ctrl-C in a terminal must not end the reader, whose end is told as a damaged file.
     _reader = subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        process_group=0 if os.name == "posix" else None,
     )
     return _reader
 
