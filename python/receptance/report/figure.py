@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance._text import printable
-from receptance.report.result import REJECTED
+from receptance.report.table import REJECTED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

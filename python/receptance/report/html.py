@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from receptance._text import printable
 from receptance.report.figure import as_image, as_svg
-from receptance.report.result import REJECTED
+from receptance.report.table import REJECTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -18,8 +18,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance._text import printable
-from receptance.report.result import REJECTED
-from receptance.report.table import Fact
+from receptance.report.table import REJECTED, Fact
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderResult
