@@ -493,6 +493,8 @@ class Quantity:
         Example of a value as text.
     above, least, most : float, optional
         Bounds: values are more than `above`, at least `least` and at most `most`.
+    written : tuple of float, optional
+        Smallest and largest magnitude other than zero in a text; beyond them number and unit do not belong together.
     """
 
     name: str
@@ -501,6 +503,7 @@ class Quantity:
     above: float = -math.inf
     least: float = -math.inf
     most: float = math.inf
+    written: tuple[float, float] = (0.0, math.inf)
 
     @property
     def expected(self) -> str:
@@ -526,10 +529,10 @@ class Quantity:
         return value > self.above and self.least <= value <= self.most
 
 
-LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0)
+LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0, written=(1e-6, 1e3))
 LENGTH_OR_ZERO = Quantity("a length or zero", "m", "20 mm", least=0.0)
-MODULUS = Quantity("a modulus", "Pa", "580 GPa", above=0.0)
-DENSITY = Quantity("a density", "kg/m^3", "14500 kg/m^3", above=0.0)
+MODULUS = Quantity("a modulus", "Pa", "580 GPa", above=0.0, written=(1e3, 1e20))
+DENSITY = Quantity("a density", "kg/m^3", "14500 kg/m^3", above=0.0, written=(1e-6, 1e6))
 POISSON_RATIO = Quantity("a Poisson's ratio", "", "0.22", above=-1.0, most=0.5)
 LOSS_FACTOR = Quantity("a loss factor", "", "0.002", least=0.0)
 MASS = Quantity("a mass", "kg", "0.6 g", least=0.0)
@@ -553,7 +556,7 @@ MODE_SLOPE = Quantity("a slope of a mode shape", "rad/(m*kg**0.5)", "1.1 rad/(m*
 RECEPTANCE = Quantity("a receptance", "m/N", "2e-9 m/N")
 ROTATIONAL_RECEPTANCE = Quantity("a rotational receptance", "rad/(N m)", "2e-7 rad/(N m)")
 COUPLING_RECEPTANCE = Quantity("a coupling receptance", "m/(N m)", "1e-8 m/(N m)")
-FREQUENCY = Quantity("a frequency", "Hz", "2.5 kHz", above=0.0)
+FREQUENCY = Quantity("a frequency", "Hz", "2.5 kHz", above=0.0, written=(1e-6, 1e9))
 FREQUENCY_OR_ZERO = Quantity("a frequency or zero", "Hz", "500 Hz", least=0.0)
 DECAY_RATE = Quantity("a rate of decay", "1/s", "20 1/s", least=0.0)
 TIME = Quantity("a time", "s", "2 ms", above=0.0)
@@ -566,7 +569,7 @@ SHARE_ABOVE_ZERO = Quantity("a share above zero", "", "0.05", above=0.0, most=1.
 CUTTING_COEFFICIENT = Quantity("a cutting coefficient", "N/m^2", "800 MPa", least=1e6, most=1e11)
 CUTTING_COEFFICIENT_OR_ZERO = Quantity("a cutting coefficient or zero", "N/m^2", "300 MPa", least=0.0, most=1e11)
 IMMERSION = Quantity("an immersion", "", "0.5", above=0.0, most=1.0)
-SPINDLE_SPEED = Quantity("a spindle speed", "rpm", "12000 rpm", above=0.0)
+SPINDLE_SPEED = Quantity("a spindle speed", "rpm", "12000 rpm", above=0.0, written=(0.1, 1e7))
 DIRECTION = Quantity("a direction", "deg", "30 deg")
 
 QUANTITIES = tuple(one for one in tuple(globals().values()) if isinstance(one, Quantity))
@@ -610,6 +613,11 @@ def parse(text: Any, quantity: Quantity) -> float:
         raise ValueError(f"is {shown(text)}, expected a finite value: {quantity.expected}")
     if not quantity.holds(value):
         raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {quantity.expected}")
+    low, high = quantity.written
+    if value and not low <= abs(value) <= high:
+        side = f"more than {high:g}" if abs(value) > high else f"less than {low:g}"
+        hint = "check the number and its unit"
+        raise ValueError(f"is {shown(text)}, {side} {quantity.unit}, expected {quantity.expected}; {hint}")
     return value
 
 

@@ -20,10 +20,42 @@ def test_invert_is_ready_where_it_does_not_refuse(example: str, tmp_path: Path) 
     assert CampaignCheck(read).missing["invert"] == error.value.problems[0].text
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'outer_diameter = "9.6 mm"',
+            'outer_diameter = "1e-6 mm"',
+            'segments[0].outer_diameter: is "1e-6 mm", less than',
+        ),
+        (
+            '"blank.segment[0].length" = "90 mm"',
+            '"blank.segment[0].length" = "90e6 mm"',
+            'is "90e6 mm", more than 1000 m',
+        ),
+        ('density = "7850 kg/m^3"', 'density = "7850 kg/mm^3"', 'density: is "7850 kg/mm^3", more than'),
+        ('youngs_modulus = "210 GPa"', 'youngs_modulus = "210 Pa"', 'youngs_modulus: is "210 Pa", less than 1000 Pa'),
+        ('upper = "5 kHz"', 'upper = "7 GHz"', 'prediction.upper: is "7 GHz", more than 1e+09 Hz'),
+        ('lower = "50 Hz"', 'lower = "3e-12 Hz"', 'prediction.lower: is "3e-12 Hz", less than 1e-06 Hz'),
+        ('"4000 rpm"', '"4e-9 rpm"', 'speeds[0]: is "4e-9 rpm", less than 0.1 rpm'),
+        ('outer_diameter = "1 %"', 'outer_diameter = "1e6 %"', 'is "1e6 %", expected at most 1000 %'),
+        ("[stability]", "[stability]\ndraws = 40000000", "draws: is 40000000, expected at most 10000"),
+    ],
+)
+def test_an_absurd_magnitude_names_its_key_and_value(old: str, new: str, words: str, tmp_path: Path) -> None:
+    examples.write("machine", tmp_path)
+    text = (tmp_path / "campaign.toml").read_text()
+    assert old in text
+    with pytest.raises(CampaignError) as error:
+        load(tmp_path, text.replace(old, new, 1))
+    assert words in str(error.value)
+    assert error.value.problems[0].line is not None
+
+
 def test_an_absurd_limit_names_its_key(tmp_path: Path) -> None:
     """Without unknowns the prediction needs no fit, so that the check has no complaint about it."""
-    text = TEXT.partition("[measurements.short]")[0] + '[prediction]\nupper = "7 GHz"\n'
+    text = TEXT.partition("[measurements.short]")[0] + '[prediction]\nupper = "700 MHz"\n'
     read = load(tmp_path, text.replace("[joints.joint]", '[joints.joint]\nk_y = "1e8 N/m"\nk_theta = "1e5 N m/rad"'))
     assert CampaignCheck(read).missing["predict"] == ""
-    with pytest.raises(CampaignError, match=r"prediction\.upper: is 7e\+09 Hz for predictions: .*expected one near"):
+    with pytest.raises(CampaignError, match=r"prediction\.upper: is 7e\+08 Hz for predictions: .*expected one near"):
         read.predict()

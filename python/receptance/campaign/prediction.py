@@ -390,14 +390,20 @@ def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float
     try:
         modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
     except ValueError as error:
-        expected = "expected one near those of the measurements"
+        expected = f"expected one near those of the measurements, or other sizes of {', '.join(assembly.elements)}"
         problem = Issue(("prediction", "upper"), f"is {upper:g} Hz for predictions: {error}; {expected}")
         raise CampaignError(campaign.file, [problem]) from None
     lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
+    return lines_between(campaign, lower, upper, _LINES)
+
+
+def lines_between(campaign: Campaign, lower: float, upper: float, steps: int) -> NDArray[np.float64]:
+    """Return the lines in Hz between two limits, `steps` steps without `prediction.step`."""
+    settings = campaign.table.prediction
     if lower >= upper:
         text = f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
         raise CampaignError.about(campaign.file, text)
-    step = settings.step if settings.step is not None else (upper - lower) / _LINES
+    step = settings.step if settings.step is not None else (upper - lower) / steps
     count = int((upper - lower) / step * (1.0 + 1e-12)) + 1
     if count > _MOST_LINES:
         text = f"predictions have {count} lines, expected at most {_MOST_LINES}; give a larger `prediction.step`"

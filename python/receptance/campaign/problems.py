@@ -347,9 +347,8 @@ def _text_of(error: Mapping[str, Any], place: KeyPath, known: list[str], data: A
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         return _text_of_kind(context)
     expected = _EXPECTED.get(kind, "")
-    if kind in ("greater_than_equal", "greater_than", "less_than"):
-        limit = context[{"greater_than_equal": "ge", "greater_than": "gt", "less_than": "lt"}[kind]]
-        expected = expected.format(limit)
+    if kind in _LIMITS:
+        expected = expected.format(context[_LIMITS[kind]])
     if kind in ("too_short", "too_long", "string_too_short"):
         expected = expected.format(context.get("min_length", context.get("max_length")))
     return f"is {shown(found)}, expected {expected or error['msg']}"
@@ -359,6 +358,8 @@ _REMOVED: dict[KeyPath, str] = {
     ("settings", "tolerances"): "was removed: errors of dimensions and materials are always fitted, with their "
     "tolerances as priors; delete this line",
 }
+_LIMITS = {"greater_than_equal": "ge", "greater_than": "gt", "less_than_equal": "le", "less_than": "lt"}
+"""Key of the limit in the context of an error of pydantic, by its type."""
 _EXPECTED = {
     "string_type": "text in quotes",
     "float_type": "a number",
@@ -371,6 +372,7 @@ _EXPECTED = {
     "model_attributes_type": "a table",
     "greater_than_equal": "at least {}",
     "greater_than": "more than {}",
+    "less_than_equal": "at most {}",
     "less_than": "less than {}",
     "too_short": "at least {}",
     "too_long": "at most {}",

@@ -688,11 +688,11 @@ class SettingsTable(SchemaTable):
 
     objective: Literal["log", "percentage"] = "log"
     """complex logarithm of measured over calculated, or percentage of the magnitude in bands around the peaks"""
-    starts: Annotated[int, Field(ge=1)] = 8
+    starts: Annotated[int, Field(ge=1, le=1_000_000)] = 8
     """number of starts"""
     seed: Annotated[int, Field(ge=0)] = 0
     """seed of the starts that are drawn"""
-    max_evaluations: Annotated[int, Field(ge=1)] = 200
+    max_evaluations: Annotated[int, Field(ge=1, le=1_000_000)] = 200
     """largest number of evaluations from one start"""
     strategy: Literal["direct", "staged"] = "direct"
     """whether the fit begins at the starts, or is preceded by easier fits, for starts that are decades off"""
@@ -791,7 +791,7 @@ class StabilityTable(SchemaTable):
     """distance of the speeds; by default a four-hundredth of their range, a thirtieth with semi-discretisation"""
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
     """probability with which recommended depths are stable"""
-    draws: Annotated[int, Field(ge=20)] | None = None
+    draws: Annotated[int, Field(ge=20, le=10_000)] | None = None
     """number of draws of receptances and coefficients; by default 200, with semi-discretisation 40"""
     seed: Annotated[int, Field(ge=0)] = 0
     """seed of the draws"""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from receptance._text import did_you_mean
 from receptance.campaign.measurements import read_entry, restrict_to_bands, with_stated_variance
 from receptance.campaign.prediction import forecast_of, prediction_lines
 from receptance.campaign.problems import CampaignError, errors_about
+from receptance.errors import ReceptanceError
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.identification import MeasuredFRF
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
     from receptance.identification.prediction import Forecast
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
+
+_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,6 +263,8 @@ class Tips:
                 f"{lost} of {good.size} draws cannot be evaluated (for example with a joint that is not passive) and "
                 "are left out"
             )
+        if 2 * lost > good.size:
+            raise ValueError(f"only {good.size - lost} of {good.size} draws can be evaluated; give smaller tolerances")
 
     def _matrix(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         size = len(self._directions)
@@ -303,20 +308,24 @@ class _PredictedTip:
 
     def drawn_values(self) -> NDArray[np.complex128]:
         nothing = np.full(self._lines.size, np.nan, np.complex128)
-        assemblies = self._forecast.drawn(self._draws, self._seed)
-        return np.array(
-            [
-                nothing if assembly is None else assembly.receptance(self._lines, threads=self._threads)
-                for assembly in assemblies
-            ]
-        )
+        drawn = self._evaluated(lambda assembly: assembly.receptance(self._lines, threads=self._threads))
+        return np.array([nothing if values is None else values for values in drawn])
 
     def modes(self) -> TipModes:
         return self._modes_of(self._forecast.assembly)
 
     def drawn_modes(self) -> list[TipModes | None]:
-        assemblies = self._forecast.drawn(self._draws, self._seed)
-        return [None if assembly is None else self._modes_of(assembly) for assembly in assemblies]
+        return self._evaluated(self._modes_of)
+
+    def _evaluated(self, value: Callable[[Assembly], _Value]) -> list[_Value | None]:
+        """Return a value of each draw; None where it cannot be evaluated."""
+        found: list[_Value | None] = []
+        for assembly in self._forecast.drawn(self._draws, self._seed):
+            try:
+                found.append(None if assembly is None else value(assembly))
+            except (ValueError, ReceptanceError):  # waves too short for an absurd length, say
+                found.append(None)
+        return found
 
     def _modes_of(self, assembly: Assembly) -> TipModes:
         found = damped_modes(assembly, float(self._lines[-1]), threads=self._threads)

@@ -66,6 +66,8 @@ def of_types(*types: type, what: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
+_LARGEST_PERCENTAGE = 1000.0
+
 # Standard deviations -------------------------------------------------------------------------------------------------
 
 
@@ -99,6 +101,8 @@ def parse_share(text: Any, expected: str) -> float:
         raise ValueError(f"is {shown(text)}, expected {expected}")
     if number < 0.0:
         raise ValueError(f"is {shown(text)}, expected zero or more: {expected}")
+    if number > _LARGEST_PERCENTAGE:
+        raise ValueError(f"is {shown(text)}, expected at most {_LARGEST_PERCENTAGE:g} %: {expected}")
     return number / 100.0
 
 
@@ -153,7 +157,7 @@ def parse_deviation(value: Any, quantity: Quantity) -> Deviation:
 
 
 def _deviation_of(quantity: Quantity) -> Quantity:
-    return Quantity(quantity.name, quantity.unit, _small(quantity), least=0.0)
+    return Quantity(quantity.name, quantity.unit, _small(quantity), least=0.0, written=(0.0, quantity.written[1]))
 
 
 def _small(quantity: Quantity) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.campaign import CampaignError, forecast_of
+from receptance.campaign.prediction import lines_between
 from receptance.catalogue.line_modes import line_modes
 from receptance.errors import ReceptanceError
 from receptance.frf import FRF
@@ -217,7 +218,9 @@ class _ToolPredictor:
             variance = np.einsum("ni,nij,nj->n", spindle_slope, self.covariance, spindle_slope.conj()).real
         modes = line_modes(self.lines, receptance, variance)
         deviation = forecast.scatter((slope / receptance[:, None]).real).total
-        modes_deviation = forecast.scatter(modes.log_slopes(slope).reshape(3 * len(modes), -1)).total.reshape(-1, 3)
+        modes_deviation = forecast.scatter(
+            modes.log_slopes(slope).reshape(3 * len(modes), slope.shape[1])
+        ).total.reshape(-1, 3)
         return ToolPrediction(
             row=tool.row,
             assembly=forecast.assembly,
@@ -263,5 +266,4 @@ def _lines(catalogue: Catalogue) -> NDArray[np.float64]:
             campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
         )
     lower = settings.lower or (band[0] if band else upper / _LINES)
-    step = settings.step or (upper - lower) / (_LINES - 1)
-    return lower + step * np.arange(int((upper - lower) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+    return lines_between(campaign, lower, upper, _LINES - 1)
