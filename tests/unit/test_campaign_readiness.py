@@ -59,3 +59,12 @@ def test_an_absurd_limit_names_its_key(tmp_path: Path) -> None:
     assert CampaignCheck(read).missing["predict"] == ""
     with pytest.raises(CampaignError, match=r"prediction\.upper: is 7e\+08 Hz for predictions: .*expected one near"):
         read.predict()
+
+
+@pytest.mark.filterwarnings("ignore:Segment:receptance.ReceptanceWarning")
+def test_draws_of_a_tip_that_cannot_be_evaluated_are_left_out(tmp_path: Path) -> None:
+    examples.write("machine", tmp_path)
+    text = (tmp_path / "campaign.toml").read_text().replace('outer_diameter = "1 %"', 'outer_diameter = "1000 %"', 1)
+    read = load(tmp_path, text.replace("[stability]", '[stability]\ndraws = 40\nstep = "4000 rpm"'))
+    found = read.stability(cuts=["slot"])
+    assert any("of 40 draws cannot be evaluated" in note for note in found.notes)

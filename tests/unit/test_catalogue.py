@@ -170,6 +170,19 @@ def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
 
 
 @pytest.mark.slow
+def test_a_tool_without_a_peak_has_no_modes(identified: Any, tmp_path: Path) -> None:
+    read = load(tmp_path, text=TEXT.replace('upper = "5 kHz"', 'upper = "80 Hz"'))
+    for tool in predict_catalogue(Catalogue(read), identified):
+        assert tool.modes.shape == tool.modes_deviation.shape == (0, 3)
+        assert np.isfinite(tool.deviation).all()
+
+
+def test_lines_without_an_order_are_refused(identified: Any, tmp_path: Path) -> None:
+    read = load(tmp_path, text=TEXT.replace('lower = "50 Hz"', 'lower = "50 kHz"'))
+    with pytest.raises(CampaignError, match="predictions are from 50000 to 5000 Hz, expected `lower` below `upper`"):
+        next(predict_catalogue(Catalogue(read), identified))
+
+
 def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
