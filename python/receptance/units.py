@@ -531,7 +531,7 @@ class Quantity:
 
 LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0, written=(1e-6, 1e3))
 LENGTH_OR_ZERO = Quantity("a length or zero", "m", "20 mm", least=0.0)
-MODULUS = Quantity("a modulus", "Pa", "580 GPa", above=0.0, written=(1e3, 1e20))
+MODULUS = Quantity("a modulus", "Pa", "580 GPa", above=0.0, written=(1e6, 1e20))
 DENSITY = Quantity("a density", "kg/m^3", "14500 kg/m^3", above=0.0, written=(1e-6, 1e6))
 POISSON_RATIO = Quantity("a Poisson's ratio", "", "0.22", above=-1.0, most=0.5)
 LOSS_FACTOR = Quantity("a loss factor", "", "0.002", least=0.0)
@@ -558,7 +558,7 @@ ROTATIONAL_RECEPTANCE = Quantity("a rotational receptance", "rad/(N m)", "2e-7 r
 COUPLING_RECEPTANCE = Quantity("a coupling receptance", "m/(N m)", "1e-8 m/(N m)")
 FREQUENCY = Quantity("a frequency", "Hz", "2.5 kHz", above=0.0, written=(1e-6, 1e9))
 FREQUENCY_OR_ZERO = Quantity("a frequency or zero", "Hz", "500 Hz", least=0.0)
-DECAY_RATE = Quantity("a rate of decay", "1/s", "20 1/s", least=0.0)
+DECAY_RATE = Quantity("a rate of decay", "1/s", "20 1/s", least=0.0, written=(0.0, 1e4))
 TIME = Quantity("a time", "s", "2 ms", above=0.0)
 TIME_OR_ZERO = Quantity("a time or zero", "s", "2 ms", least=0.0)
 DELAY = Quantity("a time of either sign", "s", "5e-6 s")
