@@ -41,11 +41,11 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(module.sys.stdin, "isatty", lambda: False, raising=False)
     beam = replace(foreign_beam.PROTOCOL, step_hz=50.0, span_hz=950.0)
-    values = foreign_beam.accelerance(beam, 60.0, 0.0)
-    rows = [f"{f:g};{h.real:.6e};{h.imag:.6e};0,99".replace(".", ",") for f, h in zip(beam.lines, values, strict=True)]
-    text = "\n".join(["Mittelungen;10", "Frequenz [Hz];Real [g/N];Imag [g/N];Coh", *rows]) + "\n"
-    Path("tool_60mm.csv").write_text(text)
-    Path("bare.csv").write_text("Frequenz;Real;Imag;Coh\n" + "\n".join(rows) + "\n")
+    headers = {60.0: "Mittelungen;10\nFrequenz [Hz];Real [g/N];Imag [g/N];Coh\n", 80.0: "Frequenz;Real;Imag;Coh\n"}
+    for (overhang, header), name in zip(headers.items(), ("tool_60mm.csv", "bare.csv"), strict=True):
+        pairs = zip(beam.lines, foreign_beam.accelerance(beam, overhang, 0.0), strict=True)
+        rows = [f"{f:g};{h.real:.6e};{h.imag:.6e};0,99\n".replace(".", ",") for f, h in pairs]
+        Path(name).write_text(header + "".join(rows))
 
 
 def left() -> set[str]:
@@ -226,7 +226,7 @@ def test_hammer_records(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_several_frfs_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     frf = read_frf("tool_60mm.csv")
-    write("both.npz", [frf, frf])
+    write("both.npz", [frf, frf.with_(values=1.1 * frf.values)])
     overhangs = ["--overhang", "both 1=60 mm", "--overhang", "both 2=80 mm"]
     assert call(monkeypatch, "new", "made", "both.npz", *options(without=("--overhang",)), *overhangs) == 0
     found = campaign.load("made")
