@@ -209,6 +209,20 @@ def test_interrupted_in_the_middle_of_writing(
     assert left() == set()
 
 
+def test_an_interrupted_demo_has_no_preliminary_result(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(progress: str) -> None:
+        if progress.startswith("step 1 of"):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("receptance.cli.demo.with_progress", lambda work: work(interrupt))
+    assert call(monkeypatch, "demo", "--json", "results.json") == 130
+    output = capsys.readouterr()
+    assert (output.out, output.err) == ("", "receptance: interrupted, no file was written\n")
+    assert left() == set()
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_interruption_during_computation() -> None:
     code, out, err = interrupted("study", "er32", "--draws", "100000", "--json", "er32.json")

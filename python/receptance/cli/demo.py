@@ -54,7 +54,10 @@ def _diagnose(say: Callable[[str], None]) -> Verdict:
     folder = resources.files("receptance.examples") / EXAMPLES[EXAMPLE].folder
     with resources.as_file(folder) as files, input_errors():
         read = campaign.load(files, progress=say)
-        return with_campaign_lines(read, read.diagnose())
+        found = read.diagnose()
+        if not found.final:
+            raise KeyboardInterrupt  # the story needs the whole diagnosis
+        return with_campaign_lines(read, found)
 
 
 def _story(found: Verdict) -> Iterator[tuple[str, ...]]:

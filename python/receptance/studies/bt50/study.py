@@ -453,6 +453,8 @@ def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], N
     """Return the verdict on the rigid holder, with the improvement at the forces that are held out."""
     campaign = rigid_campaign(motion, step_kn, seed)
     verdict = replace(campaign, progress=lambda text: say(f"diagnosis: {text}")).diagnose()
+    if not verdict.final:
+        raise KeyboardInterrupt  # a study has no preliminary result
     return {
         "motion": motion,
         "model": "rigid holder",
