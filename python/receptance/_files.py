@@ -142,12 +142,11 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
                 _stage(path, content, waiting)
             except OSError as error:
                 raise OSError(f"cannot write {path}: {error.strerror or error}") from error
-        for temporary, target in list(waiting.items()):
-            try:
-                os.replace(temporary, target)
-            except OSError as error:
-                raise OSError(f"cannot write {target}: {error.strerror or error}") from error
-            del waiting[temporary]
+        try:
+            # A loop in C, which no signal divides: it renames all files or none.
+            list(map(os.replace, waiting.keys(), waiting.values()))
+        except OSError as error:
+            raise OSError(f"cannot write {error.filename2}: {error.strerror or error}") from error
     finally:
         for temporary in waiting:
             with contextlib.suppress(OSError):

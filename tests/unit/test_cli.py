@@ -9,7 +9,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from receptance import FRF, _core, _files, io
 from receptance._files import check_target, write_whole
 from receptance.campaign import Campaign
 from receptance.cli import app as command_line
-from receptance.cli import main, running
+from receptance.cli import running
 from receptance.examples import EXAMPLES
 from receptance.studies import er32
 
@@ -196,16 +198,18 @@ def test_results_are_written_together_or_not_at_all(
     assert Path("er32.json").read_text() == "older"
 
 
+@pytest.mark.parametrize("place", ["os.fsync", "receptance.report.figure.as_image"])
 def test_interrupted_in_the_middle_of_writing(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
 ) -> None:
-    def interrupt(_: int) -> None:
+    def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(os, "fsync", interrupt)
+    monkeypatch.setattr(place, interrupt)
     monkeypatch.setattr(er32, "run", er32_study.results)
-    assert call(monkeypatch, "study", "er32", "--draws", "3", "--json", "er32.json") == 130
-    assert "interrupted, no file was written" in capsys.readouterr().err
+    files = ("--json", "er32.json", "--plot", "er32.png")
+    assert call(monkeypatch, "study", "er32", "--draws", "3", *files) == 130
+    assert "interrupted, no file was left incomplete" in capsys.readouterr().err
     assert left() == set()
 
 
@@ -219,7 +223,7 @@ def test_an_interrupted_demo_has_no_preliminary_result(
     monkeypatch.setattr("receptance.cli.demo.with_progress", lambda work: work(interrupt))
     assert call(monkeypatch, "demo", "--json", "results.json") == 130
     output = capsys.readouterr()
-    assert (output.out, output.err) == ("", "receptance: interrupted, no file was written\n")
+    assert (output.out, output.err) == ("", "receptance: interrupted, no file was left incomplete\n")
     assert left() == set()
 
 
@@ -311,11 +315,36 @@ def test_brackets_in_help_are_text_and_no_markup() -> None:
         assert Text.from_markup(text).plain == text.replace("\\[", "["), text
 
 
-def test_script_runs_the_module() -> None:
-    assert command_line.main is main
+def test_an_interruption_of_the_start(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    class Interrupting:
+        @staticmethod
+        def find_spec(name: str, *_: object) -> None:
+            if name == "receptance.cli.app":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "receptance.cli.app")
+    monkeypatch.setattr(sys, "meta_path", [Interrupting, *sys.meta_path])
+    assert call(monkeypatch, "--version") == 130
+    output = capsys.readouterr()
+    assert (output.out, output.err) == ("", "receptance: interrupted, no file was left incomplete\n")
 
 
 class TestFiles:
+    def test_no_signal_divides_the_renaming(self, tmp_path: Path) -> None:
+        """The interpreter calls the handlers of signals after calls, as it does a profiler."""
+
+        def interrupt(_: FrameType, event: str, function: object) -> None:
+            if event == "c_return" and function is os.replace:
+                raise KeyboardInterrupt
+
+        sys.setprofile(interrupt)
+        try:
+            with suppress(KeyboardInterrupt):
+                write_whole({tmp_path / name: b"text" for name in ("a.txt", "b.txt")})
+        finally:
+            sys.setprofile(None)
+        assert {path.name for path in tmp_path.iterdir()} in (set(), {"a.txt", "b.txt"})
+
     def test_a_link_stays_a_link(self, tmp_path: Path) -> None:
         target = tmp_path / "target.txt"
         target.write_text("older")

@@ -420,7 +420,7 @@ def test_interruption_during_computation(tmp_path: Path) -> None:
     write(tmp_path, TEXT + "[settings]\nstarts = 100000\n")
     code, out, err = interrupted("identify", "campaign.toml", "--json", "i.json")
     assert code == 130, err
-    assert "interrupted, no file was written" in err
+    assert "interrupted, no file was left incomplete" in err
     assert "Traceback" not in err
     assert out == ""
     assert left() == {"campaign.toml"}

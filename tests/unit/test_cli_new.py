@@ -164,7 +164,7 @@ def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch, capsys:
 
     monkeypatch.setattr(module.typer, "prompt", prompt)
     assert call(monkeypatch, "new", "made", "tool_60mm.csv") == 130
-    assert "interrupted, no file was written" in capsys.readouterr().err
+    assert "interrupted, no file was left incomplete" in capsys.readouterr().err
     assert left() == BEFORE
 
 

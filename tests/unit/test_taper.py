@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from receptance import FRF, STEEL, Coordinate, Part, Segment
 from receptance.examples import virtual_rig
 from receptance.studies import bt50
+from receptance.studies.bt50 import study
 from receptance.taper import (
     Body,
     ForceSeries,
@@ -193,3 +195,16 @@ def test_mistakes_in_series() -> None:
         bt50.run(3)
     with pytest.raises(ValueError, match="seed is -1"):
         bt50.run(seed=-1)
+
+
+def test_an_interrupted_diagnosis_ends_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
+    @dataclass(frozen=True)
+    class Interrupted:
+        progress: object = None
+
+        def diagnose(self) -> SimpleNamespace:
+            return SimpleNamespace(final=False)
+
+    monkeypatch.setattr(study, "rigid_campaign", lambda *_: Interrupted())
+    with pytest.raises(KeyboardInterrupt):
+        study._diagnose_rigid("radial", 2, 0, print)

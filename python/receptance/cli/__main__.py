@@ -1,5 +1,5 @@
 """`python -m receptance.cli`."""
 
-from receptance.cli.app import main
+from receptance.cli import main
 
 main()

@@ -102,8 +102,8 @@ def _needed(arguments: Sequence[str]) -> typer.Typer:
     return app
 
 
-def main() -> None:
-    """Run the command line and end the process with its exit code."""
+def run() -> int:
+    """Run the command line and return its exit code; an interruption without an answer is a KeyboardInterrupt."""
     # Importing makes many objects that stay; looking for garbage among them takes a twelfth of a short command.
     gc.set_threshold(50_000, 20, 20)
     # So does the search at the end of the process, which returns all memory anyway.
@@ -113,18 +113,18 @@ def main() -> None:
         code = _needed(sys.argv[1:])(standalone_mode=False, prog_name="receptance")
     except (InputError, MissingExtraError) as error:
         print(f"receptance: {printable(str(error))}", file=sys.stderr)
-        code = 2
+        return 2
     except InterruptedAnswer as error:
         print(f"receptance: {error}", file=sys.stderr)
-        raise SystemExit(_INTERRUPTED) from None
-    except (typer.Abort, KeyboardInterrupt):
-        code = _INTERRUPTED
+        return _INTERRUPTED
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     except Exception as error:
-        code = _report(error)
+        return _report(error)
     # Newer versions of typer return this code for an interruption, older ones raise an exception.
     if code == _INTERRUPTED:
-        print("receptance: interrupted, no file was written", file=sys.stderr)
-    raise SystemExit(code if isinstance(code, int) else 0)
+        raise KeyboardInterrupt
+    return code if isinstance(code, int) else 0
 
 
 def _report(error: Exception) -> int:

@@ -280,7 +280,7 @@ class Targets:
                 if profiles is not None:
                     self._names.append(("Figure", _beside(plot, PROFILES)))
                     figures[_beside(plot, PROFILES)] = as_image(profiles(), self.kind)
-            except BaseException:
+            except Exception:
                 with input_errors():
                     write_whole(contents)  # results are written even if the figure cannot be drawn
                 raise
