@@ -205,7 +205,7 @@ def test_the_last_hit_is_dropped_if_its_block_is_truncated():
 
 def test_contacts_close_together_are_one_double_hit():
     records, _ = long_record([0.4, 0.03, 0.4, 0.4])
-    with pytest.warns(ReceptanceWarning, match="hit 2 dropped: double hit: a contact with 1e.02 % of the force 30 ms"):
+    with pytest.warns(ReceptanceWarning, match="hit 2 dropped: double hit: a contact with 100 % of the force 30 ms"):
         hits = find_hits(records)
     assert len(hits.hits) == 3
 

@@ -119,8 +119,8 @@ def test_new_takes_a_coherence_for_each_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_coherences()
-    for name in ("a", "b"):
-        write(f"{name}.npz", RIGHT.conjugated())
+    for name, factor in (("a", 1.0), ("b", 2.0)):
+        write(f"{name}.npz", RIGHT.conjugated().with_(values=factor * RIGHT.values.conj()))
     words = ["new", "made", "a.npz", "b.npz", *NEW, "--overhang=60 mm", "--overhang=70 mm", "--conjugate"]
     words += [f"--coherence-columns={','.join(COLUMNS)}", "--coherence=named.csv"]
     assert call(monkeypatch, *words) == 2

@@ -12,7 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.io.build import SI, ReadOptions, Resolved, complex_values, make, make_frf, resolve_frf, sampling, to_si
+from receptance.io.build import (
+    SI,
+    ReadOptions,
+    Resolved,
+    complex_values,
+    make,
+    make_frf,
+    phase_notes,
+    resolve_frf,
+    sampling,
+    to_si,
+)
 from receptance.io.column_names import PARTS, QUALITY_NAMES, Column, column_unit, level_reference, usual_unit
 from receptance.io.description import measurement_of
 from receptance.io.errors import FileFormatError, check_time, error_location
@@ -280,6 +291,7 @@ def _entry(
         raise FileFormatError(f"found {names}, expected a real and an imaginary part, or a magnitude and a phase")
     first = table.columns[indices["real" if "real" in indices else "magnitude"]]
     declared = _column_unit(first)
+    notes: list[str] = []
     if "real" in indices:
         imaginary = _column_unit(table.columns[indices["imaginary"]])
         if declared is not None and imaginary is not None and declared != imaginary:
@@ -288,8 +300,10 @@ def _entry(
             )
         values = complex_values(table.values[:, indices["real"]], table.values[:, indices["imaginary"]])
     else:
-        magnitude = _magnitude(table, indices["magnitude"])
-        values = magnitude * np.exp(1j * _column_in_unit(table, indices["phase"], "rad"))
+        phase = _column_in_unit(table, indices["phase"], "rad")
+        unit = _column_unit(table.columns[indices["phase"]])
+        notes = phase_notes(phase, degrees=unit is not None and unit.factor != parse_unit("rad").factor)
+        values = _magnitude(table, indices["magnitude"]) * np.exp(1j * phase)
     resolved = resolve_frf(
         options,
         declared=declared,
@@ -297,7 +311,7 @@ def _entry(
         directions=None,
         undeclared=f"column {first.name!r} has no unit, such as {first.name} [m/s^2/N]",
     )
-    return to_si(values, resolved.factor), resolved
+    return to_si(values, resolved.factor), replace(resolved, notes=(*resolved.notes, *notes))
 
 
 def _magnitude(table: NumberTable, index: int) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import functools
 import io
 import re
 import textwrap
+import warnings
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -230,7 +231,10 @@ def draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[np
 def as_image(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
     """Return the content of an image file in one of `image_formats`, such as "png"."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=dpi)
+    with warnings.catch_warnings():
+        # Names of users may have signs that the font lacks; a box is drawn for them.
+        warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)
+        figure.savefig(buffer, format=kind, dpi=dpi)
     return buffer.getvalue()
 
 
