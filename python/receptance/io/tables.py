@@ -300,10 +300,11 @@ def _entry(
             )
         values = complex_values(table.values[:, indices["real"]], table.values[:, indices["imaginary"]])
     else:
+        magnitude = _magnitude(table, indices["magnitude"])
         phase = _column_in_unit(table, indices["phase"], "rad")
         unit = _column_unit(table.columns[indices["phase"]])
         notes = phase_notes(phase, degrees=unit is not None and unit.factor != parse_unit("rad").factor)
-        values = _magnitude(table, indices["magnitude"]) * np.exp(1j * phase)
+        values = magnitude * np.exp(1j * phase)
     resolved = resolve_frf(
         options,
         declared=declared,

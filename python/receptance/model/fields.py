@@ -126,8 +126,10 @@ class _Signature:
 
     def __get__(self, element: object, kind: type) -> inspect.Signature:
         hints = get_type_hints(kind)
-        _, *parameters = inspect.signature(kind.__init__).parameters.values()
-        return inspect.Signature([one.replace(annotation=hints.get(one.name, one.annotation)) for one in parameters])
+        _, *parameters = inspect.signature(kind.__init__).parameters.values()  # type: ignore[misc]
+        return inspect.Signature(
+            [parameter.replace(annotation=hints.get(parameter.name, parameter.annotation)) for parameter in parameters]
+        )
 
 
 class Element:

@@ -141,7 +141,7 @@ class Definition:
 
     def code(self) -> dict[str, str]:
         """Return names and versions of code that is not part of the program, by the outputs that it evaluates."""
-        code = {}
+        code: dict[str, str] = {}
         for output in self.outputs:
             named = [str(item) for item in output.describe() if isinstance(item, Reduction)]
             if output.version != PROGRAM:
