@@ -11,6 +11,11 @@ _STEPS = 200
 _TOLERANCE = 1e-13
 _ROUNDING = 1e-14
 """Step of the poles, relative to their distance to the lines, at which the search has converged."""
+_MAX_REACH = 400
+"""Most lines of an autocorrelation of the residuals."""
+_MIN_CORRELATION, _CHANCE = 0.2, 3.0
+"""Least correlation of neighbouring residuals that counts, and in standard deviations of that of independent ones."""
+_BISECTIONS = 25
 _BLOCK = 64
 """Candidates evaluated at once, to limit memory."""
 
@@ -135,7 +140,8 @@ class PoleProblem:
 
     `values` are `(n, m)` in the form of the data, `weights` the inverse standard deviations of real and imaginary part,
     up to one factor; entries are ordered by response, then by excitation. The others affect the covariance only:
-    `correlated_lines` is the number of neighbouring lines per independent value, `additive` the share `(n, m)` of
+    `correlated_lines` is the stated number of neighbouring lines per independent value, `smooth_lines` that estimated
+    from residuals (it replaces the stated one if above 1), `additive` the share `(n, m)` of
     additive noise in each variance, which is independent between entries (by default all of it). The rest is
     proportional to the FRF, as noise on the force, and may be correlated between the responses to one excitation; the
     correlation is estimated from the residuals.
@@ -145,6 +151,7 @@ class PoleProblem:
     values: NDArray[np.complex128]
     weights: NDArray[np.float64]
     correlated_lines: float = 1.0
+    smooth_lines: float = 1.0
     additive: NDArray[np.float64] | None = None
     excitations: int = 1
 
@@ -202,6 +209,10 @@ class PoleProblem:
                 converged = True
                 break
         return self._conclude(_unstacked(x), groups, converged)
+
+    def concluded(self, fit: PoleFit) -> PoleFit:
+        """Return the covariance of this problem for the poles of a fit."""
+        return self._conclude(fit.poles, self._groups(), fit.converged)
 
     def gains(self, poles: NDArray[np.complex128], candidates: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the decrease of the sum of squared residuals by adding each candidate to these poles."""
@@ -289,7 +300,7 @@ class PoleProblem:
             inside, outside = solution.q.T @ solution.weighted(slopes), solution.outside(slopes)
             gram, projection = outside.T @ outside, outside.T @ solution.residual
             for index, entry in enumerate(group.entries):
-                if index == 0 or (self.additive is not None and self.correlated_lines > 1.0):
+                if index == 0 or (self.additive is not None and self._are_correlated):
                     proportional = self._proportional_noise(entry, basis @ solution.coefficients[:, index])
                     noise_columns = self._times_noise_covariance(solution.q, proportional)
                     projected, cross_products = solution.q.T @ noise_columns, noise_columns.T @ outside
@@ -410,6 +421,45 @@ class PoleProblem:
         product = float(np.sum(np.abs(rotated.sum(axis=1)) ** 2) - np.sum(np.abs(rotated) ** 2))
         return float(np.clip(product / scale, 0.0, 1.0))
 
+    @property
+    def _are_correlated(self) -> bool:
+        return max(self.correlated_lines, self.smooth_lines) > 1.0
+
+    def smooth_lines_of(self, fit: PoleFit) -> float:
+        """Return the number of lines S over which the residuals of a fit are smooth, 1 if as correlated as stated.
+
+        S is that for which the expected sum of the autocorrelation of the residuals, up to its first value below zero,
+        is the observed one. With P the projection on the columns of an entry, its residuals have the covariance
+        (1 - P) R (1 - P); residuals alone would give too small an S, because the fit follows smooth errors.
+        """
+        n = fit.residual.shape[0]
+        reach = min(n // 2, _MAX_REACH)
+        if reach < 2 or fit.chi_square <= 0.0:
+            return 1.0
+        power = np.fft.fft(fit.residual, 2 * n, axis=0)
+        products = np.fft.ifft(np.sum(np.abs(power) ** 2, axis=1))[:n].real
+        correlation = products[1 : reach + 1] / products[0]
+        below = np.flatnonzero(correlation <= 0.0)
+        lags = int(below[0]) if below.size else reach
+        observed = float(np.sum(correlation[:lags]))
+        stated = line_correlation(n, self.correlated_lines, 1.0)
+        chance = _CHANCE / np.sqrt(2.0 * fit.residual.size / self.correlated_lines)
+        if lags == 0 or correlation[0] <= stated[1].real + max(_MIN_CORRELATION * (1.0 - stated[1].real), chance):
+            return 1.0
+        basis, slopes = self.model.basis(fit.poles), self.model.slopes(fit.poles)
+        (group, *_) = self._groups()
+        columns = _LinearSolution.solve(self, group, basis).q
+        if self.values.shape[1] == 1 and fit.poles.size:
+            # Poles common to several entries follow the errors of each of them less.
+            solution = _LinearSolution.solve(self, group, basis)
+            rotation = solution.rotation(fit.poles.size, 0)
+            columns = np.linalg.qr(np.concatenate([columns, solution.outside(slopes) @ rotation], axis=1))[0]
+        low, high = 1.0, 2.0 * n
+        for _ in range(_BISECTIONS):
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if _expected_sum(columns, n, middle, lags) < observed else (low, middle)
+        return low
+
     def _proportional_noise(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the root of the share of noise proportional to the FRF, with the phase of the FRF."""
         size = np.abs(fitted)
@@ -425,7 +475,7 @@ class PoleProblem:
 
         Noise proportional to the FRF is correlated between lines relative to the phase of the FRF.
         """
-        if self.correlated_lines <= 1.0 or self.additive is None or columns.size == 0:
+        if not self._are_correlated or self.additive is None or columns.size == 0:
             return self._times_line_correlation(columns)
         values, phase = _unstacked(columns), proportional[:, None]
         additive = np.sqrt(np.maximum(1.0 - np.abs(phase) ** 2, 0.0))
@@ -438,15 +488,47 @@ class PoleProblem:
 
         Noise under an exponential window, exp(-2 sigma t) in power, has the correlation 1 / (1 + i pi m / c) between
         lines at a distance of m lines, with c, the sum of its squares, the number of correlated lines. Zero padding
-        also leaves noise in the early part of the record and is treated in the same way.
+        also leaves noise in the early part of the record and is treated in the same way. Errors found to be smooth over
+        S lines have the correlation exp(-pi (m / S)^2), whose sum over all distances is S.
         """
-        if self.correlated_lines <= 1.0 or columns.size == 0:
+        if not self._are_correlated or columns.size == 0:
             return columns
         from scipy.linalg import matmul_toeplitz
 
         n = columns.shape[0] // 2
-        first = 1.0 / (1.0 + 1j * np.pi * np.arange(n) / self.correlated_lines)
+        first = line_correlation(n, self.correlated_lines, self.smooth_lines)
         return _stacked(np.asarray(matmul_toeplitz((first, first.conj()), columns[:n] + 1j * columns[n:])))
+
+
+def line_correlation(n: int, correlated_lines: float, smooth_lines: float) -> NDArray[np.complex128]:
+    """Return the correlation of the noise between lines at a distance of 0 to n - 1 lines."""
+    distance = np.arange(n)
+    if smooth_lines > 1.0:
+        return np.asarray(np.exp(-np.pi * (distance / smooth_lines) ** 2).astype(np.complex128))
+    if correlated_lines > 1.0:
+        return np.asarray(1.0 / (1.0 + 1j * np.pi * distance / correlated_lines))
+    return np.asarray((distance == 0).astype(np.complex128))
+
+
+def _expected_sum(columns: NDArray[np.float64], n: int, smooth_lines: float, lags: int) -> float:
+    """Return the expected sum of the autocorrelation of residuals at 1 to `lags` lines.
+
+    The errors are smooth over some lines, and `columns` `(2n, k)` are orthonormal columns of the fit.
+    """
+    from scipy.linalg import matmul_toeplitz
+
+    correlation = line_correlation(n, 1.0, smooth_lines)
+    q = _unstacked(columns)
+    smoothed = matmul_toeplitz((correlation, correlation.conj()), q)
+    inner = columns.T @ _stacked(smoothed)
+    # The part of R that the fit removes is Q B* + B Q* with B = R Q - Q (Q* R Q) / 2, in real and imaginary parts.
+    half = smoothed - 0.5 * q @ inner
+    sums = np.zeros(lags + 1)
+    for lag in range(lags + 1):
+        whole = 2.0 * (n - lag) * correlation[lag].real
+        removed = np.sum((q[: n - lag].conj() * half[lag:]).real) + np.sum((half[: n - lag].conj() * q[lag:]).real)
+        sums[lag] = whole - removed
+    return float(np.sum(sums[1:]) / sums[0]) if sums[0] > 0.0 else float("inf")
 
 
 @dataclass(frozen=True)

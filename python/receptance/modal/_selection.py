@@ -117,7 +117,32 @@ class ModeSearch:
             poles, fit = self.assigned(enlarged[0]), enlarged[1]
             problem = self._problem(fit)
             if fit.chi_square <= EXACT * problem.square:
+                return poles
+        return self._without_insignificant(poles, fit)
+
+    def _without_insignificant(self, poles: Poles, fit: PoleFit) -> Poles:
+        """Return the poles that reduce the misfit by more than their penalty with the correlation of the residuals.
+
+        The correlation is that of the residuals of the larger model, because missing modes leave smooth residuals.
+        """
+        required = poles.role >= 0 if self.modes is not None else np.zeros(poles.values.size, dtype=bool)
+        while not required.all():
+            problem = self._problem(fit)
+            poles, fit = poles.fitted(problem, loose=True)
+            smooth_lines = problem.smooth_lines_of(fit)
+            if smooth_lines <= 1.0:
                 break
+            fit = replace(problem, smooth_lines=smooth_lines).concluded(fit)
+            best: tuple[float, int, Poles, PoleFit] | None = None
+            for index in np.flatnonzero(~required):
+                fewer, smaller = poles.subset(np.arange(poles.values.size) != index).fitted(problem, loose=True)
+                if best is None or smaller.chi_square < best[0]:
+                    best = smaller.chi_square, int(index), fewer, smaller
+            assert best is not None
+            if best[0] - fit.chi_square > self._penalty(fit, smooth_lines):
+                break
+            required = np.delete(required, best[1])
+            poles, fit = best[2], best[3]
         return poles
 
     def assigned(self, poles: Poles) -> Poles:
@@ -206,13 +231,18 @@ class ModeSearch:
     def _sigma(self) -> float:
         return float(self.lines.frf.decay_rate)
 
-    def _penalty(self, fit: PoleFit) -> float:
-        """Return the penalty of a further mode, larger for correlated lines."""
+    def _penalty(self, fit: PoleFit, smooth_lines: float = 1.0) -> float:
+        """Return the penalty of a further mode, larger for correlated lines.
+
+        Of errors that are smooth over S lines, n lines contain n / S independent values. A column that is wider than
+        S removes S times as much of their sum of squares as of that of independent errors.
+        """
+        shared = max(self.lines.correlated_lines, smooth_lines)
         entries = self.lines.values.shape[1]
-        lines = 2 * self.lines.frequency_hz.size
+        lines = max(2.0 * self.lines.frequency_hz.size / (smooth_lines if smooth_lines > 1.0 else 1.0), 2.0)
         penalty = 2.0 * np.log(lines * entries) + 2.0 * entries * np.log(lines)
         variance = fit.chi_square / max(fit.degrees_of_freedom, 1.0)
-        return float(penalty * self.lines.correlated_lines * max(variance, self._stated))
+        return float(penalty * shared * max(variance, self._stated))
 
     @cached_property
     def _stated(self) -> float:
@@ -341,8 +371,11 @@ def search_range(frequency_hz: float, lines: Lines) -> float:
 
 def refine(
     lines: Lines, terms: tuple[int, ...], scatter: Scatter, poles: Poles, highest_damping: float
-) -> tuple[Poles, PoleFit]:
-    """Fit the poles to all lines with weights from the residuals, and remove those that are not plausible."""
+) -> tuple[Poles, PoleFit, float]:
+    """Fit the poles to all lines with weights from the residuals, and remove those that are not plausible.
+
+    The number of lines over which the residuals are smooth is returned as well.
+    """
     sigma = float(lines.frf.decay_rate)
     poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, None)), loose=True)
     for remaining in reversed(range(_REWEIGHTINGS)):
@@ -353,7 +386,10 @@ def refine(
             additive = lines.additive if lines.relative is not None or scatter == "absolute" else 0.0 * problem.weights
             problem = replace(problem, additive=additive, excitations=lines.frf.values.shape[2])
         poles, fit = poles.fitted(problem)
-    return poles, fit
+    smooth_lines = problem.smooth_lines_of(fit)
+    if smooth_lines > 1.0:
+        fit = replace(problem, smooth_lines=smooth_lines).concluded(fit)
+    return poles, fit, smooth_lines
 
 
 def _problem(lines: Lines, terms: tuple[int, ...], weights: NDArray[np.float64]) -> PoleProblem:

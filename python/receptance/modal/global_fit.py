@@ -150,14 +150,14 @@ def fit_modes(
         poles_hz += reversed(orders)
     candidates = _candidates(np.concatenate(poles_hz), lines, highest_damping)
     search = ModeSearch(thin, terms, scatter, candidates, highest_damping, requested, min(_MAX_MODES, most))
-    poles, fit = refine(lines, terms, scatter, search.poles(), highest_damping)
+    poles, fit, smooth_lines = refine(lines, terms, scatter, search.poles(), highest_damping)
     poles = search.assigned(poles)
     if not np.any(poles.role >= 0):
         raise ValueError(
             f"{owner}: no mode between {lines.frequency_hz[0]:g} and {lines.frequency_hz[-1]:g} Hz exceeds the "
             "scatter; give the frequencies as modes, or another band"
         )
-    result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested)
+    result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested, smooth_lines)
     for text in warned:
         warn_user(f"{owner}: {text}")
     return result

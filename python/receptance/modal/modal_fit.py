@@ -220,8 +220,6 @@ _MIN_ENTRIES = 4
 """Least number of entries for an estimate of their inconsistency."""
 _MIN_CLUSTERS = 1.2
 """Least effective number of entries that determine a pole, for an estimate of their inconsistency."""
-_MIN_CORRELATION = 0.2
-"""Least correlation of neighbouring residuals that enlarges the standard errors."""
 
 
 def make_modal_fit(
@@ -232,11 +230,12 @@ def make_modal_fit(
     scatter: Scatter,
     orders: list[NDArray[np.complex128]],
     requested: int | tuple[float, ...] | None,
+    smooth_lines: float = 1.0,
 ) -> tuple[ModalFit, list[str]]:
     """Return the result and its warnings; `modes` are the poles that are not background."""
     shape = np.asarray(lines.frf.values).shape[1:]
     sigma = float(lines.frf.decay_rate)
-    factor, freedom, correlation, notes = _covariance_factor(fit, lines)
+    factor, freedom, correlation, notes = _covariance_factor(fit, lines, smooth_lines)
     pole_covariance = scaled(fit.pole_covariance, factor)
     if not _is_exact(fit, lines):
         pole_covariance, freedom, consistency_notes = _between_entries(fit, pole_covariance, freedom)
@@ -293,11 +292,12 @@ def make_modal_fit(
     return result, warned
 
 
-def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]:
+def _covariance_factor(fit: PoleFit, lines: Lines, smooth_lines: float) -> tuple[float, float, float, list[str]]:
     """Return the factor of the covariances, its degrees of freedom, the correlation of the residuals, and notes."""
     notes = []
     freedom = fit.degrees_of_freedom
-    independent = freedom / lines.correlated_lines
+    shared = smooth_lines if smooth_lines > 1.0 else lines.correlated_lines
+    independent = freedom / shared
     variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
     if lines.relative is None:
         factor_freedom = max(independent, 1.0)
@@ -310,19 +310,14 @@ def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float,
     else:
         variance, factor_freedom = 1.0, lines.freedom
     correlation = _correlation(fit)
-    # The stated correlation of the lines is included in the covariance already.
-    stated = 1.0 / (1.0 + (np.pi / lines.correlated_lines) ** 2) if lines.correlated_lines > 1.0 else 0.0
-    chance = 3.0 / np.sqrt(2.0 * fit.residual.size / lines.correlated_lines)
-    if correlation <= stated + max(_MIN_CORRELATION * (1.0 - stated), chance) or _is_exact(fit, lines):
-        return variance, factor_freedom, correlation, notes
-    # Ratio of the correlated lines of first-order autoregressive residuals to the stated ones.
-    limited = min(correlation, 0.98)
-    excess = (1.0 + limited) / (1.0 - limited) * (1.0 - stated) / (1.0 + stated)
-    notes.append(
-        f"the residuals of neighbouring lines are correlated ({correlation:.2f}): the model is incomplete, or the "
-        f"lines are closer than the resolution of the record; the standard errors are enlarged by {np.sqrt(excess):.2g}"
-    )
-    return variance * excess, max(factor_freedom / excess, 1.0), correlation, notes
+    if smooth_lines > 1.0 and not _is_exact(fit, lines):
+        factor_freedom = min(factor_freedom, max(independent, 1.0))
+        notes.append(
+            f"the residuals of neighbouring lines are correlated ({correlation:.2f}), smooth over {smooth_lines:.2g} "
+            "lines: the model is incomplete, or the lines are closer than the resolution of the record; the standard "
+            "errors contain this"
+        )
+    return variance, factor_freedom, correlation, notes
 
 
 def _correlation(fit: PoleFit) -> float:
