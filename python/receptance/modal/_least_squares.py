@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ _MAX_REACH = 400
 """Most lines of an autocorrelation of the residuals."""
 _MIN_CORRELATION, _CHANCE = 0.2, 3.0
 """Least correlation of neighbouring residuals that counts, and in standard deviations of that of independent ones."""
-_BISECTIONS = 25
 _BLOCK = 64
 """Candidates evaluated at once, to limit memory."""
 
@@ -45,6 +44,8 @@ class PoleFit:
     degrees_of_freedom : float
         Expectation of the sum of squared residuals for those weights: for independent lines, twice the number of values
         minus the number of real parameters.
+    smooth_lines : float
+        Number of lines over which the errors were taken as smooth.
     """
 
     poles: NDArray[np.complex128]
@@ -59,6 +60,7 @@ class PoleFit:
     information_matrices: NDArray[np.float64]
     degrees_of_freedom: float
     converged: bool
+    smooth_lines: float
 
     @property
     def chi_square(self) -> float:
@@ -210,9 +212,12 @@ class PoleProblem:
                 break
         return self._conclude(_unstacked(x), groups, converged)
 
-    def concluded(self, fit: PoleFit) -> PoleFit:
-        """Return the covariance of this problem for the poles of a fit."""
-        return self._conclude(fit.poles, self._groups(), fit.converged)
+    def with_smooth_errors(self, fit: PoleFit) -> PoleFit:
+        """Return a fit of this problem with the covariance for errors as smooth over the lines as its residuals."""
+        smooth_lines = self._smooth_lines(fit)
+        if smooth_lines <= 1.0:
+            return fit
+        return replace(self, smooth_lines=smooth_lines)._conclude(fit.poles, self._groups(), fit.converged)
 
     def gains(self, poles: NDArray[np.complex128], candidates: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the decrease of the sum of squared residuals by adding each candidate to these poles."""
@@ -350,6 +355,7 @@ class PoleProblem:
             information_matrices,
             freedom,
             converged,
+            self.smooth_lines,
         )
 
     def _between_entries(
@@ -425,7 +431,7 @@ class PoleProblem:
     def _are_correlated(self) -> bool:
         return max(self.correlated_lines, self.smooth_lines) > 1.0
 
-    def smooth_lines_of(self, fit: PoleFit) -> float:
+    def _smooth_lines(self, fit: PoleFit) -> float:
         """Return the number of lines S over which the residuals of a fit are smooth, 1 if as correlated as stated.
 
         S is that for which the expected sum of the autocorrelation of the residuals, up to its first value below zero,
@@ -436,29 +442,44 @@ class PoleProblem:
         reach = min(n // 2, _MAX_REACH)
         if reach < 2 or fit.chi_square <= 0.0:
             return 1.0
-        power = np.fft.fft(fit.residual, 2 * n, axis=0)
-        products = np.fft.ifft(np.sum(np.abs(power) ** 2, axis=1))[:n].real
-        correlation = products[1 : reach + 1] / products[0]
+        power = np.sum(np.abs(np.fft.fft(fit.residual, 2 * n, axis=0)) ** 2, axis=1)
+        products = np.fft.ifft(power)[: reach + 1].real
+        correlation = products[1:] / products[0]
         below = np.flatnonzero(correlation <= 0.0)
         lags = int(below[0]) if below.size else reach
-        observed = float(np.sum(correlation[:lags]))
-        stated = line_correlation(n, self.correlated_lines, 1.0)
+        stated = line_correlation(n, self.correlated_lines, 1.0)[1].real
         chance = _CHANCE / np.sqrt(2.0 * fit.residual.size / self.correlated_lines)
-        if lags == 0 or correlation[0] <= stated[1].real + max(_MIN_CORRELATION * (1.0 - stated[1].real), chance):
+        if correlation[0] <= stated + max(_MIN_CORRELATION * (1.0 - stated), chance):
             return 1.0
-        basis, slopes = self.model.basis(fit.poles), self.model.slopes(fit.poles)
-        (group, *_) = self._groups()
-        columns = _LinearSolution.solve(self, group, basis).q
+        solution = _LinearSolution.solve(self, self._groups()[0], self.model.basis(fit.poles))
+        columns = solution.q
         if self.values.shape[1] == 1 and fit.poles.size:
             # Poles common to several entries follow the errors of each of them less.
-            solution = _LinearSolution.solve(self, group, basis)
-            rotation = solution.rotation(fit.poles.size, 0)
-            columns = np.linalg.qr(np.concatenate([columns, solution.outside(slopes) @ rotation], axis=1))[0]
-        low, high = 1.0, 2.0 * n
-        for _ in range(_BISECTIONS):
-            middle = float(np.sqrt(low * high))
-            low, high = (middle, high) if _expected_sum(columns, n, middle, lags) < observed else (low, middle)
-        return low
+            slopes = solution.outside(self.model.slopes(fit.poles)) @ solution.rotation(fit.poles.size, 0)
+            columns = np.linalg.qr(np.concatenate([columns, slopes], axis=1))[0]
+        neighbours = np.zeros(n)
+        neighbours[1 : lags + 1] = 1.0
+        in_reach = _times_toeplitz(neighbours.astype(np.complex128), columns)
+
+        def excess(log_lines: float) -> float:
+            """Return the expected less the observed sum of the autocorrelation, relative to its value at no distance.
+
+            The part of R that the fit removes is Q B* + B Q* with B = R Q - Q (Q* R Q) / 2.
+            """
+            noise = line_correlation(n, 1.0, float(np.exp(log_lines)))
+            smoothed = _times_toeplitz(noise, columns)
+            removed = smoothed - 0.5 * columns @ (columns.T @ smoothed)
+            expected = 2.0 * np.sum((n - np.arange(lags + 1)[1:]) * noise[1 : lags + 1].real)
+            expected -= np.sum(removed * in_reach)
+            variance = max(2.0 * n - 2.0 * float(np.sum(removed * columns)), 1e-9 * n)
+            return float(expected / variance - np.sum(correlation[:lags]))
+
+        from scipy.optimize import brentq
+
+        low, high = 0.0, float(np.log(2.0 * n))
+        if excess(low) >= 0.0 or excess(high) <= 0.0:
+            return 1.0 if excess(low) >= 0.0 else 2.0 * n
+        return float(np.exp(brentq(excess, low, high, xtol=1e-3)))
 
     def _proportional_noise(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the root of the share of noise proportional to the FRF, with the phase of the FRF."""
@@ -493,11 +514,8 @@ class PoleProblem:
         """
         if not self._are_correlated or columns.size == 0:
             return columns
-        from scipy.linalg import matmul_toeplitz
-
-        n = columns.shape[0] // 2
-        first = line_correlation(n, self.correlated_lines, self.smooth_lines)
-        return _stacked(np.asarray(matmul_toeplitz((first, first.conj()), columns[:n] + 1j * columns[n:])))
+        first = line_correlation(columns.shape[0] // 2, self.correlated_lines, self.smooth_lines)
+        return _times_toeplitz(first, columns)
 
 
 def line_correlation(n: int, correlated_lines: float, smooth_lines: float) -> NDArray[np.complex128]:
@@ -510,25 +528,11 @@ def line_correlation(n: int, correlated_lines: float, smooth_lines: float) -> ND
     return np.asarray((distance == 0).astype(np.complex128))
 
 
-def _expected_sum(columns: NDArray[np.float64], n: int, smooth_lines: float, lags: int) -> float:
-    """Return the expected sum of the autocorrelation of residuals at 1 to `lags` lines.
-
-    The errors are smooth over some lines, and `columns` `(2n, k)` are orthonormal columns of the fit.
-    """
+def _times_toeplitz(first: NDArray[np.complex128], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the product of the Hermitian Toeplitz matrix with this first column with stacked columns."""
     from scipy.linalg import matmul_toeplitz
 
-    correlation = line_correlation(n, 1.0, smooth_lines)
-    q = _unstacked(columns)
-    smoothed = matmul_toeplitz((correlation, correlation.conj()), q)
-    inner = columns.T @ _stacked(smoothed)
-    # The part of R that the fit removes is Q B* + B Q* with B = R Q - Q (Q* R Q) / 2, in real and imaginary parts.
-    half = smoothed - 0.5 * q @ inner
-    sums = np.zeros(lags + 1)
-    for lag in range(lags + 1):
-        whole = 2.0 * (n - lag) * correlation[lag].real
-        removed = np.sum((q[: n - lag].conj() * half[lag:]).real) + np.sum((half[: n - lag].conj() * q[lag:]).real)
-        sums[lag] = whole - removed
-    return float(np.sum(sums[1:]) / sums[0]) if sums[0] > 0.0 else float("inf")
+    return _stacked(np.asarray(matmul_toeplitz((first, first.conj()), _unstacked(columns))))
 
 
 @dataclass(frozen=True)

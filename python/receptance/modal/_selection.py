@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -26,6 +27,10 @@ _SEARCH_TOLERANCE, _SEARCH_STEPS = 1e-6, 30
 """Tolerance and most steps of fits during the search."""
 _MIN_MEDIAN_LINES = 30
 """Least number of lines for an estimate of the noise by a median."""
+_LAST_POLES, _MAX_DECREASE = 4, 0.2
+"""The search ends if so many poles reduced the misfit by less than this share and than smooth errors explain."""
+_WEAKEST = 3
+"""Poles of least effect of which one may be removed."""
 _REWEIGHTINGS = 3
 """Fits with weights from the previous residuals; the weights have converged after these."""
 _OUTSIDE_DISTANCES = (0.02, 0.06, 0.15, 0.4, 1.0)
@@ -92,6 +97,7 @@ class ModeSearch:
 
     `terms` is the background of `PoleModel`, `scatter` the distribution of the noise over the lines if the FRF states
     no variance. `modes` is their number, or their frequencies in Hz; None for all significant ones, at most `most`.
+    `progress` is called with a line of text at each step.
     """
 
     lines: Lines
@@ -101,6 +107,7 @@ class ModeSearch:
     highest_damping: float
     modes: int | tuple[float, ...] | None
     most: int
+    progress: Callable[[str], None]
 
     def poles(self) -> Poles:
         """Return the poles of the requested modes, and those of the background.
@@ -110,39 +117,58 @@ class ModeSearch:
         """
         poles = Poles.none()
         fit = poles.fitted(self._problem(None))[1]
+        previous = [fit]
         while poles.values.size < self.most:
+            self.progress(f"modal fit, search for pole {poles.values.size + 1}")
             enlarged = self._add_pole(poles, fit) or self._add_all_given(poles, fit)
             if enlarged is None:
                 break
             poles, fit = self.assigned(enlarged[0]), enlarged[1]
-            problem = self._problem(fit)
-            if fit.chi_square <= EXACT * problem.square:
+            if fit.chi_square <= EXACT * self._problem(fit).square:
                 return poles
+            previous = [*previous[-_LAST_POLES:], fit]
+            if not self._missing_count(poles) and self._follows_errors(previous):
+                break
         return self._without_insignificant(poles, fit)
 
-    def _without_insignificant(self, poles: Poles, fit: PoleFit) -> Poles:
-        """Return the poles that reduce the misfit by more than their penalty with the correlation of the residuals.
+    def _follows_errors(self, fits: list[PoleFit]) -> bool:
+        """Return whether the last poles reduced the misfit by little, and by less than errors so smooth explain.
 
-        The correlation is that of the residuals of the larger model, because missing modes leave smooth residuals.
+        Such errors would be fitted by one pole after another. Few strong modes that are missing leave smooth residuals
+        as well, but each of them is a large share of the misfit.
+        """
+        if len(fits) <= _LAST_POLES:
+            return False
+        problem = self._problem(fits[-1])
+        fit = problem.with_smooth_errors(fits[-1])
+        before = float(np.sum(np.abs((problem.values - fits[0].fitted) * problem.weights) ** 2))
+        after = float(np.sum(np.abs((problem.values - fit.fitted) * problem.weights) ** 2))
+        most = min(_MAX_DECREASE * before, 0.5 * _LAST_POLES * self._penalty(fit))
+        return fit.smooth_lines > 1.0 and before - after < most
+
+    def _without_insignificant(self, poles: Poles, fit: PoleFit) -> Poles:
+        """Return the poles that reduce the misfit by more than their penalty for errors as smooth as the residuals.
+
+        The smoothness is that of the residuals of the larger model, because missing modes leave smooth residuals.
         """
         required = poles.role >= 0 if self.modes is not None else np.zeros(poles.values.size, dtype=bool)
         while not required.all():
             problem = self._problem(fit)
             poles, fit = poles.fitted(problem, loose=True)
-            smooth_lines = problem.smooth_lines_of(fit)
-            if smooth_lines <= 1.0:
+            fit = problem.with_smooth_errors(fit)
+            if fit.smooth_lines <= 1.0:
                 break
-            fit = replace(problem, smooth_lines=smooth_lines).concluded(fit)
-            best: tuple[float, int, Poles, PoleFit] | None = None
-            for index in np.flatnonzero(~required):
-                fewer, smaller = poles.subset(np.arange(poles.values.size) != index).fitted(problem, loose=True)
-                if best is None or smaller.chi_square < best[0]:
-                    best = smaller.chi_square, int(index), fewer, smaller
-            assert best is not None
-            if best[0] - fit.chi_square > self._penalty(fit, smooth_lines):
+            self.progress(f"modal fit, removal of one of {poles.values.size} poles")
+            every = np.arange(poles.values.size)
+            # The increase of the misfit with the other poles unchanged is the largest possible one.
+            increase = [problem.gains(poles.values[every != index], poles.values[[index]])[0] for index in every]
+            weakest = np.argsort(np.where(required, np.inf, increase))[: min(_WEAKEST, np.count_nonzero(~required))]
+            smaller = [poles.subset(every != index).fitted(problem, loose=True) for index in weakest]
+            least = int(np.argmin([fewer.chi_square for _, fewer in smaller]))
+            if smaller[least][1].chi_square - fit.chi_square > self._penalty(fit):
                 break
-            required = np.delete(required, best[1])
-            poles, fit = best[2], best[3]
+            required = np.delete(required, weakest[least])
+            poles, fit = smaller[least]
         return poles
 
     def assigned(self, poles: Poles) -> Poles:
@@ -231,15 +257,15 @@ class ModeSearch:
     def _sigma(self) -> float:
         return float(self.lines.frf.decay_rate)
 
-    def _penalty(self, fit: PoleFit, smooth_lines: float = 1.0) -> float:
+    def _penalty(self, fit: PoleFit) -> float:
         """Return the penalty of a further mode, larger for correlated lines.
 
         Of errors that are smooth over S lines, n lines contain n / S independent values. A column that is wider than
         S removes S times as much of their sum of squares as of that of independent errors.
         """
-        shared = max(self.lines.correlated_lines, smooth_lines)
+        shared = max(self.lines.correlated_lines, fit.smooth_lines)
         entries = self.lines.values.shape[1]
-        lines = max(2.0 * self.lines.frequency_hz.size / (smooth_lines if smooth_lines > 1.0 else 1.0), 2.0)
+        lines = max(2.0 * self.lines.frequency_hz.size / fit.smooth_lines, 2.0)
         penalty = 2.0 * np.log(lines * entries) + 2.0 * entries * np.log(lines)
         variance = fit.chi_square / max(fit.degrees_of_freedom, 1.0)
         return float(penalty * shared * max(variance, self._stated))
@@ -371,11 +397,8 @@ def search_range(frequency_hz: float, lines: Lines) -> float:
 
 def refine(
     lines: Lines, terms: tuple[int, ...], scatter: Scatter, poles: Poles, highest_damping: float
-) -> tuple[Poles, PoleFit, float]:
-    """Fit the poles to all lines with weights from the residuals, and remove those that are not plausible.
-
-    The number of lines over which the residuals are smooth is returned as well.
-    """
+) -> tuple[Poles, PoleFit]:
+    """Fit the poles to all lines with weights from the residuals, and remove those that are not plausible."""
     sigma = float(lines.frf.decay_rate)
     poles, fit = poles.fitted(_problem(lines, terms, weights_of(lines, scatter, None)), loose=True)
     for remaining in reversed(range(_REWEIGHTINGS)):
@@ -386,10 +409,7 @@ def refine(
             additive = lines.additive if lines.relative is not None or scatter == "absolute" else 0.0 * problem.weights
             problem = replace(problem, additive=additive, excitations=lines.frf.values.shape[2])
         poles, fit = poles.fitted(problem)
-    smooth_lines = problem.smooth_lines_of(fit)
-    if smooth_lines > 1.0:
-        fit = replace(problem, smooth_lines=smooth_lines).concluded(fit)
-    return poles, fit, smooth_lines
+    return poles, problem.with_smooth_errors(fit)
 
 
 def _problem(lines: Lines, terms: tuple[int, ...], weights: NDArray[np.float64]) -> PoleProblem:

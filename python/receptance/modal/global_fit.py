@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -46,6 +46,7 @@ def fit_modes(
     scatter: Scatter = "absolute",
     order: int = 30,
     highest_damping: float = 0.2,
+    progress: Callable[[str], None] | None = None,
 ) -> ModalFit:
     """Fit poles, damping and residues of all modes in a band, common to all entries of an FRF, with standard errors.
 
@@ -80,6 +81,8 @@ def fit_modes(
         Highest order of the polynomials; reduced for few lines.
     highest_damping : float, optional
         Largest damping ratio of a mode.
+    progress : callable, optional
+        Called with a progress message.
 
     Returns
     -------
@@ -149,15 +152,17 @@ def fit_modes(
     if requested is not None or highest_order < _MIN_STABLE_ORDER:
         poles_hz += reversed(orders)
     candidates = _candidates(np.concatenate(poles_hz), lines, highest_damping)
-    search = ModeSearch(thin, terms, scatter, candidates, highest_damping, requested, min(_MAX_MODES, most))
-    poles, fit, smooth_lines = refine(lines, terms, scatter, search.poles(), highest_damping)
+    report = progress or (lambda _: None)
+    most = min(_MAX_MODES, most)
+    search = ModeSearch(thin, terms, scatter, candidates, highest_damping, requested, most, report)
+    poles, fit = refine(lines, terms, scatter, search.poles(), highest_damping)
     poles = search.assigned(poles)
     if not np.any(poles.role >= 0):
         raise ValueError(
             f"{owner}: no mode between {lines.frequency_hz[0]:g} and {lines.frequency_hz[-1]:g} Hz exceeds the "
             "scatter; give the frequencies as modes, or another band"
         )
-    result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested, smooth_lines)
+    result, warned = make_modal_fit(fit, poles.role >= 0, lines, terms, scatter, orders, requested)
     for text in warned:
         warn_user(f"{owner}: {text}")
     return result

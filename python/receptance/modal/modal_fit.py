@@ -230,12 +230,11 @@ def make_modal_fit(
     scatter: Scatter,
     orders: list[NDArray[np.complex128]],
     requested: int | tuple[float, ...] | None,
-    smooth_lines: float = 1.0,
 ) -> tuple[ModalFit, list[str]]:
     """Return the result and its warnings; `modes` are the poles that are not background."""
     shape = np.asarray(lines.frf.values).shape[1:]
     sigma = float(lines.frf.decay_rate)
-    factor, freedom, correlation, notes = _covariance_factor(fit, lines, smooth_lines)
+    factor, freedom, correlation, notes = _covariance_factor(fit, lines)
     pole_covariance = scaled(fit.pole_covariance, factor)
     if not _is_exact(fit, lines):
         pole_covariance, freedom, consistency_notes = _between_entries(fit, pole_covariance, freedom)
@@ -292,12 +291,11 @@ def make_modal_fit(
     return result, warned
 
 
-def _covariance_factor(fit: PoleFit, lines: Lines, smooth_lines: float) -> tuple[float, float, float, list[str]]:
+def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float, list[str]]:
     """Return the factor of the covariances, its degrees of freedom, the correlation of the residuals, and notes."""
     notes = []
     freedom = fit.degrees_of_freedom
-    shared = smooth_lines if smooth_lines > 1.0 else lines.correlated_lines
-    independent = freedom / shared
+    independent = freedom / (fit.smooth_lines if fit.smooth_lines > 1.0 else lines.correlated_lines)
     variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
     if lines.relative is None:
         factor_freedom = max(independent, 1.0)
@@ -310,10 +308,10 @@ def _covariance_factor(fit: PoleFit, lines: Lines, smooth_lines: float) -> tuple
     else:
         variance, factor_freedom = 1.0, lines.freedom
     correlation = _correlation(fit)
-    if smooth_lines > 1.0 and not _is_exact(fit, lines):
+    if fit.smooth_lines > 1.0 and not _is_exact(fit, lines):
         factor_freedom = min(factor_freedom, max(independent, 1.0))
         notes.append(
-            f"the residuals of neighbouring lines are correlated ({correlation:.2f}), smooth over {smooth_lines:.2g} "
+            f"the residuals of neighbouring lines are correlated ({correlation:.2f}), smooth over {fit.smooth_lines:.2g} "
             "lines: the model is incomplete, or the lines are closer than the resolution of the record; the standard "
             "errors contain this"
         )
