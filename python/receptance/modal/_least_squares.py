@@ -457,21 +457,23 @@ class PoleProblem:
             # Poles common to several entries follow the errors of each of them less.
             slopes = solution.outside(self.model.slopes(fit.poles)) @ solution.rotation(fit.poles.size, 0)
             columns = np.linalg.qr(np.concatenate([columns, slopes], axis=1))[0]
-        neighbours = np.zeros(n)
+        # The part of R that the fit removes is Q B* + B Q* with B = R Q - Q (Q* R Q) / 2. Its sums are linear in R, and
+        # therefore in the spectrum of the correlation.
+        neighbours = np.zeros(n, dtype=np.complex128)
         neighbours[1 : lags + 1] = 1.0
-        in_reach = _times_toeplitz(neighbours.astype(np.complex128), columns)
+        q = _unstacked(columns)
+        near = _times_toeplitz(neighbours, q)
+        spectrum, near_spectrum = (np.fft.fft(part, _padded(n), axis=0) / np.sqrt(_padded(n)) for part in (q, near))
+        removed_variance = np.sum(np.abs(spectrum) ** 2, axis=1)
+        near_spectrum -= 0.5 * spectrum @ (columns.T @ _stacked(near))
+        removed_sum = np.sum((spectrum.conj() * near_spectrum).real, axis=1)
 
         def excess(log_lines: float) -> float:
-            """Return the expected less the observed sum of the autocorrelation, relative to its value at no distance.
-
-            The part of R that the fit removes is Q B* + B Q* with B = R Q - Q (Q* R Q) / 2.
-            """
+            """Return the expected less the observed sum of the autocorrelation, relative to the variance."""
             noise = line_correlation(n, 1.0, float(np.exp(log_lines)))
-            smoothed = _times_toeplitz(noise, columns)
-            removed = smoothed - 0.5 * columns @ (columns.T @ smoothed)
-            expected = 2.0 * np.sum((n - np.arange(lags + 1)[1:]) * noise[1 : lags + 1].real)
-            expected -= np.sum(removed * in_reach)
-            variance = max(2.0 * n - 2.0 * float(np.sum(removed * columns)), 1e-9 * n)
+            power = _toeplitz_spectrum(noise)
+            expected = 2.0 * np.sum((n - np.arange(1, lags + 1)) * noise[1 : lags + 1].real) - power @ removed_sum
+            variance = max(2.0 * n - float(power @ removed_variance), 1e-9 * n)
             return float(expected / variance - np.sum(correlation[:lags]))
 
         from scipy.optimize import brentq
@@ -515,7 +517,7 @@ class PoleProblem:
         if not self._are_correlated or columns.size == 0:
             return columns
         first = line_correlation(columns.shape[0] // 2, self.correlated_lines, self.smooth_lines)
-        return _times_toeplitz(first, columns)
+        return _stacked(_times_toeplitz(first, _unstacked(columns)))
 
 
 def line_correlation(n: int, correlated_lines: float, smooth_lines: float) -> NDArray[np.complex128]:
@@ -528,11 +530,26 @@ def line_correlation(n: int, correlated_lines: float, smooth_lines: float) -> ND
     return np.asarray((distance == 0).astype(np.complex128))
 
 
-def _times_toeplitz(first: NDArray[np.complex128], columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the product of the Hermitian Toeplitz matrix with this first column with stacked columns."""
-    from scipy.linalg import matmul_toeplitz
+def _padded(n: int) -> int:
+    """Return the length of Fourier transforms of n lines with as many zeros."""
+    from scipy.fft import next_fast_len
 
-    return _stacked(np.asarray(matmul_toeplitz((first, first.conj()), _unstacked(columns))))
+    return int(next_fast_len(2 * n))
+
+
+def _toeplitz_spectrum(first: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the eigenvalues of a circulant matrix with the Hermitian Toeplitz matrix of this first column in it."""
+    padded = np.zeros(_padded(first.size), dtype=np.complex128)
+    padded[: first.size] = first
+    padded[padded.size - first.size + 1 :] = first[:0:-1].conj()
+    return np.asarray(np.fft.fft(padded).real)
+
+
+def _times_toeplitz(first: NDArray[np.complex128], columns: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the product of the Hermitian Toeplitz matrix with this first column with columns."""
+    spectrum = _toeplitz_spectrum(first)
+    transform = np.fft.fft(columns, spectrum.size, axis=0) * spectrum[:, None]
+    return np.asarray(np.fft.ifft(transform, axis=0)[: first.size])
 
 
 @dataclass(frozen=True)

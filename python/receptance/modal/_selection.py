@@ -160,9 +160,11 @@ class ModeSearch:
                 break
             self.progress(f"modal fit, removal of one of {poles.values.size} poles")
             every = np.arange(poles.values.size)
-            # The increase of the misfit with the other poles unchanged is the largest possible one.
+            # With the other poles unchanged the misfit increases more than with all fitted again.
             increase = [problem.gains(poles.values[every != index], poles.values[[index]])[0] for index in every]
-            weakest = np.argsort(np.where(required, np.inf, increase))[: min(_WEAKEST, np.count_nonzero(~required))]
+            increase = np.where(required, np.inf, increase)
+            tries = 1 if increase.min() <= self._penalty(fit) else min(_WEAKEST, np.count_nonzero(~required))
+            weakest = np.argsort(increase)[:tries]
             smaller = [poles.subset(every != index).fitted(problem, loose=True) for index in weakest]
             least = int(np.argmin([fewer.chi_square for _, fewer in smaller]))
             if smaller[least][1].chi_square - fit.chi_square > self._penalty(fit):
