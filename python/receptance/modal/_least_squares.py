@@ -452,21 +452,14 @@ class PoleProblem:
         if correlation[0] <= stated + max(_MIN_CORRELATION * (1.0 - stated), chance):
             return 1.0
         solution = _LinearSolution.solve(self, self._groups()[0], self.model.basis(fit.poles))
-        columns = solution.q
-        if self.values.shape[1] == 1 and fit.poles.size:
-            # Poles common to several entries follow the errors of each of them less.
-            slopes = solution.outside(self.model.slopes(fit.poles)) @ solution.rotation(fit.poles.size, 0)
-            columns = np.linalg.qr(np.concatenate([columns, slopes], axis=1))[0]
-        # The part of R that the fit removes is Q B* + B Q* with B = R Q - Q (Q* R Q) / 2. Its sums are linear in R, and
-        # therefore in the spectrum of the correlation.
-        neighbours = np.zeros(n, dtype=np.complex128)
-        neighbours[1 : lags + 1] = 1.0
-        q = _unstacked(columns)
-        near = _times_toeplitz(neighbours, q)
-        spectrum, near_spectrum = (np.fft.fft(part, _padded(n), axis=0) / np.sqrt(_padded(n)) for part in (q, near))
-        removed_variance = np.sum(np.abs(spectrum) ** 2, axis=1)
-        near_spectrum -= 0.5 * spectrum @ (columns.T @ _stacked(near))
-        removed_sum = np.sum((spectrum.conj() * near_spectrum).real, axis=1)
+        slopes = solution.outside(self.model.slopes(fit.poles)) @ solution.rotation(fit.poles.size, 0)
+        with_slopes = np.linalg.qr(np.concatenate([solution.q, slopes], axis=1))[0]
+        # Poles common to m entries follow the errors of each of them by 1 / m.
+        share = 1.0 / self.values.shape[1]
+        removed_variance, removed_sum = (
+            (1.0 - share) * fixed + share * free
+            for fixed, free in zip(_removed(solution.q, lags), _removed(with_slopes, lags), strict=True)
+        )
 
         def excess(log_lines: float) -> float:
             """Return the expected less the observed sum of the autocorrelation, relative to the variance."""
@@ -528,6 +521,22 @@ def line_correlation(n: int, correlated_lines: float, smooth_lines: float) -> ND
     if correlated_lines > 1.0:
         return np.asarray(1.0 / (1.0 + 1j * np.pi * distance / correlated_lines))
     return np.asarray((distance == 0).astype(np.complex128))
+
+
+def _removed(columns: NDArray[np.float64], lags: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what a fit removes from the autocorrelation of errors: at no distance, and in total at 1 to `lags` lines.
+
+    Of errors with the correlation R it removes Q B* + B Q* with B = R Q - Q (Q* R Q) / 2, where Q are its orthonormal
+    columns. Its sums are linear in R; returned are their factors for each value of the spectrum of the correlation.
+    """
+    n = columns.shape[0] // 2
+    neighbours = np.zeros(n, dtype=np.complex128)
+    neighbours[1 : lags + 1] = 1.0
+    q = _unstacked(columns)
+    near = _times_toeplitz(neighbours, q)
+    spectrum, near_spectrum = (np.fft.fft(part, _padded(n), axis=0) / np.sqrt(_padded(n)) for part in (q, near))
+    near_spectrum -= 0.5 * spectrum @ (columns.T @ _stacked(near))
+    return np.sum(np.abs(spectrum) ** 2, axis=1), np.sum((spectrum.conj() * near_spectrum).real, axis=1)
 
 
 def _padded(n: int) -> int:

@@ -311,7 +311,7 @@ def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float,
     if fit.smooth_lines > 1.0 and not _is_exact(fit, lines):
         factor_freedom = min(factor_freedom, max(independent, 1.0))
         notes.append(
-            f"the residuals of neighbouring lines are correlated ({correlation:.2f}), as of errors that are smooth over "
+            f"the residuals of neighbouring lines are correlated ({correlation:.2f}), as of errors smooth over "
             f"{fit.smooth_lines:.2g} lines: the model is incomplete, or the lines are closer than the resolution of "
             "the record; the number of modes and the standard errors take this into account"
         )
