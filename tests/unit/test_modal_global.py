@@ -343,6 +343,61 @@ def test_correlated_residuals_enlarge_the_errors():
     assert 1.4 < four.damping_standard_error[0] / one.damping_standard_error[0] < 4.0
 
 
+def smooth_noise(rng, lines, entries):
+    """Complex noise of unit variance in each part, smoothed over the lines by a Gaussian of four lines."""
+    kernel = np.exp(-0.5 * (np.arange(-16, 17) / 4.0) ** 2)
+    independent = rng.normal(size=(2, lines + 40, entries))
+    columns = (independent[0] + 1j * independent[1]).T
+    smooth = [np.convolve(column, kernel / np.sqrt(np.sum(kernel**2)), mode="same")[20:-20] for column in columns]
+    return np.stack(smooth, axis=1)
+
+
+def test_errors_smooth_over_lines_are_not_taken_for_modes():
+    """One mode in twelve responses, errors of 1 % smooth over several lines; each step is reported."""
+    f = np.arange(655.0, 679.0, 1.0 / 3.0)
+    steps = []
+    for seed in range(2):
+        rng = np.random.default_rng([SEED, seed])
+        exact = values_of(f, [667.3], [0.008], rng.normal(size=(1, 12)))
+        values = exact * (1.0 + 0.01 * smooth_noise(rng, f.size, 12))
+        fit = fit_modes(FRF(frequency_hz=f, values=values[:, :, None]), progress=steps.append)
+        assert fit.frequency_hz.size == 1
+        assert abs(fit.frequency_hz[0] - 667.3) < 4.0 * fit.frequency_standard_error_hz[0] < 2.0
+        assert any("smooth over" in note for note in fit.notes)
+    assert any("search for pole 1" in step for step in steps)
+    assert any("removal of one of" in step for step in steps)
+
+
+def test_the_search_ends_where_poles_follow_smooth_errors():
+    """Many lines would hold a pole for every few of them."""
+    f, rng = np.arange(100.0, 500.0, 0.5), np.random.default_rng(SEED)
+    exact = values_of(f, [200.0, 300.0], [0.01, 0.01], [[1.0, 0.6], [-0.7, 0.9]])
+    values = exact + 0.01 * np.abs(exact).max(axis=0) * smooth_noise(rng, f.size, 2)
+    steps = []
+    fit = fit_modes(FRF(frequency_hz=f, values=values[:, :, None]), progress=steps.append)
+    np.testing.assert_allclose(fit.frequency_hz, [200.0, 300.0], rtol=2e-3)
+    assert len(steps) < 30
+
+
+@pytest.mark.parametrize("runs", [3, pytest.param(50, marks=pytest.mark.slow)])
+def test_intervals_with_errors_smooth_over_lines(runs):
+    """Intervals of one mode and of two contain the true frequency, with five independent values in a band."""
+    print(f"seed {SEED}")
+    inside, total = 0, 0
+    for modes in (1, 2):
+        f = np.arange(655.0, 679.0, 1.0 / 3.0) if modes == 1 else np.arange(640.0, 700.0, 1.0 / 3.0)
+        true = np.array([667.3]) if modes == 1 else np.array([660.3, 674.6])
+        for number in range(2 * runs // modes):
+            rng = np.random.default_rng([SEED, modes, number])
+            exact = values_of(f, true, np.full(modes, 0.008), rng.normal(size=(modes, 2)))
+            values = exact + 0.01 * np.abs(exact).max(axis=0) * smooth_noise(rng, f.size, 2)
+            fit = without_warnings(FRF(frequency_hz=f, values=values[:, :, None]), modes)
+            low, high = fit.frequency_interval_hz().T
+            inside, total = inside + int(np.sum((low < true) & (true < high))), total + modes
+    print(f"{inside} of {total} intervals contain the true frequency")
+    assert binomtest(inside, total, 0.95).pvalue > REJECTED_AT, (inside, total)
+
+
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("runs", [4, pytest.param(50, marks=pytest.mark.slow)])

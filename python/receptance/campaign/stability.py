@@ -229,7 +229,7 @@ class Tips:
             if made is not None:
                 self._sources.append(_PredictedTip(made, self.lines, draws, seed, campaign.threads))
             elif tip.frf is not None:
-                self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, draws, seed, self.notes))
+                self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, campaign, self.notes))
         self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
         self.uncertain = any(source.uncertain for source in self._sources)
 
@@ -341,10 +341,11 @@ class _PredictedTip:
 class _MeasuredTip:
     """A tip that was measured."""
 
-    def __init__(self, tip: Tip, frf: FRF, lines: NDArray[np.float64], draws: int, seed: int, notes: list[str]) -> None:
+    def __init__(self, tip: Tip, frf: FRF, lines: NDArray[np.float64], campaign: Campaign, notes: list[str]) -> None:
         receptance = frf.masked().to("receptance")
         self._frf = receptance.with_(usable=np.isin(receptance.frequency_hz, lines)).masked()
-        self._draws, self._seed = draws, seed
+        self._progress = campaign.progress
+        self._draws, self._seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
         self.uncertain = frf.log_variance is not None
         if not self.uncertain:
             key = "`averages` or `standard_deviation`" if tip.file else "the measurement a standard deviation"
@@ -375,7 +376,7 @@ class _MeasuredTip:
     def _estimates(self) -> list[ModeEstimate]:
         from receptance.modal import fit_modes
 
-        found = fit_modes(self._frf)
+        found = fit_modes(self._frf, progress=self._progress)
         return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
 
 
