@@ -295,7 +295,11 @@ def _covariance_factor(fit: PoleFit, lines: Lines) -> tuple[float, float, float,
     """Return the factor of the covariances, its degrees of freedom, the correlation of the residuals, and notes."""
     notes = []
     freedom = fit.degrees_of_freedom
-    independent = freedom / (fit.smooth_lines if fit.smooth_lines > 1.0 else lines.correlated_lines)
+    independent = freedom / lines.correlated_lines
+    if fit.smooth_lines > 1.0:
+        # Of the independent values of smooth errors each parameter of the fit takes one.
+        parameters = fit.coefficients.size + 2 * fit.poles.size
+        independent = 2.0 * fit.residual.size / fit.smooth_lines - parameters
     variance = fit.chi_square / freedom if freedom >= 0.5 else float("inf")
     if lines.relative is None:
         factor_freedom = max(independent, 1.0)
