@@ -161,8 +161,8 @@ class ModeSearch:
             self.progress(f"modal fit, removal of one of {poles.values.size} poles")
             every = np.arange(poles.values.size)
             # With the other poles unchanged the misfit increases more than with all fitted again.
-            increase = [problem.gains(poles.values[every != index], poles.values[[index]])[0] for index in every]
-            increase = np.where(required, np.inf, increase)
+            gains = [problem.gains(poles.values[every != index], poles.values[[index]])[0] for index in every]
+            increase = np.where(required, np.inf, gains)
             tries = 1 if increase.min() <= self._penalty(fit) else min(_WEAKEST, np.count_nonzero(~required))
             weakest = np.argsort(increase)[:tries]
             smaller = [poles.subset(every != index).fitted(problem, loose=True) for index in weakest]
