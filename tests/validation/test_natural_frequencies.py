@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import mpmath
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from oracle import draw, elements
+from oracle import draw, elements, exact
 from oracle.tables import Tables, joint, make, segment
 from receptance import (
     Assembly,
@@ -223,6 +224,67 @@ def test_facade_leaves_rigid_modes_out() -> None:
     heavy = Assembly([bar], [PointMass(mass=1e-3, inertia=1e-7, part="bar")]).natural_frequencies(20e3)
     assert len(heavy) == len(free)
     assert np.all(heavy < free)
+
+
+STIFF = [(1e6, 1e18), (1e6, 1e40), (1e40, 1e3), (1e40, 1e38)]
+"""Stiffnesses in y and in theta, one far above the other or both far above the parts."""
+
+
+def with_spring(element: str, k_y: float, k_theta: float, k_ytheta: float) -> Tables:
+    """Return three segments with this spring as a joint or to ground, and a soft one at the other place."""
+    spring, soft = [k_y, k_theta, k_ytheta], [1e8, 1e5, 0.0]
+    rows = (spring, soft) if element == "joint" else (soft, spring)
+    return make(
+        [segment(0, 1, 0.08, 0.016, STEEL), segment(1, 2, 0.05, 0.016, STEEL), segment(3, 4, 0.1, 0.03, STEEL)],
+        [joint(2, 3, *rows[0])],
+        [],
+        [[4, *rows[1], 0.0, 0.0, 0.0, 0.0]],
+    )
+
+
+def distance_from_pole(model: Tables, hz: float) -> float:
+    """Return the relative distance of a frequency from the pole of the tip's receptance beside it, by many digits."""
+    w = [2 * np.pi * hz, 2 * np.pi * hz * (1 + 1e-7)]
+    with mpmath.workdps(50):
+        near, far = (1 / exact.receptance(model, line, [(0, 0)], [(0, 0)])[0][0].real for line in w)
+        return float(near * (w[1] - w[0]) / (near - far) / w[0])
+
+
+@pytest.mark.parametrize("element", ["joint", "ground"])
+@pytest.mark.parametrize("correlation", [0.0, 0.5, -0.9])
+@pytest.mark.parametrize(("k_y", "k_theta"), STIFF)
+def test_stiff_springs_keep_the_modes_of_the_soft_direction(
+    element: str, correlation: float, k_y: float, k_theta: float
+) -> None:
+    model = with_spring(element, k_y, k_theta, correlation * np.sqrt(k_y) * np.sqrt(k_theta))
+    found, _ = natural(model, 6e3)
+    # Beside a rigid direction coupling only takes its share of the soft one.
+    left = 1.0 - correlation**2
+    rigid = (left * k_y, k_theta) if k_y < k_theta else (k_y, left * k_theta)
+    expected = elements.natural_frequencies(with_spring(element, *rigid, 0.0), 6e3)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    assert max(abs(distance_from_pole(model, hz)) for hz in found) < 1e-13
+
+
+@pytest.mark.parametrize(
+    "grounds",
+    [
+        [[0, 1e6, 0.0, 0.0]],
+        [[0, 0.0, 1e3, 0.0]],
+        [[0, 1e6, 0.0, 0.0], [2, 1e25, 0.0, 0.0]],
+        [[0, 1e6, 0.0, 0.0], [2, 0.0, 1e25, 0.0]],
+        [[2, 1e25, 1.0, 0.0]],
+        # Two hinges at node 2, and one there with another halfway.
+        [[0, 1e6, 1e6 * 0.25**2, 1e6 * 0.25], [2, 1e25, 0.0, 0.0]],
+        [[0, 1e6, 1e6 * 0.125**2, 1e6 * 0.125], [2, 1e25, 0.0, 0.0]],
+        [[0, 1e200, 1e200, 0.0]],
+    ],
+)
+def test_modes_that_no_ground_resists_are_counted_whatever_the_stiffnesses(grounds: list[list[float]]) -> None:
+    rows = [[*row, 0.0, 0.0, 0.0, 0.0] for row in grounds]
+    model = make([segment(0, 1, 0.125, 0.02, STEEL), segment(1, 2, 0.125, 0.02, STEEL)], [], [], rows)
+    expected = elements.natural_frequencies(model, 20e3)
+    np.testing.assert_allclose(natural(model, 20e3)[0], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("upper", [0.0, -1.0, np.nan, np.inf])

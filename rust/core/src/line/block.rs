@@ -59,8 +59,6 @@ pub struct Block<S: Simd, const D: usize> {
     pub kernels: Vec<Kernel<S, D>>,
     /// Pivot weights of each segment.
     pub weights: Vec<[f64; D]>,
-    /// Compliance of each joint.
-    pub compliances: Vec<Mat<S, D>>,
     /// Where each joint's stiffness is diagonal.
     pub centres: Vec<Centre<S, D>>,
     /// Joints that couple translation and rotation.
@@ -193,7 +191,6 @@ impl<const D: usize> Prepared<D> {
             }
         }
         let weights = into.weights_of_first();
-        into.compliances.clear();
         into.centres.clear();
         into.coupled.clear();
         for (row, joint) in self.joints.iter().enumerate() {
@@ -209,7 +206,6 @@ impl<const D: usize> Prepared<D> {
                     stiffness[i][i] = stiffness[i][i] + more;
                 }
             }
-            into.compliances.push(small::inverse(&stiffness));
             into.centres.push(Centre::new(&stiffness, joint.couples(), &weights));
             into.coupled.push(D == 2 && joint.couples());
         }
@@ -297,7 +293,6 @@ impl<S: Simd, const D: usize> Block<S, D> {
         let (segments, joints) = (prepared.segments.len(), prepared.joints.len());
         self.kernels.reserve_exact(segments);
         self.weights.reserve_exact(segments);
-        self.compliances.reserve_exact(joints);
         self.centres.reserve_exact(joints);
         self.coupled.reserve_exact(joints);
         self.points.reserve_exact(prepared.points.len());
@@ -312,7 +307,6 @@ impl<S: Simd, const D: usize> Block<S, D> {
             real: true,
             kernels: Vec::new(),
             weights: Vec::new(),
-            compliances: Vec::new(),
             centres: Vec::new(),
             coupled: Vec::new(),
             points: Vec::new(),

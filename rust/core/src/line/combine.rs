@@ -77,6 +77,18 @@ impl<S: Simd, const D: usize> Centre<S, D> {
         out
     }
 
+    /// The basis at the centre of the plane before a joint, and the joint's compliance there: diagonal, so that no entry is
+    /// lost beside a larger one.
+    #[inline(always)]
+    pub fn before(&self, plane: &Plane<S, D>) -> (Mat<S, D>, Mat<S, D>, Mat<S, D>) {
+        let (u, f) = shifted_basis(plane, &self.offset);
+        let mut compliance = small::zeros(u[0][0].simd);
+        for i in 0..D {
+            compliance[i][i] = self.compliance[i];
+        }
+        (u, f, compliance)
+    }
+
     /// The offsets of the way back to the node.
     #[inline(always)]
     fn reversed(&self) -> [C<S>; D] {
@@ -164,13 +176,20 @@ pub struct JointState<S: Simd, const D: usize> {
     pub gap: [C<S>; D],
 }
 
-/// The plane in the coordinates of a centre: u = T u and f = T^-T f.
+/// The plane in the coordinates of a centre.
 #[inline(always)]
 fn shifted<S: Simd, const D: usize>(
     plane: &Plane<S, D>,
     offset: &[C<S>; D],
     weights: &[f64; D],
 ) -> (Plane<S, D>, Mat<S, D>) {
+    let (u, f) = shifted_basis(plane, offset);
+    Plane::pivot(&u, &f, weights)
+}
+
+/// The basis of a plane in the coordinates of a centre: T u and T^-T f.
+#[inline(always)]
+fn shifted_basis<S: Simd, const D: usize>(plane: &Plane<S, D>, offset: &[C<S>; D]) -> (Mat<S, D>, Mat<S, D>) {
     let (before_u, before_f) = plane.basis();
     let (mut u, mut f) = (before_u, before_f);
     for i in 0..D {
@@ -180,7 +199,7 @@ fn shifted<S: Simd, const D: usize>(
             f[i][j] = offset[other].neg_mul_add(before_f[other][j], before_f[i][j]);
         }
     }
-    Plane::pivot(&u, &f, weights)
+    (u, f)
 }
 
 /// Two branches on one node: one displacement, loads add.

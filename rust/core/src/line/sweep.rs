@@ -68,9 +68,9 @@ pub struct Within {
 
 /// Observer of each elimination of a node on the way up.
 pub trait Observer<S: Simd, const D: usize> {
-    /// A node was passed: its plane's basis (u rows), the near node's u rows, and the compliance `uf` of
-    /// the elements between (near u per far load).
-    fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>);
+    /// A node was passed: its plane's basis (u and f rows), the near node's u rows, and what of the elements between gives
+    /// these: `uu` (near u per far u) and the compliance `uf` (near u per far load).
+    fn passed(&mut self, far: [&Mat<S, D>; 2], near_u: &Mat<S, D>, between: [&Mat<S, D>; 2]);
 
     /// Output of overlaps requested besides the plane.
     fn wanted(&self) -> Wanted {
@@ -86,7 +86,7 @@ pub struct Blind;
 
 impl<S: Simd, const D: usize> Observer<S, D> for Blind {
     #[inline(always)]
-    fn passed(&mut self, _: &Mat<S, D>, _: &Mat<S, D>, _: &Mat<S, D>) {}
+    fn passed(&mut self, _: [&Mat<S, D>; 2], _: &Mat<S, D>, _: [&Mat<S, D>; 2]) {}
 }
 
 impl<S: Simd, const D: usize> Field<S, D> {
@@ -153,9 +153,9 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     self.through_overlap(row, forward, plane, prepared, records, observer);
                 }
                 Step::Joint { row, .. } => {
-                    let (u, f) = plane.basis();
-                    let near_u = small::mul_add(&self.compliances[row], &f, &u);
-                    observer.passed(&u, &near_u, &self.compliances[row]);
+                    let (u, f, compliance) = self.centres[row].before(&plane);
+                    let near_u = small::mul_add(&compliance, &f, &u);
+                    observer.passed([&u, &f], &near_u, [&small::identity(simd), &compliance]);
                     let (plane, back) = if self.coupled[row] {
                         add_beyond(&plane, &self.centres[row], Kind::Compliance, &weights)
                     } else {
@@ -253,7 +253,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     let (u, f) = plane.basis();
                     let near_u = small::mul_add(&uf, &f, &small::mul(&uu, &u));
                     let near_f = small::mul_add(&ff, &f, &small::mul(&fu, &u));
-                    observer.passed(&u, &near_u, &uf);
+                    observer.passed([&u, &f], &near_u, [&uu, &uf]);
                     let (next, back) = Plane::pivot(&near_u, &near_f, weights);
                     records.push(Record { plane: next, back, weights: *weights });
                     plane = next;

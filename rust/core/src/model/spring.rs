@@ -117,6 +117,6 @@ impl Spring {
     /// Whether the static stiffness alone keeps the interface from being singular.
     pub fn statically_regular(&self, degrees: usize) -> bool {
         let [y, theta, both] = self.k;
-        if degrees == 1 { y > 0.0 } else { y * theta - both * both > 1e-14 * y * theta }
+        if degrees == 1 { y > 0.0 } else { (both / y) * (both / theta) < 1.0 - 1e-14 }
     }
 }

@@ -85,9 +85,9 @@ impl Logarithms {
 
 impl<S: Simd, const D: usize> Observer<S, D> for Logarithms {
     #[inline(always)]
-    fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, _: &Mat<S, D>) {
+    fn passed(&mut self, far: [&Mat<S, D>; 2], near_u: &Mat<S, D>, _: [&Mat<S, D>; 2]) {
         self.add(small::det(near_u), 1.0);
-        self.add(small::det(far_u), -1.0);
+        self.add(small::det(far[0]), -1.0);
     }
 
     #[inline(always)]

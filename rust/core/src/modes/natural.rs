@@ -38,6 +38,9 @@ const MARGIN: f64 = 1.05;
 /// A mode this many times above where it is expected only shows that the point is far from the optimum.
 const FARTHEST: f64 = 1e3;
 
+/// Distance of the centres of two springs to ground, as a share of the size, within which they are one hinge.
+const SAME_PLACE: f64 = 1e-12;
+
 /// Natural frequencies with derivatives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NaturalFrequencies {
@@ -214,12 +217,15 @@ impl Negatives {
 
 impl<S: Simd, const D: usize> Observer<S, D> for Negatives {
     #[inline(always)]
-    fn passed(&mut self, far_u: &Mat<S, D>, near_u: &Mat<S, D>, compliance: &Mat<S, D>) {
-        // pivot = compliance^-1 near far^-1 = adj(compliance) near adj(far) / (det det).
-        let left = small::mul(&small::adjugate(compliance), near_u);
-        let entry = small::mul(&left, &small::adjugate(far_u))[0][0];
-        let bottom = small::det(compliance) * small::det(far_u);
-        self.add::<S, D>(entry, bottom, small::det(near_u));
+    fn passed(&mut self, far: [&Mat<S, D>; 2], near_u: &Mat<S, D>, between: [&Mat<S, D>; 2]) {
+        // pivot = uf^-1 near far_u^-1 = uf^-1 uu + far_f far_u^-1. Its determinant is that of the first form; the entry of
+        // the second one keeps its digits where far_u holds a soft direction coupled to a very stiff one.
+        let ([far_u, far_f], [uu, uf]) = (far, between);
+        let (motion, compliance) = (small::det(far_u), small::det(uf));
+        let stiffness = small::mul(&small::adjugate(uf), uu)[0][0];
+        let impedance = small::mul(far_f, &small::adjugate(far_u))[0][0];
+        let entry = stiffness.mul_add(motion, impedance * compliance);
+        self.add::<S, D>(entry, compliance * motion, small::det(near_u));
     }
 
     #[inline(always)]
@@ -461,21 +467,20 @@ pub(crate) fn rigid_modes(model: &Model) -> usize {
         }
     }
     let span = position.iter().fold(0.0_f64, |most, x| most.max(x.abs())).max(f64::MIN_POSITIVE);
-    // Stiffness against a shift and a turn about node 0, the turn measured at the span.
-    let (mut shift, mut turn, mut both) = (0.0, 0.0, 0.0);
+    // A spring holds its centre, and resists rotation about it unless it is a hinge. How stiff it is makes no difference: a
+    // sum would lose the softer one of two stiffnesses.
+    let mut first = None;
+    let mut against_rotation = false;
     for (node, spring) in &model.grounds {
         let [y, theta, mixed] = spring.k;
-        let x = position[*node] / span;
-        shift += y;
-        both += y * x + mixed / span;
-        turn += y * x * x + 2.0 * mixed * x / span + theta / (span * span);
+        if y > 0.0 {
+            let centre = position[*node] + mixed / y;
+            against_rotation |=
+                (centre - *first.get_or_insert(centre)).abs() > SAME_PLACE * span.max(centre.abs());
+            against_rotation |= spring.statically_regular(degrees);
+        } else {
+            against_rotation |= theta > 0.0;
+        }
     }
-    let (sum, product) = (shift + turn, shift * turn - both * both);
-    if sum == 0.0 {
-        2
-    } else if product <= 1e-13 * sum * sum {
-        1
-    } else {
-        0
-    }
+    2 - usize::from(first.is_some()) - usize::from(against_rotation)
 }
