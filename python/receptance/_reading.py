@@ -36,7 +36,7 @@ class Option:
     records_key: str | None = ""
 
 
-class Reading(TypedDict, total=False):
+class ReadingOptions(TypedDict, total=False):
     """Options of reading by the name of their keyword argument."""
 
     format: Annotated[
@@ -112,7 +112,7 @@ class Reading(TypedDict, total=False):
 
 def reading_options() -> dict[str, tuple[Any, Option]]:
     """Return the type and the declaration of each option by the name of its keyword argument."""
-    hints = get_type_hints(Reading, include_extras=True)
+    hints = get_type_hints(ReadingOptions, include_extras=True)
     return {name: (hint.__origin__, hint.__metadata__[0]) for name, hint in hints.items()}
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import numpy as np
 
 from receptance import units
-from receptance._reading import Reading, campaign_keys
+from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import shown
 from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue
@@ -313,12 +313,12 @@ def read_entry(table: FileFields, folder: Path) -> FRF:
     return _with_stated_properties(found, table)
 
 
-def _reading(table: FileFields | HammerTable, folder: Path, *, records: bool) -> Reading:
+def _reading(table: FileFields | HammerTable, folder: Path, *, records: bool) -> ReadingOptions:
     """Return the keywords of `read_all` that a table gives."""
     keys = {name: getattr(table, key) for name, key in campaign_keys(records=records).items()}
     if keys.get("coherence") is not None:
         keys["coherence"] = folder / keys["coherence"]
-    return cast(Reading, {name: value for name, value in keys.items() if value})
+    return cast(ReadingOptions, {name: value for name, value in keys.items() if value})
 
 
 def _entry(things: Sequence[object], number: int) -> FRF:

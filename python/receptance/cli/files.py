@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from receptance._reading import Option, Reading, reading_options
+from receptance._reading import Option, ReadingOptions, reading_options
 from receptance.cli.running import (
     InputError,
     Overwrite,
@@ -91,14 +91,14 @@ def _parameter(name: str, kind: Any, option: Option, several: bool) -> inspect.P
     )
 
 
-def reading_of(given: Mapping[str, Any]) -> Reading:
+def reading_of(given: Mapping[str, Any]) -> ReadingOptions:
     """Return the keywords of `read_all` from options of a command, without those that were not given."""
     found = {name: value for name, value in given.items() if value is not None and value is not False and value != []}
     for name in _REPEATED & found.keys():
         found[name] = _units_of(found[name]) if name == "unit" else _named_values(found[name], name)
     for name in _LISTED & found.keys():
         found[name] = found[name].split(",")
-    return cast(Reading, found)
+    return cast(ReadingOptions, found)
 
 
 @contextmanager
@@ -111,7 +111,7 @@ def collected_warnings() -> Iterator[list[str]]:
     notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
 
 
-def read_measurements(source: Path, reading: Reading, number: int | None) -> tuple[list[Measurement], list[str]]:
+def read_measurements(source: Path, reading: ReadingOptions, number: int | None) -> tuple[list[Measurement], list[str]]:
     """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
     from receptance.io import read_all
 
@@ -155,7 +155,7 @@ NoWindow = Annotated[bool, typer.Option("--no-window", help="Do not open the fig
 @takes_targets()
 def show(
     source: Annotated[Path, typer.Argument(metavar="FILE", help="File with FRFs, coherences or time records.")],
-    reading: Reading,
+    reading: ReadingOptions,
     targets: Targets,
     no_window: NoWindow = False,
     number: MeasurementNumber = None,
@@ -203,7 +203,7 @@ def convert(
         Path,
         typer.Argument(metavar="OUT", help="Output file: .uff, .ufb, .csv, .npz, .mat, .h5 or .frf."),
     ],
-    reading: Reading,
+    reading: ReadingOptions,
     form: Annotated[
         str | None, typer.Option("--as", metavar="NAME", help="Write FRFs as receptance, mobility or accelerance.")
     ] = None,

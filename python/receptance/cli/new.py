@@ -16,7 +16,7 @@ import typer
 
 from receptance import units
 from receptance._files import check_target, created_folder, read_whole, write_whole
-from receptance._reading import Reading, campaign_keys
+from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import instead_of, one_of, printable, shown
 from receptance.cli.files import reading_of, takes_reading
 from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors
@@ -59,7 +59,7 @@ def new(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILES", help="Files with FRFs or hammer hits, one for each overhang.")
     ],
-    reading: Reading,
+    reading: ReadingOptions,
     overhang: Annotated[
         list[str] | None,
         typer.Option(
@@ -318,7 +318,7 @@ def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:
 
 def _contents(
     file: Path,
-    reading: Reading,
+    reading: ReadingOptions,
     asked: dict[str, Any],
     answers: _Answers,
     force: str | None,
@@ -345,7 +345,7 @@ def _contents(
                     if wanted == "columns"
                     else answers.ask("Unit of the numbers", _units, "m/s^2/N, or hammer=N, tip=g")
                 )
-            reading = cast(Reading, {**reading, **reading_of({wanted: asked[wanted]})})
+            reading = cast(ReadingOptions, {**reading, **reading_of({wanted: asked[wanted]})})
     frfs = [one for one in found if isinstance(one, FRF)]
     series = [one for one in found if isinstance(one, TimeSeries)]
     keys = _reading_keys(reading, records=not frfs)
@@ -407,7 +407,7 @@ def _hammer_keys(
     return {**table, **keys}
 
 
-def _by_file(files: Sequence[Path], reading: Reading) -> dict[Path, Reading]:
+def _by_file(files: Sequence[Path], reading: ReadingOptions) -> dict[Path, ReadingOptions]:
     """Return the options of reading for each file, with its own file of coherence."""
     several: Any = reading.pop("coherence", [])
     if several and len(several) != len(files):
@@ -416,10 +416,10 @@ def _by_file(files: Sequence[Path], reading: Reading) -> dict[Path, Reading]:
             "one for each in their order"
         )
     own: list[Any] = [{"coherence": one} for one in several] or [{}] * len(files)
-    return {file: cast(Reading, {**reading, **one}) for file, one in zip(files, own, strict=True)}
+    return {file: cast(ReadingOptions, {**reading, **one}) for file, one in zip(files, own, strict=True)}
 
 
-def _reading_keys(reading: Reading, *, records: bool) -> dict[str, Any]:
+def _reading_keys(reading: ReadingOptions, *, records: bool) -> dict[str, Any]:
     """Return options of `read_all` as keys of a measurement."""
     names = campaign_keys(records=records)
     keys = {names[name]: value for name, value in reading.items() if name in names}

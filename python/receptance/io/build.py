@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance._reading import Reading
+from receptance._reading import ReadingOptions
 from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence
@@ -25,7 +25,7 @@ _GIVE_UNIT = (
 )
 
 
-class ReadKeywords(Reading, total=False):
+class ReadKeywords(ReadingOptions, total=False):
     """Keyword arguments of `read`: the options of reading, and coordinates."""
 
     responses: Coordinate | Sequence[Coordinate] | None

@@ -71,7 +71,7 @@ _LEVEL = re.compile(
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """Meaning of a column, from its name."""
 
     name: str
@@ -84,14 +84,14 @@ class Column:
     """Response and excitation, if there are several."""
 
 
-def parse_column(text: str) -> Column:
+def parse_column(text: str) -> TableColumn:
     """Return the meaning of a column name such as `accelerance real [m/s^2/N]` or `tip (g)`.
 
     Examples
     --------
     >>> from receptance.io.column_names import parse_column
     >>> parse_column("Inertance imag 2/1 [m/s^2/N]")
-    Column(name='Inertance imag 2/1', unit='m/s^2/N', role='imaginary', form='accelerance', entry='2/1')
+    TableColumn(name='Inertance imag 2/1', unit='m/s^2/N', role='imaginary', form='accelerance', entry='2/1')
     """
     text = text.strip()
     if (match := _BRACKETS.fullmatch(text)) and match["name"].strip():
@@ -108,7 +108,7 @@ def parse_column(text: str) -> Column:
     return column if column.role != "channel" else replace(named_column(text.replace("_", " "), None), name=text)
 
 
-def named_column(name: str, unit: str | None) -> Column:
+def named_column(name: str, unit: str | None) -> TableColumn:
     """Return the meaning of a name without its unit."""
     name = unicodedata.normalize("NFC", name.strip())
     unit = None if unit is None or unit.strip() in _NO_UNIT else unit.strip()
@@ -119,18 +119,18 @@ def named_column(name: str, unit: str | None) -> Column:
 
     for role, words in AXES.items():
         if plain.lower().removesuffix(".") in words:
-            return Column(name, unit, role)
+            return TableColumn(name, unit, role)
     if quality := _QUALITY.fullmatch(plain):
         field = quality["name"].lower().replace(" ", "_")
-        return Column(name, unit, field if field in QUALITY else "coherence", entry=entry(quality))
+        return TableColumn(name, unit, field if field in QUALITY else "coherence", entry=entry(quality))
     if frf := _FRF.fullmatch(plain):
         word = frf["form"] or frf["after"] or ""
-        return Column(name, unit, _role(frf["part"]), _form(word), entry(frf))
+        return TableColumn(name, unit, _role(frf["part"]), _form(word), entry(frf))
     if part := _PART_OF.fullmatch(plain):
-        return Column(name, unit, _role(part["part"]), _form(part["form"]))
+        return TableColumn(name, unit, _role(part["part"]), _form(part["form"]))
     if magnitude := _MAGNITUDE.fullmatch(plain):
-        return Column(name, unit, "magnitude", _form(magnitude["form"]))
-    return Column(name, unit, "channel")
+        return TableColumn(name, unit, "magnitude", _form(magnitude["form"]))
+    return TableColumn(name, unit, "channel")
 
 
 def _without_accents(name: str) -> str:
@@ -138,12 +138,12 @@ def _without_accents(name: str) -> str:
     return "".join(unicodedata.normalize("NFD", letter)[0] for letter in name)
 
 
-def usual_unit(column: Column) -> str | None:
+def usual_unit(column: TableColumn) -> str | None:
     """Return the usual unit of a column whose quantity follows from its name, else None."""
     return "rad/s" if _without_accents(column.name).lower() in _ANGULAR else _UNITS.get(column.role)
 
 
-def with_one_axis(columns: Sequence[Column]) -> list[Column]:
+def with_one_axis(columns: Sequence[TableColumn]) -> list[TableColumn]:
     """Return columns of which only the first axis is one: a later f or t is a channel, as force or temperature."""
     first = next((index for index, column in enumerate(columns) if column.role in AXES), len(columns))
     return [
@@ -152,14 +152,16 @@ def with_one_axis(columns: Sequence[Column]) -> list[Column]:
     ]
 
 
-def with_complex_parts(columns: Sequence[Column], are_complex: Sequence[bool], line: int | None = None) -> list[Column]:
+def with_complex_parts(
+    columns: Sequence[TableColumn], are_complex: Sequence[bool], line: int | None = None
+) -> list[TableColumn]:
     """Return columns with two, of the real and the imaginary part, for each FRF of complex numbers.
 
     Complex numbers in another column, or in a table without a frequency, raise a FileFormatError with the line.
     """
     has_frequency = any(column.role == "frequency" for column in columns)
     several = sum(are_complex) > 1
-    parts: list[Column] = []
+    parts: list[TableColumn] = []
     for column, is_complex in zip(columns, are_complex, strict=True):
         if not is_complex:
             parts.append(column)
@@ -213,7 +215,7 @@ def _form(word: str) -> Form | None:
     return form_name(word) if word.lower() in FORM_NAMES else None
 
 
-def _has_unit_of_role(column: Column) -> bool:
+def _has_unit_of_role(column: TableColumn) -> bool:
     """Return whether the unit is one of the quantity that the column has by its name."""
     try:
         unit = column_unit(column.unit or "")

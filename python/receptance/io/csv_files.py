@@ -20,7 +20,7 @@ from receptance.io.column_names import (
     AXES,
     LONGEST_NAME,
     QUALITY_NAMES,
-    Column,
+    TableColumn,
     column_unit,
     named_column,
     parse_column,
@@ -122,7 +122,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
 
 def _columns(
     lines: list[tuple[int, str]], delimiter: str, options: ReadOptions
-) -> tuple[int, list[Column], list[tuple[int, str]]]:
+) -> tuple[int, list[TableColumn], list[tuple[int, str]]]:
     """Return the line number of the header, its columns with their units, and the lines below it."""
     header, names = lines[0][0], _split(*lines[0], delimiter)
     has_names = not _is_number(names[0], delimiter)
@@ -155,8 +155,8 @@ def _columns(
 
 
 def _with_complex_columns(
-    columns: Sequence[Column], lines: Sequence[tuple[int, str]], delimiter: str
-) -> tuple[list[Column], Callable[[int, str], list[str]]]:
+    columns: Sequence[TableColumn], lines: Sequence[tuple[int, str]], delimiter: str
+) -> tuple[list[TableColumn], Callable[[int, str], list[str]]]:
     """Return the columns with two for each column of complex numbers, and the function that splits a line into them."""
     first_rows = [_split(line, text, delimiter) for line, text in lines[:_FIRST_ROWS]]
     are_complex = [
@@ -220,7 +220,7 @@ def _window_notes(before: Sequence[tuple[int, str]]) -> list[str]:
     return notes
 
 
-def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str) -> bool:
+def _are_units(columns: Sequence[TableColumn], fields: Sequence[str], delimiter: str) -> bool:
     """Return whether the row below the names has units: that of the axis, else all cells with text."""
     if len(fields) != len(columns):
         return False
@@ -235,7 +235,9 @@ def _are_units(columns: Sequence[Column], fields: Sequence[str], delimiter: str)
         return False
 
 
-def _with_units(columns: Sequence[Column], line: int, fields: Sequence[str], options: ReadOptions) -> list[Column]:
+def _with_units(
+    columns: Sequence[TableColumn], line: int, fields: Sequence[str], options: ReadOptions
+) -> list[TableColumn]:
     """Return columns with the units of the row below their names, which must not contradict units in the names."""
     with_units = []
     for column, field in zip(columns, fields, strict=True):

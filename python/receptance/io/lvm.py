@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.io.build import ReadOptions
-from receptance.io.column_names import LONGEST_NAME, Column, column_unit, named_column
+from receptance.io.column_names import LONGEST_NAME, TableColumn, column_unit, named_column
 from receptance.io.errors import FileFormatError, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
@@ -294,7 +294,7 @@ class _Segment:
         return start, step, 0.5 * float(Decimal(1).scaleb(int(written.as_tuple().exponent)))
 
 
-def _column(name: str, label: str, role: str) -> Column:
+def _column(name: str, label: str, role: str) -> TableColumn:
     """Return the meaning of a channel; LabVIEW capitalises names of units, as in `Newtons`."""
     if len(name) + len(label) > LONGEST_NAME:
         raise FileFormatError(
@@ -317,6 +317,6 @@ def _with_axis(table: NumberTable, role: str, axis: NDArray[Any]) -> NumberTable
     """Return a table with a first column of times or frequencies."""
     return replace(
         table,
-        columns=(Column("X_Value", _UNITS[role], role), *table.columns),
+        columns=(TableColumn("X_Value", _UNITS[role], role), *table.columns),
         values=np.column_stack([axis, table.values]),
     )

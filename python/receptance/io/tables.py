@@ -24,7 +24,7 @@ from receptance.io.build import (
     sampling,
     to_si,
 )
-from receptance.io.column_names import PARTS, QUALITY_NAMES, Column, column_unit, level_reference, usual_unit
+from receptance.io.column_names import PARTS, QUALITY_NAMES, TableColumn, column_unit, level_reference, usual_unit
 from receptance.io.description import measurement_of
 from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
@@ -42,7 +42,7 @@ _MAY_BE_INFINITE = ("log_variance", "degrees_of_freedom")
 class NumberTable:
     """Named columns of numbers."""
 
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     values: NDArray[np.float64]
     """`(rows, columns)`."""
     header: int
@@ -95,7 +95,7 @@ def _check_finite(table: NumberTable) -> None:
         )
 
 
-def _column_unit(column: Column) -> Unit | None:
+def _column_unit(column: TableColumn) -> Unit | None:
     """Return the unit of a column, or None."""
     if not column.unit:
         return None

@@ -34,15 +34,15 @@ class Fault(Enum):
 
 
 @dataclass(frozen=True)
-class Deviation:
-    """Deviation of a hit from the others: the fault, the ratio of FRFs, and the response channel."""
+class HitDeviation:
+    """HitDeviation of a hit from the others: the fault, the ratio of FRFs, and the response channel."""
 
     fault: Fault
     gain: float
     channel: int
 
 
-def deviating_hits(force: NDArray[np.float64], response: NDArray[np.float64]) -> dict[int, Deviation]:
+def deviating_hits(force: NDArray[np.float64], response: NDArray[np.float64]) -> dict[int, HitDeviation]:
     """Return the hits that deviate from the majority, by index.
 
     Parameters
@@ -64,11 +64,11 @@ def deviating_hits(force: NDArray[np.float64], response: NDArray[np.float64]) ->
     magnitude = np.abs(spectra)
     lines = np.all(magnitude >= _FORCE_DROP * magnitude.max(axis=1, keepdims=True), axis=0)
     lines[0] = False
-    deviations: dict[int, Deviation] = {}
+    deviations: dict[int, HitDeviation] = {}
     for channel in range(response.shape[2]):
         frfs = np.fft.rfft(response[:, :, channel], axis=1)[:, lines] / spectra[:, lines]
         for hit, (fault, gain) in _deviating_frfs(frfs).items():
-            deviations.setdefault(hit, Deviation(fault, gain, channel))
+            deviations.setdefault(hit, HitDeviation(fault, gain, channel))
     return deviations if len(force) == 2 or 2 * len(deviations) < len(force) else {}
 
 

@@ -613,7 +613,7 @@ class _Search:
                 compared[kept[position]] = replace(hit, reason=f'{text} (deviating_hits = "keep" keeps it)')
         return compared
 
-    def _contradiction(self, deviation: agreement.Deviation, pair: bool, peak: float, others: float) -> str:
+    def _contradiction(self, deviation: agreement.HitDeviation, pair: bool, peak: float, others: float) -> str:
         """Return the sentence on a hit whose FRF differs from the others."""
         other = "the other hit" if pair else "the other hits"
         channel = "" if self.responses[0].shape[1] == 1 else f" of channel {deviation.channel}"
