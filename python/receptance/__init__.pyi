@@ -2,6 +2,8 @@ from . import campaign as campaign
 from . import catalogue as catalogue
 from . import diagnosis as diagnosis
 from . import examples as examples
+from . import frf as frf
+from . import identification as identification
 from . import io as io
 from . import measurement as measurement
 from . import modal as modal

@@ -13,7 +13,7 @@ import pytest
 
 import cause_effects
 import drawings
-import gallery
+import notebooks
 import receptance
 from examples.documents import ROOT, difference
 from receptance import Assembly, PointMass
@@ -99,7 +99,7 @@ def test_notebooks_of_the_gallery_have_the_statements_of_their_scripts() -> None
     for script in (ROOT / "docs" / "gallery").glob("*.py"):
         code = script.read_text(encoding="utf-8")
         made = nbformat.reads(
-            gallery.notebook(script.with_suffix(".md").read_text(encoding="utf-8"), code), as_version=4
+            notebooks.notebook(script.with_suffix(".md").read_text(encoding="utf-8"), code), as_version=4
         )
         nbformat.validate(made)
         text, magic, *cells = [cell.source for cell in made.cells]

@@ -18,7 +18,7 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.identification.observations import altered
 from receptance.identification.unknowns import Law
-from receptance.io import write
+from receptance.io import read_frf, write
 
 LINES = np.linspace(300.0, 6000.0, 400)
 JOINT = {"joint.k_y": 5e8, "joint.k_theta": 1e5, "joint.c_y": 200.0, "joint.c_theta": 0.5}
@@ -211,7 +211,8 @@ def test_held_out_records_have_their_own_end(tmp_path: Path) -> None:
 def test_every_level_of_a_series_is_written_out(tmp_path: Path) -> None:
     unknowns = write_campaign(tmp_path).file.read_text().partition("[unknowns]")[2]
     for value in (40, 50, 60):
-        (tmp_path / "data" / f"{value}.csv").write_bytes((tmp_path / "data" / "short.csv").read_bytes())
+        frf = read_frf(tmp_path / "data" / "short.csv")
+        write(tmp_path / "data" / f"{value}.csv", frf.with_(values=(1.0 + 1e-6 * value) * frf.values))
     read = load(tmp_path, HEAD + SERIES + unknowns.replace('"joint.k_y" = {', '"joint.k_y" = { free = true,'))
     read, verdict = as_if_found(read, ("tool_density", "all of the tool"))
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "e.toml"))

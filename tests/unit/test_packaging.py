@@ -28,6 +28,7 @@ LIBRARY = ROOT / "python" / "receptance"
 # Where the name to install is not the name to import; pydantic requires one version of its core.
 DISTRIBUTION_OF: dict[str, str] = {
     "google_crc32c": "google-crc32c",
+    "lazy_loader": "lazy-loader",
     "pydantic_core": "pydantic",
     "tomli_w": "tomli-w",
 }
