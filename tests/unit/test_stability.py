@@ -192,3 +192,14 @@ def test_pieces_of_very_different_depth() -> None:
     limit, chatter_hz = limit_over_speed(1, speeds, lines, depth, phase)
     np.testing.assert_allclose(limit, [1.0, 10.0], rtol=1e-12)
     np.testing.assert_allclose(chatter_hz, [1005.0, 2005.0], rtol=1e-12)
+
+
+def test_a_mode_near_the_first_line_is_on_the_lines():
+    """It falls about as 1/f^2, as drift does, but its peak is there."""
+    modes = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
+    cut = Milling(teeth=2, k_t=6e8, k_n=2e8, immersion=0.05)
+    for first in (500.0, 850.0, 900.0):
+        lines = np.arange(first, 4000.0, 0.1)
+        lobes = stability_lobes(cut, lines, modes.receptance(lines), speeds_rpm=[5e3, 2e4])
+        assert lobes.rejection == ()
+        assert 1e3 * lobes.depth == pytest.approx([2.58, 2.22], abs=0.01)

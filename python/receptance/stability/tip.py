@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from receptance.modal import ModeEstimate
 
 _HALF_POWER = 0.5**0.5
+_SMOOTH = 0.1
+"""Share of noise below which a peak at the lowest lines is that of a mode."""
 _AT_TOP = 0.9
 """Least magnitude of the first line, as a share of the largest, if the mode is below it."""
 _FIRST = 1.1
@@ -269,8 +271,13 @@ def beyond_lines(lines: NDArray[np.float64], receptance: NDArray[np.complex128])
         values = receptance[:, i, i]
         if not values.any():
             continue
+        size = np.abs(values)
         drift = low_frequency_rise(lines, values, drive_point=True)
-        size = np.abs(values if drift is None else values[lines > drift.highest_hz])
+        if drift is not None:
+            if drift.noise_share < _SMOOTH and size[0] < _HALF_POWER * size.max():
+                drift = None  # a mode near the first line, whose peak is on the lines, falls like that as well
+            else:
+                size = size[lines > drift.highest_hz]
         top = int(size.argmax())
         low = size < _HALF_POWER * size[top]
         ends = [("last", lines[-1], "higher")] if not low[top:].any() else []
