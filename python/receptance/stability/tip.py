@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _HALF_POWER = 0.5**0.5
 _SMOOTH = 0.1
 """Share of noise below which a peak at the lowest lines is that of a mode."""
+_RESOLVED = 0.25
+"""Magnitude of the first line, as a share of the largest, below which the peak of such a mode is on the lines: with a
+larger one limits that chatter below the natural frequency determines are lost."""
 _AT_TOP = 0.9
 """Least magnitude of the first line, as a share of the largest, if the mode is below it."""
 _FIRST = 1.1
@@ -274,7 +277,7 @@ def beyond_lines(lines: NDArray[np.float64], receptance: NDArray[np.complex128])
         size = np.abs(values)
         drift = low_frequency_rise(lines, values, drive_point=True)
         if drift is not None:
-            if drift.noise_share < _SMOOTH and size[0] < _HALF_POWER * size.max():
+            if drift.noise_share < _SMOOTH and size[0] < _RESOLVED * size.max():
                 drift = None  # a mode near the first line, whose peak is on the lines, falls like that as well
             else:
                 size = size[lines > drift.highest_hz]
