@@ -77,6 +77,8 @@ class Windows:
 def correlated_lines(weights: NDArray[np.float64]) -> float:
     """Return the number of lines per independent value of white noise through windows `(n_hits, n_samples)`."""
     energy = np.mean(weights**2, axis=0)
+    if not energy.any():
+        return 1.0
     return float(energy.size * np.sum(energy**2) / np.sum(energy) ** 2)
 
 
