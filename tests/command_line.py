@@ -15,11 +15,8 @@ from limits import LIMIT_S
 from receptance.cli import main
 
 _SCRIPT = """
-import signal
 import receptance.cli.running as running
 from receptance.cli import main
-# A shell that starts the tests in the background ignores the signal.
-signal.signal(signal.SIGINT, signal.default_int_handler)
 running._QUIET = 0.0  # every line of progress is printed at once
 main()
 """

@@ -7,6 +7,7 @@ import gc
 import importlib.util
 import json
 import os
+import signal
 from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make room for the summaries."""
+    """Make room for the summaries, and let Ctrl-C interrupt also where the shell ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     config.stash[_SUMMARIES] = {}
 
 
