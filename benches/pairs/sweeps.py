@@ -9,7 +9,7 @@ import numpy as np
 
 import numpy_reference as reference
 from numpy_reference.cases import JOINT, tool_and_holder
-from receptance.sweep.candidate_model import CandidateModel, candidate_model
+from receptance.sweep.parametric_receptance import ParametricReceptance, parametric_receptance
 
 from .models import JOINT_FIELDS, Array, coupled, joint_addresses, sweep
 from .pair import Pair, largest_difference
@@ -45,9 +45,9 @@ def measured(w: Array) -> Array:
 
 
 @cache
-def swept(lines: int, threads: int) -> CandidateModel:
+def swept(lines: int, threads: int) -> ParametricReceptance:
     """Return what evaluates joints; tool and holder are evaluated once, as the reference does."""
-    return candidate_model(coupled(), joint_addresses(), sweep(lines)[0], threads=threads)
+    return parametric_receptance(coupled(), joint_addresses(), sweep(lines)[0], threads=threads)
 
 
 def _joint_pairs(kind: str, lines: int, candidates: int) -> Iterator[Pair]:
@@ -98,7 +98,7 @@ def _models_pair(lines: int, candidates: int) -> Pair:
     addresses = ("tool.segment[0].length", "tool.segment[1].outer_diameter", "joint.k_y")
     own = np.array([coupled().get(address) for address in addresses])
     rows = own * np.random.default_rng(SEED).uniform(1 - SHARE, 1 + SHARE, (candidates, own.size))
-    ours = candidate_model(coupled(), addresses, f, threads=1)
+    ours = parametric_receptance(coupled(), addresses, f, threads=1)
     room = np.empty((candidates, lines), dtype=np.complex128)
 
     def one_by_one() -> Array:

@@ -7,7 +7,7 @@ import importlib.util
 from receptance.errors import MissingExtraError
 
 EXTRAS = {
-    "sweep": ("xarray", "zarr", "google_crc32c", "pandas"),
+    "sweep": ("xarray", "zarr", "pandas"),
     "hdf5": ("h5py",),
     "sampling": ("emcee",),
     "dask": ("distributed",),

@@ -29,7 +29,7 @@ def _nothing_optional(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (
             lambda folder: sweep(BAR, Grid({"bar.segment[0].length": [0.1]}), NaturalFrequencies(upper_hz=1e4)),
-            r"a sweep needs xarray and zarr and google-crc32c and pandas: pip install 'receptance\[sweep\]'",
+            r"a sweep needs xarray and zarr and pandas: pip install 'receptance\[sweep\]'",
         ),
         (open_sweep, r"open_sweep needs .*'receptance\[sweep\]'"),
         (as_grid, r"as_grid needs .*'receptance\[sweep\]'"),

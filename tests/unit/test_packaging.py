@@ -27,7 +27,6 @@ ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
 # Where the name to install is not the name to import; pydantic requires one version of its core.
 DISTRIBUTION_OF: dict[str, str] = {
-    "google_crc32c": "google-crc32c",
     "lazy_loader": "lazy-loader",
     "pydantic_core": "pydantic",
     "tomli_w": "tomli-w",
@@ -151,8 +150,7 @@ def test_packages_of_extras_are_listed_in_both_places() -> None:
 
 def test_optional_packages_are_checked_where_they_are_imported() -> None:
     """A module that imports a package of an extra, or the one that starts it, has `require`."""
-    started_by = {"io/_worker.py": "io/mat_hdf5.py", "sweep/disk.py": "sweep/store.py"}
-    started_by |= {"sweep/reading.py": "sweep/store.py"}
+    started_by = {"io/_worker.py": "io/mat_hdf5.py"}
     for extra, modules in EXTRAS.items():
         for path in set().union(*(_imports()[name] for name in modules if name in _imports())):
             source = (LIBRARY / started_by.get(path, path)).read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 """Sweeps: many candidates through one model, on all cores and on many machines."""
 
 from receptance.sweep.candidates import Candidates, Grid, Listed, Sampled
-from receptance.sweep.disk import SweepError
+from receptance.sweep.definition import SweepError
 from receptance.sweep.outputs import (
     FrequencyResponse,
     Misfit,

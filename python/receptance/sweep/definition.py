@@ -15,7 +15,6 @@ from receptance import _checks
 from receptance.identification.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
-from receptance.sweep.disk import SweepError
 from receptance.sweep.outputs import PROGRAM, Output, Reduction, Variable
 
 if TYPE_CHECKING:
@@ -27,10 +26,15 @@ CANDIDATE = "candidate"
 VALID = "valid"
 """Name of the variable that marks feasible candidates."""
 _ASSEMBLY = "assembly"
-_BLOCK_BYTES, _BLOCK_S = 4e6, 0.25
+_BLOCK_BYTES, _BLOCK_S = 16e6, 0.5
 """Default size of the results of a block in bytes and largest duration of its evaluation in s."""
-_FEWEST, _MOST = 16, 16384
-"""Bounds of the number of candidates in a block: progress needs small blocks, low overhead large ones."""
+_FEWEST, _MOST = 16, 65536
+"""Bounds of the number of candidates in a block: progress needs small blocks; a store needs some milliseconds each."""
+
+
+class SweepError(ValueError):
+    """An unsuitable or damaged store, or results that do not fit into memory."""
+
 
 Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
 
@@ -97,6 +101,11 @@ class Definition:
                 known |= dimensions
                 variables.append(replace(variable, dimensions=dimensions))
         return variables
+
+    def kept(self) -> list[Variable]:
+        """Return all that is kept of a candidate: its parameters, the results, and whether it is feasible."""
+        parameters = [Variable(address, "float64", "") for address in self.candidates.addresses]
+        return [*parameters, *self.variables(), Variable(VALID, "bool", "")]
 
     def block_size(self) -> int:
         """Return the default number of candidates in a block."""

@@ -20,7 +20,7 @@ from receptance.identification.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
 from receptance.stability.lobes import checked_lines, checked_speeds, limit_over_speed
-from receptance.sweep.candidate_model import CandidateModel, candidate_model
+from receptance.sweep.parametric_receptance import ParametricReceptance, parametric_receptance
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
@@ -401,11 +401,11 @@ def _prepared(
     response: Coordinate | None,
     excitation: Coordinate | None,
     threads: int | None,
-) -> tuple[CandidateModel, list[int]]:
+) -> tuple[ParametricReceptance, list[int]]:
     """Return the model of the candidates of an assembly, and the columns of the parameters of the assembly."""
     assert assembly is not None
     columns = _columns(assembly, addresses)
-    model = candidate_model(assembly, [addresses[i] for i in columns], lines, response, excitation, threads)
+    model = parametric_receptance(assembly, [addresses[i] for i in columns], lines, response, excitation, threads)
     return model, columns
 
 

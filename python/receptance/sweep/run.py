@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import pickle
 import time
@@ -16,8 +15,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._extras import require
-from receptance.sweep.definition import Block, Definition
-from receptance.sweep.disk import SweepError
+from receptance.sweep.definition import Block, Definition, SweepError
 from receptance.sweep.store import Memory, Store
 
 if TYPE_CHECKING:
@@ -60,10 +58,10 @@ def sweep(
         `Output`.
     store : path, optional
         Folder of a Zarr store to which the results are written block by block, so that memory is bounded. If it holds
-        the same sweep already, its chunks are checked and only missing or damaged blocks are evaluated; damaged ones
-        cause a `ReceptanceWarning`. An interrupted run loses at most a few seconds of work.
+        the same sweep already, its blocks are checked and only missing or damaged ones are evaluated; damaged ones
+        cause a `ReceptanceWarning`. An interrupted run loses the block that it evaluated.
     block : int, optional
-        Number of candidates that are evaluated and written together; by default a few megabytes of results.
+        Number of candidates that are evaluated and written together; by default at most 16 MB of results.
     threads : int, optional
         As in `Assembly.receptance`; with a client each thread of a worker runs a block on one thread.
     client : dask.distributed.Client, optional
@@ -85,7 +83,7 @@ def sweep(
         xarray or Zarr is not installed: `pip install 'receptance[sweep]'`.
     SweepError
         The store holds a different sweep (models, candidates, outputs, versions of reductions or of the program
-        differ), its metadata are damaged, another run writes to it, or the results do not fit into memory.
+        differ), its metadata are damaged, or the results do not fit into memory.
 
     Examples
     --------
@@ -106,20 +104,18 @@ def sweep(
     definition = Definition.of(model, candidates, outputs)
     size = None if block is None else _checks.whole_number("sweep", "block", block)
     results = Memory(definition, size) if store is None else Store(store, definition, size)
-    # Finished blocks are kept in any case.
-    with contextlib.closing(results):
-        count, size = candidates.count, results.block
-        missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~results.finished).tolist()]
-        done = resumed = count - sum(stop - start for _, start, stop in missing)
-        start_s = time.perf_counter()
-        run = _in_process(definition, missing, threads) if client is None else _on_workers(client, definition, missing)
-        for number, arrays in run:
-            results.write(number, arrays)
-            done += len(next(iter(arrays.values())))
-            if progress is not None:
-                progress(SweepProgress(done=done, count=count, resumed=resumed, seconds=time.perf_counter() - start_s))
-        if done < count:
-            raise SweepError(f"sweep: {count - done} candidates were not returned by the workers; run the sweep again")
+    count, size = candidates.count, results.block
+    missing = [(i, i * size, min((i + 1) * size, count)) for i in np.flatnonzero(~results.finished).tolist()]
+    done = resumed = count - sum(stop - start for _, start, stop in missing)
+    start_s = time.perf_counter()
+    run = _in_process(definition, missing, threads) if client is None else _on_workers(client, definition, missing)
+    for number, arrays in run:
+        results.write(number, arrays)
+        done += len(next(iter(arrays.values())))
+        if progress is not None:
+            progress(SweepProgress(done=done, count=count, resumed=resumed, seconds=time.perf_counter() - start_s))
+    if done < count:
+        raise SweepError(f"sweep: {count - done} candidates were not returned by the workers; run the sweep again")
     return results.dataset()
 
 

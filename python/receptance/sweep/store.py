@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import warnings
-from collections.abc import Iterator
+import tempfile
+import zlib
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +18,7 @@ from numpy.typing import NDArray
 from receptance._extras import require
 from receptance.errors import warn_user
 from receptance.sweep.candidates import MOST_BYTES
-from receptance.sweep.definition import CANDIDATE, VALID, Definition
-from receptance.sweep.disk import Chunks, Lock, SweepError, flush, renamed
+from receptance.sweep.definition import CANDIDATE, Definition, SweepError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +26,11 @@ if TYPE_CHECKING:
     from receptance.sweep.outputs import Variable
 
 _RECORD = "receptance_sweep"
-_FORMAT = 3
+_FORMAT = 4
+_CHECKSUM = "checksum"
+"""Name of the array with one checksum for each block. It is written last, so that a block with a checksum is whole."""
+_ABSENT = -1
+"""The checksum of a block that was not written."""
 _SAME = 1e-9
 """Relative difference up to which candidates are equal; processors may differ in the last bits."""
 _EXPECTED = "expected a store written by a sweep, or a new name"
@@ -36,10 +40,9 @@ class Memory:
     """Results in memory, in blocks of `block` candidates; `finished` is the mask of finished blocks."""
 
     def __init__(self, definition: Definition, block: int | None) -> None:
-        self._layout = _layout(definition)
         self._definition = definition
         count = definition.candidates.count
-        size = sum(np.dtype(dtype).itemsize * count * int(np.prod(shape)) for dtype, shape in self._layout.values())
+        size = sum(np.dtype(v.dtype).itemsize * count * int(np.prod(v.shape)) for v in definition.kept())
         if size > MOST_BYTES:
             raise SweepError(
                 f"sweep: the results of {count:,} candidates need {size / 1e9:.1f} GB of memory; give store= with a "
@@ -47,127 +50,186 @@ class Memory:
             )
         self.block = block or definition.block_size()
         self.finished = np.zeros(-(-count // self.block), dtype=np.bool_)
-        self._arrays = {name: np.empty((count, *shape), dtype) for name, (dtype, shape) in self._layout.items()}
+        self._arrays = {v.name: np.empty((count, *v.shape), v.dtype) for v in definition.kept()}
 
-    def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a block."""
-        first = number * self.block
+    def write(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Keep the results of a block."""
         for name, values in arrays.items():
-            self._arrays[name][first : first + len(values)] = values
-        self.finished[number] = True
-
-    def close(self) -> None:
-        """No operation for results in memory."""
+            self._arrays[name][number * self.block :][: len(values)] = values
 
     def dataset(self) -> xr.Dataset:
         """Return the results."""
         import xarray as xr
 
-        variables = {v.name: v for v in self._definition.variables()}
-        results = xr.Dataset()
-        for name, values in self._arrays.items():
-            dims = (CANDIDATE, *(variables[name].dimensions if name in variables else ()))
-            results[name] = xr.DataArray(values, dims=dims, attrs=_attributes(variables.get(name)))
-            if name in variables:
-                results = results.assign_coords(dict(variables[name].dimensions))
-        return _labelled(results, _record(self._definition, self.block))
+        kept = self._definition.kept()
+        variables = {v.name: (_dimensions(v), self._arrays[v.name], _attributes(v)) for v in kept}
+        results = xr.Dataset(variables, _axes(self._definition), _description(self._definition))
+        return results.set_coords(self._definition.candidates.addresses)
 
 
 class Store:
-    """Results in a Zarr store, which is created or, if it holds the same sweep, completed; attributes as `Memory`."""
+    """Results in a Zarr store, which is created or, if it holds the same sweep, completed; attributes as `Memory`.
+
+    Two runs of the same sweep may write to one store: they write the same, and Zarr replaces a chunk as a whole.
+    """
 
     def __init__(self, path: str | os.PathLike[str], definition: Definition, block: int | None) -> None:
-        self._definition = definition
-        self._named = Path(path)
-        # Links to the folder share its lock and its files.
-        self._path = Path(os.path.realpath(path))
-        self._lock = Lock(self._path)
-        try:
-            if not self._path.exists():
-                for folder in (self._named.parent, self._path.parent):
-                    if not folder.is_dir():
-                        raise SweepError(f"sweep: cannot make the store {self._named}: there is no folder {folder}")
-                _create(self._path, definition, block or definition.block_size())
-            self.block = _checked(self._named, definition, block)
-            rows = min(self.block, definition.candidates.count)
-            self._chunks = Chunks(self._path, _layout(definition), rows)
-            self.finished = self._sound_blocks()
-        except BaseException:
-            self._lock.close()
-            raise
+        import zarr
 
-    def _sound_blocks(self) -> NDArray[np.bool_]:
+        self._path, self._candidates = Path(path), definition.candidates
+        if not self._path.exists():
+            _create(self._path, definition, block or definition.block_size())
+        self.block = _same_block(self._path, definition, block)
+        # Zarr leaves out chunks of fill values otherwise, and these are not distinguished from lost ones.
+        with _reading(path), zarr.config.set({"array.write_empty_chunks": True}):
+            group: Any = zarr.open_group(path, mode="r+")
+            self._arrays = {variable.name: group[variable.name] for variable in definition.kept()}
+            self._checksums = group[_CHECKSUM]
+            axes = _opened(path).coords
+            for name, values in _axes(definition).items():
+                if not np.array_equal(axes[name].values, values):
+                    raise SweepError(f"{path}: {name} is damaged or missing; remove the store and run the sweep again")
+        self.finished = self._whole_blocks()
+
+    def _rows(self, number: int) -> slice:
+        return slice(number * self.block, min((number + 1) * self.block, self._candidates.count))
+
+    def _whole_blocks(self) -> NDArray[np.bool_]:
         """Return the mask of finished blocks; blocks with a damaged or missing chunk do not count."""
-        count = self._definition.candidates.count
-        faults = [self._chunks.check(number) for number in range(-(-count // self.block))]
-        damaged = [text for texts in faults for text in texts or ()]
+        finished = np.zeros(-(-self._candidates.count // self.block), dtype=np.bool_)
+        damaged = []
+        for number in range(finished.size):
+            try:
+                checksum = int(self._checksums[number])
+                arrays = {} if checksum == _ABSENT else self._read(number)
+                whole = checksum in (_ABSENT, _checksum(number, arrays))
+            except (ValueError, TypeError, IndexError, RuntimeError):  # Zarr, of a chunk that it cannot decode
+                whole = False
+            if not whole:
+                damaged.append(self._rows(number))
+            elif arrays:
+                if not finished.any():
+                    self._check_candidates(self._rows(number), arrays)
+                finished[number] = True
         if damaged:
-            more = f", and {len(damaged) - 1:,} more" if len(damaged) > 1 else ""
-            repeated = _count_in(np.array([i for i, texts in enumerate(faults) if texts]), self.block, count)
-            warn_user(f"{self._named}: the chunk {damaged[0]}{more}; {repeated:,} candidates are evaluated again")
-        finished = np.array([texts == [] for texts in faults], dtype=np.bool_)
-        for number in set(np.flatnonzero(finished)[[0, -1]].tolist() if finished.any() else ()):
-            self._check_candidates(number)
+            more = f", and {len(damaged) - 1:,} more blocks" if len(damaged) > 1 else ""
+            repeated = sum(rows.stop - rows.start for rows in damaged)
+            warn_user(
+                f"{self._path}: candidates {damaged[0].start} to {damaged[0].stop - 1} are damaged: the checksum does "
+                f"not agree with the content{more}; {repeated:,} candidates are evaluated again"
+            )
         return finished
 
-    def _check_candidates(self, number: int) -> None:
+    def _read(self, number: int) -> dict[str, NDArray[Any]]:
+        return {name: np.asarray(array[self._rows(number)]) for name, array in self._arrays.items()}
+
+    def _check_candidates(self, rows: slice, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Raise if the store has other candidates although their description is the same."""
-        first, candidates = number * self.block, self._definition.candidates
-        values = candidates.values(first, min(first + self.block, candidates.count))
-        for address, expected in zip(candidates.addresses, values.T, strict=True):
-            stored = self._chunks.read(address, number)[: len(expected)]
-            other = np.flatnonzero(~np.isclose(stored, expected, rtol=_SAME, atol=0.0, equal_nan=True))
+        for address, values in zip(
+            self._candidates.addresses, self._candidates.values(rows.start, rows.stop).T, strict=True
+        ):
+            stored = arrays[address]
+            other = np.flatnonzero(~np.isclose(stored, values, rtol=_SAME, atol=0.0, equal_nan=True))
             if other.size:
                 i = int(other[0])
                 raise SweepError(
-                    f"{self._named} holds a different sweep: its candidate {first + i} has {address} = "
-                    f"{stored[i]:.12g}, not {expected[i]:.12g} (another distribution, or another version of SciPy); "
+                    f"{self._path} holds a different sweep: its candidate {rows.start + i} has {address} = "
+                    f"{stored[i]:.12g}, not {values[i]:.12g} (another distribution, or another version of SciPy); "
                     "give another store or remove it"
                 )
 
-    def write(self, number: int, arrays: dict[str, NDArray[Any]]) -> None:
-        """Store the results of a block; they are flushed to the disk every second."""
-        self._chunks.write(number, arrays)
-
-    def close(self) -> None:
-        """Complete all writes and release the lock."""
+    def write(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Write the results of a block."""
+        kept = {name: np.asarray(arrays[name], array.dtype) for name, array in self._arrays.items()}
         try:
-            self._chunks.close()
-        finally:
-            self._lock.close()
+            for name, values in kept.items():
+                self._arrays[name][self._rows(number)] = values
+            self._checksums[number] = _checksum(number, kept)
+        except OSError as error:  # such as that of a full disk, which names no file
+            raise OSError(error.errno, error.strerror, str(self._path)) from error
 
     def dataset(self) -> xr.Dataset:
         """Return the results, loaded lazily."""
-        return open_sweep(self._named)
+        return open_sweep(self._path)
 
 
-def _layout(definition: Definition) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Return data type and shape of one candidate for all variables of the store."""
-    layout: dict[str, tuple[str, tuple[int, ...]]] = dict.fromkeys(definition.candidates.addresses, ("float64", ()))
-    layout |= {v.name: (v.dtype, v.shape) for v in definition.variables()}
-    layout[VALID] = ("bool", ())
-    return layout
+def _checksum(number: int, arrays: Mapping[str, NDArray[Any]]) -> int:
+    """Return a checksum of the values of a block and of its number."""
+    checksum = number
+    for values in arrays.values():
+        checksum = zlib.crc32(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes(), checksum)
+    return checksum
 
 
-def _record(definition: Definition, block: int) -> dict[str, Any]:
-    """Return the metadata of a store."""
+def _create(path: Path, definition: Definition, block: int) -> None:
+    """Create the empty store under a temporary name and rename it, so that it is complete or absent."""
+    import xarray as xr
+    import zarr
+    from zarr.codecs import Crc32cCodec
+
+    target = Path(os.path.realpath(path))
+    for folder in (path.parent, target.parent):
+        if not folder.is_dir():
+            raise SweepError(f"sweep: cannot make the store {path}: there is no folder {folder}")
+    count = definition.candidates.count
+    # Fixed-length text has no specification in Zarr's third format.
+    axes = {name: v.astype(object) if v.dtype.kind == "U" else v for name, v in _axes(definition).items()}
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as beside:
+        temporary = Path(beside, "store")
+        xr.Dataset(coords=axes).to_zarr(temporary, zarr_format=3, consolidated=False)
+        group = zarr.open_group(temporary, mode="r+")
+        for variable in definition.kept():
+            group.create_array(
+                variable.name,
+                shape=(count, *variable.shape),
+                chunks=(min(block, count), *variable.shape),
+                dtype=variable.dtype,
+                fill_value=np.nan if np.dtype(variable.dtype).kind in "fc" else None,
+                compressors=Crc32cCodec(),
+                dimension_names=_dimensions(variable),
+                attributes=_attributes(variable),
+            )
+        blocks = -(-count // block)
+        group.create_array(
+            _CHECKSUM,
+            shape=(blocks,),
+            chunks=(1,),
+            dtype="int64",
+            fill_value=_ABSENT,
+            compressors=Crc32cCodec(),
+            dimension_names=("block",),
+        )
+        identity = {"fingerprints": definition.fingerprints(), "code": definition.code()}
+        group.attrs.update({**_description(definition), _RECORD: {"format": _FORMAT, "block": block, **identity}})
+        try:
+            temporary.rename(target)
+        except OSError:
+            if not target.exists():  # another run has created it
+                raise
+
+
+def _axes(definition: Definition) -> dict[str, NDArray[Any]]:
+    """Return the coordinates of all dimensions besides `candidate`."""
+    return {name: values for variable in definition.variables() for name, values in variable.dimensions.items()}
+
+
+def _dimensions(variable: Variable) -> tuple[str, ...]:
+    return (CANDIDATE, *variable.dimensions)
+
+
+def _attributes(variable: Variable) -> dict[str, Any]:
+    return {"units": variable.unit, "long_name": variable.meaning} if variable.meaning else {}
+
+
+def _description(definition: Definition) -> dict[str, str]:
+    """Return the attributes of the results."""
     described = definition.candidates.describe()
     grid = {name: len(values) for name, values in described["values"].items()} if described["kind"] == "grid" else None
     return {
-        "format": _FORMAT,
         "receptance": version("receptance"),
-        "count": definition.candidates.count,
-        "block": block,
-        "addresses": list(definition.candidates.addresses),
-        "candidates": {k: v for k, v in described.items() if k != "values"},
-        "grid": grid,
-        # The Zarr format has no specification of text arrays yet.
-        "labels": {
-            name: values.tolist()
-            for variable in definition.variables()
-            for name, values in variable.dimensions.items()
-            if values.dtype.kind not in "iuf"
-        },
+        "addresses": json.dumps(list(definition.candidates.addresses)),
+        "candidates": json.dumps({key: value for key, value in described.items() if key != "values"}),
+        "grid": json.dumps(grid),
     }
 
 
@@ -188,27 +250,34 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     SweepError
-        The path holds no sweep. A damaged or missing chunk raises the error when it is read; the message names the
-        store and the chunk.
+        The path holds no sweep, or chunks of it are missing. A damaged chunk raises a ValueError of Zarr when it is
+        read; `sweep` with the same store repairs both.
     """
     require("sweep", "open_sweep")
-    import xarray as xr
+    import zarr
 
     if not Path(path).is_dir():
         raise SweepError(f"there is no sweep at {path}")
-    metadata = _metadata(Path(path))
-    count, size = metadata["count"], metadata["block"]
-    finished = {file.name for file in Path(path, VALID, "c").glob("*")}
-    unfinished = np.array([i for i in range(-(-count // size)) if str(i) not in finished], dtype=np.int64)
+    block = _record(path)["block"]
     with _reading(path):
-        results = xr.open_zarr(_checked_store(Path(path), metadata), consolidated=True, chunks=None)
-    if unfinished.size:
-        missing = _count_in(unfinished, size, count)
+        results = _opened(path)
+        finished = results[_CHECKSUM].values != _ABSENT
+        for name, array in zarr.open_group(path, mode="r").arrays():
+            blocks = finished.sum() if CANDIDATE in results[name].dims else array.nchunks
+            if name != _CHECKSUM and array.nchunks_initialized < blocks:
+                raise SweepError(
+                    f"{path}: chunks of {name} are missing; run the same sweep with this store again to evaluate them"
+                )
+    count = results.sizes[CANDIDATE]
+    missing = sum(min(block, count - number * block) for number in np.flatnonzero(~finished).tolist())
+    if missing:
         warn_user(
             f"{path}: {missing:,} of {count:,} candidates are missing: the sweep was not finished; run it again with "
             "the same store to complete it"
         )
-    return _labelled(results, metadata)
+    addresses = json.loads(results.attrs["addresses"])
+    del results.attrs[_RECORD]
+    return results.drop_vars(_CHECKSUM).set_coords(addresses)
 
 
 def as_grid(results: xr.Dataset) -> xr.Dataset:
@@ -238,69 +307,12 @@ def as_grid(results: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(variables, coords={**axes, **others}, attrs=results.attrs)
 
 
-def _labelled(results: xr.Dataset, metadata: dict[str, Any]) -> xr.Dataset:
-    """Return results with the parameters as coordinates and the metadata of the sweep as attributes."""
-    results = results.set_coords(metadata["addresses"]).assign_coords(metadata["labels"])
-    attributes = {
-        "receptance": metadata["receptance"],
-        "addresses": json.dumps(metadata["addresses"]),
-        "candidates": json.dumps(metadata["candidates"]),
-        "grid": json.dumps(metadata["grid"]),
-    }
-    return results.drop_attrs(deep=False).assign_attrs(attributes)
+def _opened(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Return all variables of a store, loaded lazily."""
+    import xarray as xr
 
-
-def _attributes(variable: Variable | None) -> dict[str, Any]:
-    return {} if variable is None else {"units": variable.unit, "long_name": variable.meaning}
-
-
-def _count_in(blocks: NDArray[np.int64], block: int, count: int) -> int:
-    return int(sum(min(block, count - number * block) for number in blocks))
-
-
-def _create(path: Path, definition: Definition, block: int) -> None:
-    """Create the empty store under a temporary name and rename it, so that it is complete or absent."""
-    import zarr
-    from zarr.codecs import Crc32cCodec
-
-    identity = {"fingerprints": definition.fingerprints(), "code": definition.code()}
-    count = definition.candidates.count
-    variables = {v.name: v for v in definition.variables()}
-    with renamed(path) as temporary:
-        group = zarr.open_group(temporary, mode="w")
-        for name, (dtype, shape) in _layout(definition).items():
-            variable = variables.get(name)
-            group.create_array(
-                name,
-                shape=(count, *shape),
-                chunks=(min(block, count), *shape),
-                dtype=dtype,
-                # Values that were not written are NaN.
-                fill_value={"float64": np.nan, "complex128": complex(np.nan, np.nan), "bool": False}[dtype],
-                compressors=Crc32cCodec(),
-                dimension_names=(CANDIDATE, *(variable.dimensions if variable else ())),
-                attributes=_attributes(variable),
-            )
-        for variable in variables.values():
-            for name, values in variable.dimensions.items():
-                if name not in group and values.dtype.kind in "iuf":
-                    group.create_array(
-                        name,
-                        data=values,
-                        chunks=values.shape,
-                        dimension_names=(name,),
-                        compressors=Crc32cCodec(),
-                        # Otherwise a missing chunk would mean zeros.
-                        config={"write_empty_chunks": True},
-                    )
-        blocked = list(_layout(definition))
-        group.attrs[_RECORD] = {**_record(definition, block), "blocked": blocked, **identity}
-        with warnings.catch_warnings():
-            # Zarr warns that consolidated metadata are not in the specification; other readers ignore them.
-            warnings.simplefilter("ignore")
-            zarr.consolidate_metadata(temporary)
-        flush([file for file in temporary.rglob("*") if file.is_file()], temporary)
-    flush([], path.parent)
+    results: xr.Dataset = xr.open_zarr(path, consolidated=False, chunks=None)
+    return results
 
 
 @contextlib.contextmanager
@@ -310,53 +322,45 @@ def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
 
     try:
         yield
-    except (GroupNotFoundError, NotADirectoryError):
-        raise SweepError(f"{path} holds no sweep; {_EXPECTED}") from None
     except SweepError:
         raise
+    except (GroupNotFoundError, NotADirectoryError):
+        raise SweepError(f"{path} holds no sweep; {_EXPECTED}") from None
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise SweepError(
-            f"{path}: the description of the sweep ({path}/zarr.json) is damaged: {error}; remove the store and run "
-            "the sweep again"
+            f"{path} is damaged: {error}; run the same sweep with this store again, or remove it"
         ) from error
 
 
-def _checked_store(path: Path, metadata: dict[str, Any]) -> Any:
-    from receptance.sweep.reading import CheckedStore
-
-    return CheckedStore(path, last=VALID, blocked=tuple(metadata["blocked"]))
-
-
-def _metadata(path: Path) -> dict[str, Any]:
-    """Return the metadata of a store."""
+def _record(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what identifies the sweep of a store."""
     import zarr
 
     with _reading(path):
-        metadata = dict(zarr.open_group(path, mode="r").attrs).get(_RECORD)
-    if not isinstance(metadata, dict):
+        attributes = dict(zarr.open_group(path, mode="r").attrs)
+    record = attributes.get(_RECORD)
+    if not isinstance(record, dict):
         raise SweepError(f"{path} holds no sweep; {_EXPECTED}")
-    if metadata.get("format") != _FORMAT:
+    if record.get("format") != _FORMAT:
         raise SweepError(
-            f"{path} has an unsupported format of sweeps: it has format {metadata.get('format')}, expected "
+            f"{path} has an unsupported format of sweeps: it has format {record.get('format')}, expected "
             f"{_FORMAT}; give another store or remove it"
         )
-    return metadata
+    return {**record, "receptance": attributes["receptance"]}
 
 
-def _checked(path: Path, definition: Definition, block: int | None) -> int:
+def _same_block(path: Path, definition: Definition, block: int | None) -> int:
     """Return the block size of a store after checking that it holds this sweep."""
-    import zarr
-
-    metadata, fingerprints = _metadata(path), definition.fingerprints()
-    if metadata["receptance"] != version("receptance"):
+    record, fingerprints = _record(path), definition.fingerprints()
+    if record["receptance"] != version("receptance"):
         raise SweepError(
-            f"{path} was started with receptance {metadata['receptance']}, and this is {version('receptance')}, whose "
+            f"{path} was started with receptance {record['receptance']}, and this is {version('receptance')}, whose "
             "results may differ; continue with that version, or give another store (`open_sweep` reads any version)"
         )
-    stored = metadata["fingerprints"]
+    stored = record["fingerprints"]
     if stored != fingerprints:
         other = [name for name in {**stored, **fingerprints} if stored.get(name) != fingerprints.get(name)]
-        before, now = metadata["code"], definition.code()
+        before, now = record["code"], definition.code()
         for i, name in enumerate(other):
             if before.get(name) != now.get(name):
                 other[i] += (
@@ -365,12 +369,6 @@ def _checked(path: Path, definition: Definition, block: int | None) -> int:
         raise SweepError(
             f"{path} holds a different sweep: it differs in {', '.join(other)}; give another store or remove it"
         )
-    if block is not None and block != metadata["block"]:
-        raise SweepError(f"{path} was started with blocks of {metadata['block']} candidates, not {block}; omit block")
-    with _reading(path):
-        group = zarr.open_group(_checked_store(path, metadata), mode="r")
-        axes = {name for variable in definition.variables() for name in variable.dimensions}
-        for name, array in group.arrays():
-            if name in axes:
-                array[:]  # raises an error for a damaged chunk
-    return int(metadata["block"])
+    if block is not None and block != record["block"]:
+        raise SweepError(f"{path} was started with blocks of {record['block']} candidates, not {block}; omit block")
+    return int(record["block"])

@@ -35,7 +35,7 @@ _RIGID = {"k_y": 1e12, "k_theta": 1e9}
 digits."""
 
 
-class CandidateModel:
+class ParametricReceptance:
     """An assembly as a function of some parameters, observed between two coordinates on some lines.
 
     Candidates are rows of values in SI units, one column per address. An infeasible candidate (an indefinite joint, a
@@ -131,14 +131,14 @@ class CandidateModel:
             yield chunk, values
 
 
-def candidate_model(
+def parametric_receptance(
     assembly: Assembly,
     addresses: Sequence[str],
     frequency_hz: ArrayLike,
     response: Coordinate | None = None,
     excitation: Coordinate | None = None,
     threads: int | None = None,
-) -> CandidateModel:
+) -> ParametricReceptance:
     """Return an assembly as a function of some parameters, with the fastest applicable method.
 
     Parameters
@@ -176,11 +176,11 @@ def candidate_model(
             owner, lines, response=points[0], excitation=points[1], at=PointJoint(**stiff), threads=count
         )
         columns = [fields.index(name.split(".", 1)[1]) for name in names]
-        return CandidateModel("joint", names, reduced, nominal, columns, count)
+        return ParametricReceptance("joint", names, reduced, nominal, columns, count)
     tied = assembly.tied(names, tuple(points))
     # The map in which each address is a separate unknown, and there is no second one; see `_core.Model.tied`.
     separate = np.zeros((len(names), 4 + 2 * len(names)))
     separate[:, :3] = np.stack([np.arange(len(names)), np.ones(len(names)), -np.ones(len(names))], axis=1)
     model = tied.model(separate, np.empty((0, 2)))
     core = model.sweep(_core.Lines(lines, tau), tied.points, tied.flat.by_line(lines))
-    return CandidateModel("models", names, core, np.zeros(len(names)), range(len(names)), count)
+    return ParametricReceptance("models", names, core, np.zeros(len(names)), range(len(names)), count)

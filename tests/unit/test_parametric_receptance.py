@@ -22,7 +22,7 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.sweep.candidate_model import CandidateModel, candidate_model
+from receptance.sweep.parametric_receptance import ParametricReceptance, parametric_receptance
 
 SEED = 8
 FIELDS = PointJoint.columns_of
@@ -65,7 +65,7 @@ def one_by_one(
     return np.array([assembly.replace(one).receptance(lines, **points) for one in values])
 
 
-def assert_agrees(found: CandidateModel, rows: np.ndarray, h: np.ndarray) -> None:
+def assert_agrees(found: ParametricReceptance, rows: np.ndarray, h: np.ndarray) -> None:
     """Compare all results with the receptances of the assemblies."""
     got = found.receptance(rows)
     assert np.max(np.abs(got / h - 1.0)) <= 1e-9
@@ -84,14 +84,14 @@ def assert_agrees(found: CandidateModel, rows: np.ndarray, h: np.ndarray) -> Non
 @pytest.mark.parametrize("lines", [LINES, WINDOWED], ids=["real", "windowed"])
 def test_joints_are_the_assemblies_with_them(kind: str, lines: np.ndarray) -> None:
     rows = joints(7, kind)
-    found = candidate_model(plain(), JOINT, lines)
+    found = parametric_receptance(plain(), JOINT, lines)
     assert found.method == "joint"
     assert_agrees(found, rows, one_by_one(plain(), JOINT, rows, lines))
 
 
 def test_joints_between_any_coordinates_of_any_assembly() -> None:
     rows = joints(9, "all")
-    found = candidate_model(rich(), JOINT, LINES, NOSE, Coordinate(direction="theta"))
+    found = parametric_receptance(rich(), JOINT, LINES, NOSE, Coordinate(direction="theta"))
     h = one_by_one(rich(), JOINT, rows, LINES, response=NOSE, excitation=Coordinate(direction="theta"))
     assert_agrees(found, rows, h)
 
@@ -103,20 +103,20 @@ def test_a_measured_spindle_ends_the_assemblies(addresses: tuple[str, ...]) -> N
     taper = PointJoint(k_y=2e9, k_theta=3e6, loss_factor=0.01, name="taper")
     mounted = Assembly([*plain().elements.values(), taper, spindle])
     rows = joints(3, "all")[:, :4] if len(addresses) > 2 else np.array([[1e8, 0.06], [3e8, 0.05]])
-    assert_agrees(candidate_model(mounted, addresses, LINES), rows, one_by_one(mounted, addresses, rows, LINES))
+    assert_agrees(parametric_receptance(mounted, addresses, LINES), rows, one_by_one(mounted, addresses, rows, LINES))
 
 
 def test_unvaried_parameters_keep_their_values() -> None:
     rows = joints(3, "viscous")[:, [1, 3]]
     addresses = ("joint.k_theta", "joint.c_y")
-    assert_agrees(candidate_model(rich(), addresses, LINES), rows, one_by_one(rich(), addresses, rows, LINES))
+    assert_agrees(parametric_receptance(rich(), addresses, LINES), rows, one_by_one(rich(), addresses, rows, LINES))
 
 
 @pytest.mark.parametrize("points", [{}, {"response": NOSE, "excitation": Coordinate("tool", 0.02)}])
 def test_any_parameters_run_as_whole_models(points: dict[str, Coordinate]) -> None:
     values = np.array([rich().get(name) for name in SOME])
     rows = values * np.random.default_rng(SEED).uniform(0.8, 1.2, (6, values.size))
-    found = candidate_model(rich(), SOME, LINES, **points)
+    found = parametric_receptance(rich(), SOME, LINES, **points)
     assert found.method == "models"
     assert_agrees(found, rows, one_by_one(rich(), SOME, rows, LINES, **points))
 
@@ -125,7 +125,7 @@ def test_rods() -> None:
     rods = Assembly(list(plain().elements.values()), motion="axial")
     addresses = ("joint.k_y", "tool.segment[0].length")
     rows = np.array([[1e8, 0.06], [3e8, 0.05]])
-    found = candidate_model(rods, addresses, LINES)
+    found = parametric_receptance(rods, addresses, LINES)
     assert found.method == "models"
     assert_agrees(found, rows, one_by_one(rods, addresses, rows, LINES))
 
@@ -134,8 +134,8 @@ def test_rods() -> None:
 def test_results_are_bitwise_independent_of_threads_and_calls(addresses: tuple[str, ...]) -> None:
     rows = np.column_stack([joints(301, "viscous")[:, :2], np.linspace(0.01, 0.02, 301)])[:, : len(addresses)]
     measured = plain().receptance(LINES)
-    whole = candidate_model(plain(), addresses, LINES, threads=1)
-    cut = candidate_model(plain(), addresses, LINES, threads=2)
+    whole = parametric_receptance(plain(), addresses, LINES, threads=1)
+    cut = parametric_receptance(plain(), addresses, LINES, threads=2)
     cut.per_call = 17
     np.testing.assert_array_equal(whole.receptance(rows), cut.receptance(rows))
     np.testing.assert_array_equal(whole.magnitude(rows), cut.magnitude(rows))
@@ -150,22 +150,22 @@ def test_results_are_bitwise_independent_of_threads_and_calls(addresses: tuple[s
 @pytest.mark.parametrize("lines", [LINES[:1], LINES[:7], LINES[:8], LINES[:65]])
 def test_any_number_of_lines_and_joints(lines: np.ndarray) -> None:
     rows = joints(3, "viscous")
-    assert_agrees(candidate_model(plain(), JOINT, lines), rows, one_by_one(plain(), JOINT, rows, lines))
+    assert_agrees(parametric_receptance(plain(), JOINT, lines), rows, one_by_one(plain(), JOINT, rows, lines))
 
 
 def test_invalid_candidates_are_nan_and_leave_others_unchanged() -> None:
     rows = joints(6, "viscous")
-    good = candidate_model(plain(), JOINT, LINES).receptance(rows)
+    good = parametric_receptance(plain(), JOINT, LINES).receptance(rows)
     rows[1, 2] = 2.0 * np.sqrt(rows[1, 0] * rows[1, 1])  # indefinite
     rows[2, [0, 3]] = 0.0  # no stiffness in y
     rows[4, 6] = -0.1
-    found = candidate_model(plain(), JOINT, LINES)
+    found = parametric_receptance(plain(), JOINT, LINES)
     none = np.array([False, True, True, False, True, False])
     for numbers in (found.receptance(rows), found.magnitude(rows), found.misfit(rows, good[0])[:, None]):
         np.testing.assert_array_equal(np.isnan(numbers).all(axis=1), none)
         np.testing.assert_array_equal(np.isnan(numbers).any(axis=1), none)
     np.testing.assert_array_equal(found.receptance(rows)[~none], good[~none])
-    bored = candidate_model(plain(), ("tool.segment[0].inner_diameter", "joint.k_y"), LINES)
+    bored = parametric_receptance(plain(), ("tool.segment[0].inner_diameter", "joint.k_y"), LINES)
     numbers = bored.receptance([[0.0, 1e8], [0.02, 1e8]])
     assert np.isfinite(numbers[0]).all()
     assert np.isnan(numbers[1]).all()
@@ -180,12 +180,12 @@ def test_the_misfit_is_twice_the_cost_of_a_fit() -> None:
         [Unknown(address="joint.k_y", lower=1e6, upper=1e10), Unknown(address="joint.k_theta", lower=1e3, upper=1e7)],
     )
     values = [[fit.values[name] for name in JOINT[:2]]]
-    misfit = candidate_model(plain(), JOINT[:2], LINES).misfit(values, h, np.full(LINES.size, 50.0))
+    misfit = parametric_receptance(plain(), JOINT[:2], LINES).misfit(values, h, np.full(LINES.size, 50.0))
     assert misfit[0] == pytest.approx(2.0 * min(start.cost for start in fit.starts), rel=1e-6)
 
 
 def test_errors_describe_the_mistake() -> None:
-    found = candidate_model(plain(), JOINT[:2], LINES)
+    found = parametric_receptance(plain(), JOINT[:2], LINES)
     for values, words in (
         ([[1e8]], r"expected \(m, 2\)"),
         ([[1e8, np.nan]], r"values\[0\]: joint.k_theta is nan"),
@@ -202,9 +202,9 @@ def test_errors_describe_the_mistake() -> None:
         with pytest.raises(ValueError, match=words):
             found.misfit([[1e8, 1e5]], *arguments)
     with pytest.raises(ValueError, match="all different"):
-        candidate_model(plain(), (JOINT[0], JOINT[0]), LINES)
+        parametric_receptance(plain(), (JOINT[0], JOINT[0]), LINES)
     with pytest.raises(ValueError, match="nothing"):
-        candidate_model(plain(), ("joint.nothing",), LINES)
+        parametric_receptance(plain(), ("joint.nothing",), LINES)
 
 
 def test_core_refuses_inconsistent_arguments() -> None:
