@@ -153,7 +153,7 @@ def poles_of(mesh: Mesh, motion: str, force_kn: float) -> Poles:
 
 
 def table() -> str:
-    """The rows of the study's file."""
+    """The rows of the packaged file."""
     lines = [
         "# Virtual BT50 rig, not measured: poles and residues by finite elements, written by tests/bt50_rig.py.",
         "# receptance = rest + sum of residue / (s - pole) + conjugates, s = i w; mode 0 is the rest (modes above "
