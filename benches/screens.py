@@ -1,6 +1,6 @@
 """Pictures of the terminal: `python benches/screens.py FOLDER [--columns N] [--only TEXT ...] [--json FILE]`.
 
-Every command runs on every packaged example on a terminal of 80 columns, and so do `demo`, `show`, the studies and the
+Every command runs on every packaged example on a terminal of 80 columns, and so do `demo`, `show` and the
 help of each command. What the terminal shows is written to FOLDER as SVG, with a page `index.html` of all of them.
 Printed are the processor time of each command, the number of lines, and the number of cut cells: lines with an ellipsis
 and lines of tables that are wider than the terminal. Exit code 1 if there is one, or if a command fails.
@@ -45,8 +45,6 @@ OTHERS = (
     ("--help",),
     ("demo",),
     ("example", "--list"),
-    ("study", "er32", "--draws", "20"),
-    ("study", "bt50"),
     ("show", "forgotten-sensor/tool_40mm.csv", "--no-window"),
     (
         "new",
@@ -69,7 +67,7 @@ OTHERS = (
         "--support",
         "free",
     ),
-    *((command, "--help") for command in (*COMMANDS, "demo", "new", "show", "convert", "schema", "study")),
+    *((command, "--help") for command in (*COMMANDS, "demo", "new", "show", "convert", "schema")),
 )
 _RULES = "\u2500\u2502\u2501\u2503"
 """Characters of the lines of tables."""

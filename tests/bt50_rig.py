@@ -6,7 +6,7 @@ Timoshenko beams for the motion across. Each node on the taper stands on a sprin
 are not evenly spread (the ends carry more, and the big end more than the small one). How the contact depends on the
 drawbar force is made up, so that what the paper reports of its measurements comes about: axially 4.8e9 to 5.0e9 N/m if
 the holder is taken as rigid, with a slope that rises, across with a slope that falls, damping rising along and falling
-across. `python tests/bt50_rig.py` writes the table that the study reads.
+across. `python tests/bt50_rig.py` writes the table that the examples read.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def poles_of(mesh: Mesh, motion: str, force_kn: float) -> Poles:
 
 
 def table() -> str:
-    """The rows of the study's file."""
+    """The rows of the packaged file."""
     lines = [
         "# Virtual BT50 rig, not measured: poles and residues by finite elements, written by tests/bt50_rig.py.",
         "# receptance = rest + sum of residue / (s - pole) + conjugates, s = i w; mode 0 is the rest (modes above "

@@ -18,11 +18,12 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+import er32_joints
+import er32_tables
 import receptance as rc
 import table3
 from output import options, print_table, save
 from receptance.identification import Floor, Law, Power, Prior, Tolerance, log_evidence
-from receptance.studies import er32
 
 CLAIMS = {
     "insertion": (
@@ -54,7 +55,7 @@ CLAIMS = {
     ),
 }
 BOUNDS = {"k_y": (1e6, 1e13), "k_theta": (1e2, 1e9)}
-PUBLISHED = er32.load()
+PUBLISHED = er32_tables.load()
 E_TOOL, LENGTH = "tool.segment[0].youngs_modulus", "tool.segment[0].length"
 
 # ---- VIRTUAL: insertions of 40, 30 and 20 mm, the joint being two springs in series (eq. 15)
@@ -118,7 +119,7 @@ def study_insertion(ratio: float, noise: float, random: np.random.Generator) -> 
     total = {"k_y": setup.k_y, "k_theta": setup.k_theta}
     outer = {name: k * (1.0 + 1.0 / ratio) for name, k in total.items()}
     inner = {name: k * (1.0 + ratio) for name, k in total.items()}
-    single = er32.assembly(12.7, mount.overhang_mm, **total).replace({"joint.loss_factor": LOSS})
+    single = er32_tables.assembly(12.7, mount.overhang_mm, **total).replace({"joint.loss_factor": LOSS})
 
     def joints(insertion_mm: float) -> rc.Assembly:
         # The part between is short and light: the collet's mass belongs to the inferred nose.
@@ -230,20 +231,20 @@ def with_shank(own: rc.Assembly, shank: rc.Material) -> rc.Assembly:
 def study_material() -> dict[str, Any]:
     """Identify the joints of steel blanks from two exact natural frequencies, with one error of the model each."""
     changes, control, needed = [], 0.0, {}
-    carbide = er32.campaign().built.materials["carbide"]
+    carbide = er32_tables.parts()[0].segments[0].material
     for setup in PUBLISHED.setups:
         joint = np.array([setup.k_y, setup.k_theta])
-        bare = er32.assembly(setup.diameter_mm, PUBLISHED.mount(setup.diameter_mm).overhang_mm, *joint.tolist())
+        bare = er32_tables.assembly(setup.diameter_mm, PUBLISHED.mount(setup.diameter_mm).overhang_mm, *joint.tolist())
         true = with_shank(bare, HSS)
         frequency = true.lowest_natural_frequencies(2)[0]
-        control = max(control, float(np.max(np.abs(100.0 * (er32.follow_joint(true, frequency) / joint - 1.0)))))
+        control = max(control, float(np.max(np.abs(100.0 * (er32_joints.follow_joint(true, frequency) / joint - 1.0)))))
         for name, factors in ERRORS.items():
             model = with_shank(bare, carbide) if name.startswith("shank") else true
             model = model.replace(
                 {a: model.get(a) + 1e-4 if factor is None else model.get(a) * factor for a, factor in factors.items()}
             )
             read = frequency * [1.001 if name.startswith("first") else 1.0, 1.0]
-            k_y, k_theta = (100.0 * (er32.follow_joint(model, read) / joint - 1.0)).tolist()
+            k_y, k_theta = (100.0 * (er32_joints.follow_joint(model, read) / joint - 1.0)).tolist()
             changes.append(
                 {"diameter_mm": setup.diameter_mm, "slip": name, "k_y_percent": k_y, "k_theta_percent": k_theta}
             )
@@ -256,7 +257,7 @@ def needed_modulus(true: rc.Assembly, frequency: np.ndarray, k_theta: float) -> 
 
     def missing(error: float) -> float:
         moved = true.replace({E_TOOL: true.get(E_TOOL) * (1.0 + error)})
-        return abs(er32.follow_joint(moved, frequency)[1] / k_theta - 1.0) - CLAIMED_SHARE
+        return abs(er32_joints.follow_joint(moved, frequency)[1] / k_theta - 1.0) - CLAIMED_SHARE
 
     ends = [100.0 * brentq(missing, 0.0, side, xtol=1e-6) for side in (-0.3, 0.3) if missing(side) >= 0.0]
     return min(ends, key=abs)
@@ -358,12 +359,12 @@ class FittedLaw:
         }
 
 
-def state(joint: dict[str, Any], resolution: er32.Resolution, name: str) -> rc.MeasuredFrequencies:
+def state(joint: dict[str, Any], resolution: er32_joints.Resolution, name: str) -> rc.MeasuredFrequencies:
     """Return the printed frequencies of a tool at a torque, on the assembly with the identified joint."""
     diameter, torque = joint["diameter_mm"], joint["torque_nm"]
     frequency = PUBLISHED.reading(diameter, torque).frequency_hz
     return rc.MeasuredFrequencies(
-        assembly=er32.assembly(diameter, PUBLISHED.mount(diameter).overhang_mm, joint["k_y"], joint["k_theta"]),
+        assembly=er32_tables.assembly(diameter, PUBLISHED.mount(diameter).overhang_mm, joint["k_y"], joint["k_theta"]),
         frequency_hz=frequency,
         standard_deviation_hz=resolution.standard_deviation(frequency),
         configuration=name,
@@ -426,7 +427,7 @@ def fit_law(
 
 
 def study_torque(
-    joints: Sequence[dict[str, Any]], trends: dict[str, Any], resolution: er32.Resolution, diameter: float
+    joints: Sequence[dict[str, Any]], trends: dict[str, Any], resolution: er32_joints.Resolution, diameter: float
 ) -> dict[str, Any]:
     """Return the growth of k_y over torque of one tool."""
     states = [state(j, resolution, f"{j['torque_nm']:g} N m") for j in joints if j["diameter_mm"] == diameter]
@@ -443,7 +444,7 @@ def study_torque(
     }
 
 
-def study(resolution: er32.Resolution | None = None, seed: int = 0) -> dict[str, Any]:
+def study(resolution: er32_joints.Resolution | None = None, seed: int = 0) -> dict[str, Any]:
     """Return all results.
 
     Parameters
@@ -453,10 +454,10 @@ def study(resolution: er32.Resolution | None = None, seed: int = 0) -> dict[str,
     seed : int, optional
         Seed of errors and noise.
     """
-    resolution = resolution or er32.Resolution()
+    resolution = resolution or er32_joints.Resolution()
     noise = table3.Measuring().noise
-    joints = er32.identify_joints(PUBLISHED, resolution, starts=1, seed=seed)
-    trends = er32.find_trends(joints, PUBLISHED.torque_nm)
+    joints = er32_joints.identify_joints(PUBLISHED, resolution, starts=1, seed=seed)
+    trends = er32_joints.find_trends(joints, PUBLISHED.torque_nm)
     recommended = [joint for joint in joints if joint["torque_nm"] == PUBLISHED.torque_nm]
     states = [state(joint, resolution, f"{joint['diameter_mm']:g} mm") for joint in recommended]
     laws = [fit_law(states, name, "diameter", 0.0127, reclamped=True) for name in BOUNDS]
@@ -684,7 +685,7 @@ if __name__ == "__main__":
     parser = options(__doc__)
     parser.add_argument("--resolution", metavar="HZ", type=float, default=1.0, help="step of printed frequencies")
     given = parser.parse_args()
-    results = study(er32.Resolution(given.resolution, 10.0 * given.resolution), given.seed)
+    results = study(er32_joints.Resolution(given.resolution, 10.0 * given.resolution), given.seed)
     show(results)
     save(given.json, results)
     if given.plot:

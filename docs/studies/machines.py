@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 from scipy.signal import find_peaks
 
+import er32_tables
 import receptance as rc
 from output import options, print_table, save
 from receptance.diagnosis import Verdict, diagnose
 from receptance.identification import Tolerance
 from receptance.measurement import estimate_frf, find_hits, simulate_hits
 from receptance.spindle import SpindleModes, SpindleReceptance, fit_spindle, identify_spindle
-from receptance.studies import er32
 
 STEEL = replace(rc.STEEL, loss_factor=0.002)
 CARBIDE_LOSS, JOINT_LOSS = 0.001, 0.02
@@ -102,7 +102,7 @@ class Machine:
 
     def front(self, tool: Tool) -> list[Any]:
         """Return tool, joint and holder."""
-        blank, joint, whole = er32.assembly(
+        blank, joint, whole = er32_tables.assembly(
             tool.diameter_mm, tool.overhang_mm, tool.k_y, tool.k_theta
         ).elements.values()
         assert isinstance(blank, rc.Part)
@@ -194,7 +194,7 @@ MACHINES = (
 
 def tools(*lengths: str) -> list[Tool]:
     """Return the tools of the lengths "short" (tables 1 and 2), "medium" and "long" (table 5)."""
-    published = er32.load()
+    published = er32_tables.load()
     found = []
     for row in published.setups:
         listed = [t.overhang_mm for t in published.transfers if t.diameter_mm == row.diameter_mm]

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.signal import find_peaks
 
+import er32_tables
 import receptance as rc
 from output import options, print_table, save
 from receptance.identification import Floor, Tolerance, constrained_fit
-from receptance.studies import er32
 
 DIAMETER_MM = 9.53
 OVERHANGS_MM = (114.2, 62.6, 23.8)
@@ -41,7 +41,7 @@ STEP_HZ = 5.0
 CONFIDENCE = 0.95
 ENOUGH_PERCENT = 10.0
 
-SETS = er32.load().parameter_sets
+SETS = er32_tables.load().parameter_sets
 TRUE_SET = next(one for one in SETS if one.name == "curve_fitted")
 TRUTH: dict[str, float] = dict(
     zip(JOINT, (TRUE_SET.k_y, TRUE_SET.k_theta, TRUE_C_Y, TRUE_SET.c_theta or 0.0), strict=True)
@@ -104,12 +104,12 @@ class Measuring:
 
 def assembly(overhang_mm: float, *, free: bool) -> rc.Assembly:
     """Return the tool in the holder with the true joint, free or in the simulated spindle."""
-    own = er32.assembly(DIAMETER_MM, overhang_mm).replace(
+    own = er32_tables.assembly(DIAMETER_MM, overhang_mm).replace(
         {**TRUTH, "holder.segment[*].loss_factor": STEEL_LOSS, "tool.segment[0].loss_factor": CARBIDE_LOSS}
     )
     if free:
         return own
-    steel = replace(er32.campaign().built.materials["steel"], loss_factor=STEEL_LOSS)
+    steel = replace(er32_tables.parts()[1].segments[-1].material, loss_factor=STEEL_LOSS)
     shaft = [
         rc.Segment(length=length, outer_diameter=outer, inner_diameter=0.03, material=steel)
         for length, outer in ((0.08, 0.07), (0.25, 0.065))

@@ -10,7 +10,6 @@ from . import modal as modal
 from . import report as report
 from . import spindle as spindle
 from . import stability as stability
-from . import studies as studies
 from . import sweep as sweep
 from . import taper as taper
 from ._version import __version__ as __version__

@@ -13,11 +13,9 @@ from pathlib import Path
 
 import pytest
 
-import er32_study
 from command_line import call
 from examples.documents import DOCUMENTS, ROOT, blocks, commands, difference, links
 from limits import LIMIT_S
-from receptance.studies import er32
 
 
 def _named(document: Path) -> str:
@@ -56,7 +54,6 @@ def test_shell_lines(
     """The commands of a document, run in their order in an empty folder, print the lines shown below them."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    monkeypatch.setattr(er32, "run", er32_study.results)
     for block in blocks(document):
         where = f"{_named(document)}:{block.line}"
         for command in commands(block):

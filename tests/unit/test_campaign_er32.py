@@ -1,4 +1,4 @@
-"""The packaged ER32 campaign has the values of the packaged tables and the results of the study."""
+"""The packaged ER32 campaign has the values of the printed tables and the results of the study."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from er32_bias import ChanceModel
+from er32_joints import Resolution, identify_joints
+from er32_tables import assembly, load, predict_transfers, rms
 from receptance import campaign, examples
-from receptance.studies import er32
-from receptance.studies.er32.bias import predict_transfers, rms
 
 TORQUE = 135.0
 
@@ -23,7 +24,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> campaign.Campaign:
 
 
 def test_values_equal_the_published_values(read: campaign.Campaign) -> None:
-    published, resolution = er32.load(), er32.Resolution()
+    published, resolution = load(), Resolution()
     expected = {}
     for mount in published.mounts:
         reading = published.reading(mount.diameter_mm, TORQUE).frequency_hz
@@ -50,7 +51,7 @@ def test_values_equal_the_published_values(read: campaign.Campaign) -> None:
         blank, joint, holder = own.elements
         stiffness = own.get(f"{joint}.k_y"), own.get(f"{joint}.k_theta")
         # The study takes blank and holder's length from the tables.
-        theirs = er32.assembly(mount.diameter_mm, overhang_mm, *stiffness)
+        theirs = assembly(mount.diameter_mm, overhang_mm, *stiffness)
         lengths = [own.get(f"{holder}.segment[{i}].length") for i in range(4)]
         assert own.get(f"{blank}.segment[0].length") == pytest.approx(1e-3 * overhang_mm)
         assert sum(lengths) == pytest.approx(1e-3 * mount.holder_length_mm)
@@ -58,7 +59,7 @@ def test_values_equal_the_published_values(read: campaign.Campaign) -> None:
 
 
 def test_the_tolerances_are_those_of_the_study(read: campaign.Campaign) -> None:
-    chance = er32.ChanceModel()
+    chance = ChanceModel()
     materials = read.table.materials
     for name in ("carbide", "steel"):
         spread = materials[name].tolerance
@@ -67,16 +68,16 @@ def test_the_tolerances_are_those_of_the_study(read: campaign.Campaign) -> None:
     assert materials["nose"].tolerance.youngs_modulus.amount == pytest.approx(chance.deviation("nose modulus factor"))
     for segment in read.table.parts["holder"].segments:
         assert segment.tolerance.outer_diameter.amount == pytest.approx(chance.deviation("body diameter"))
-    for name, assembly in read.assemblies.items():
-        blank = next(iter(assembly.elements))
+    for name, described in read.assemblies.items():
+        blank = next(iter(described.elements))
         own = [one.moves for one in read.tolerances[name] if f"{blank}.segment[0].length" in one.moves]
         assert [list(moved.values()) for moved in own] == [[pytest.approx(1e-3 * chance.overhang_mm)]]
 
 
 def test_results_equal_those_of_the_study(read: campaign.Campaign) -> None:
-    published = er32.load()
+    published = load()
     only = replace(published, readings=tuple(r for r in published.readings if r.torque_nm == TORQUE))
-    joints = er32.identify_joints(only, er32.Resolution(), starts=2, seed=0)
+    joints = identify_joints(only, Resolution(), starts=2, seed=0)
     found = read.identify()
     stiffness = {}
     for joint in joints:

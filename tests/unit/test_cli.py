@@ -18,7 +18,6 @@ import pytest
 import typer
 from rich.text import Text
 
-import er32_study
 import foreign_beam
 from campaign_text import write
 from command_line import call, interrupted
@@ -29,7 +28,6 @@ from receptance.campaign import Campaign
 from receptance.cli import app as command_line
 from receptance.cli import running
 from receptance.examples import EXAMPLES
-from receptance.studies import er32
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -101,18 +99,6 @@ def test_the_packaged_files_are_those_of_the_foreign_model(tmp_path: Path) -> No
         np.testing.assert_allclose(own, other, rtol=1e-5, atol=1e-6 * np.abs(own[:, 1:3]).max())
 
 
-def test_study_er32(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["study", "er32", "--json", "er32.json", "--plot", "er32.svg", "--draws", "3", "--seed", "7"]
-    assert call(monkeypatch, *arguments, "--resolution", "2", "--overhang-error", "0.2") == 0
-    assert "seed 7" in capsys.readouterr().out
-    found = json.loads(Path("er32.json").read_text())
-    assert found["seed"] == 7
-    assert found["settings"]["resolution"] == {"fine_hz": 2.0, "coarse_hz": 20.0, "change_hz": 10000.0}
-    assert found["settings"]["chance"]["overhang_mm"] == 0.2
-    assert b"<svg" in Path("er32.svg").read_bytes()
-    assert left() == {"er32.json", "er32.svg"}
-
-
 def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(monkeypatch, "--version") == 0
     assert capsys.readouterr().out.startswith("receptance ")
@@ -121,21 +107,14 @@ def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (
-            ["study", "er33"],
-            "there is no study 'er33'; the studies are er32, bt50",
-        ),
-        (["stdy"], "stdy"),
-        (["study", "er32", "--jsn", "a"], "--jsn"),
-        (["study", "er32", "--seed", "-1"], "--seed"),
-        (["study", "er32", "--draws", "many"], "--draws"),
-        (["study", "er32", "--resolution", "0"], "fine_hz is 0"),
-        (["study", "er32", "--overhang-error", "nan"], "overhang_mm is nan"),
-        (["study", "er32", "--json", "missing/a.json"], "cannot write missing/a.json: there is no folder missing"),
-        (["study", "er32", "--json", "."], "cannot write .: it is a folder"),
-        (["study", "er32", "--plot", "a.txt"], "cannot write a.txt: expected an ending with a format of figures"),
-        (["study", "er32", "--plot", "a.png", "--json", "a.png"], "--json and --plot both name a.png"),
-        (["study", "bt50", "--step", "3"], "--step"),
+        (["dmo"], "dmo"),
+        (["demo", "--jsn", "a"], "--jsn"),
+        (["identify", "a.toml", "--seed", "-1"], "--seed"),
+        (["sweep", "a.toml", "--sample", "many"], "--sample"),
+        (["demo", "--json", "missing/a.json"], "cannot write missing/a.json: there is no folder missing"),
+        (["demo", "--json", "."], "cannot write .: it is a folder"),
+        (["demo", "--plot", "a.txt"], "cannot write a.txt: expected an ending with a format of figures"),
+        (["demo", "--plot", "a.png", "--json", "a.png"], "--json and --plot both name a.png"),
         (["demo", "--plot", "missing/a.png"], "there is no folder missing"),
     ],
 )
@@ -169,8 +148,8 @@ def test_internal_error_has_a_separate_exit_code(
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("of the program")
 
-    monkeypatch.setattr("receptance.studies.er32.run", fail)
-    assert call(monkeypatch, "study", "er32", "--draws", "1", "--json", "er32.json") == 1
+    monkeypatch.setattr("receptance.cli.demo._diagnose", fail)
+    assert call(monkeypatch, "demo", "--json", "a.json") == 1
     output = capsys.readouterr().err
     assert "an error of the program" in output
     assert "ZeroDivisionError" in output
@@ -181,7 +160,8 @@ def test_results_are_written_together_or_not_at_all(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The second file fails after the first is ready: neither is there, and an older one is as it was."""
-    Path("er32.json").write_text("older")
+    write(Path())
+    Path("a.json").write_text("older")
     stage = _files._stage
 
     def fail(path: Path, content: bytes, waiting: dict[Path, Path]) -> None:
@@ -190,12 +170,11 @@ def test_results_are_written_together_or_not_at_all(
         stage(path, content, waiting)
 
     monkeypatch.setattr(_files, "_stage", fail)
-    monkeypatch.setattr(er32, "run", er32_study.results)
-    files = ("--json", "er32.json", "--plot", "er32.png", "--overwrite")
-    assert call(monkeypatch, "study", "er32", "--draws", "3", *files) == 2
-    assert "cannot write er32.png: No space left on device" in capsys.readouterr().err
-    assert left() == {"er32.json"}
-    assert Path("er32.json").read_text() == "older"
+    files = ("--json", "a.json", "--plot", "a.png", "--overwrite")
+    assert call(monkeypatch, "sweep", "campaign.toml", "--sample", "3", *files) == 2
+    assert "cannot write a.png: No space left on device" in capsys.readouterr().err
+    assert left() == {"a.json", "campaign.toml"}
+    assert Path("a.json").read_text() == "older"
 
 
 @pytest.mark.parametrize("place", ["os.fsync", "receptance.report.figure.as_image"])
@@ -206,11 +185,11 @@ def test_interrupted_in_the_middle_of_writing(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(place, interrupt)
-    monkeypatch.setattr(er32, "run", er32_study.results)
-    files = ("--json", "er32.json", "--plot", "er32.png")
-    assert call(monkeypatch, "study", "er32", "--draws", "3", *files) == 130
+    write(Path())
+    files = ("--json", "a.json", "--plot", "a.png")
+    assert call(monkeypatch, "sweep", "campaign.toml", "--sample", "3", *files) == 130
     assert "interrupted, no file was left incomplete" in capsys.readouterr().err
-    assert left() == set()
+    assert left() == {"campaign.toml"}
 
 
 def test_an_interrupted_demo_has_no_preliminary_result(
@@ -229,12 +208,13 @@ def test_an_interrupted_demo_has_no_preliminary_result(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_interruption_during_computation() -> None:
-    code, out, err = interrupted("study", "er32", "--draws", "100000", "--json", "er32.json")
+    write(Path())
+    code, out, err = interrupted("sweep", "campaign.toml", "--sample", "100000000", "--json", "a.json")
     assert code == 130, err
     assert "interrupted" in err
     assert "Traceback" not in err
     assert out == ""
-    assert left() == set()
+    assert left() == {"campaign.toml"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
@@ -261,7 +241,7 @@ def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     call(monkeypatch)
     output = capsys.readouterr()
     assert "demo" in output.out + output.err
-    assert call(monkeypatch, "study", "er32", "--help") == 0
+    assert call(monkeypatch, "identify", "--help") == 0
     assert "--json" in capsys.readouterr().out
 
 
@@ -298,9 +278,8 @@ def test_quiet_prints_nothing_and_writes_files(
 
 def test_every_command_takes_quiet() -> None:
     commands = typer.main.get_command(command_line.app).commands
-    studies = commands.pop("study").commands
     del commands["schema"]
-    for command in [*commands.values(), *studies.values()]:
+    for command in commands.values():
         assert any("--quiet" in one.opts for one in command.params), command.name
 
 

@@ -13,11 +13,9 @@ from pathlib import Path
 
 import pytest
 
-import er32_study
 from campaign_text import TEXT, changed, write
 from command_line import call, interrupted
 from limits import LIMIT_S
-from receptance.studies import er32
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -86,7 +84,6 @@ def test_identify_writes_everything_needed_to_repeat_it(monkeypatch: pytest.Monk
     [
         ("identify", "campaign.toml"),
         ("sweep", ".", "--sample", "3"),
-        ("study", "er32", "--draws", "3"),
     ],
 )
 def test_json_to_standard_output(
@@ -94,7 +91,6 @@ def test_json_to_standard_output(
 ) -> None:
     """Standard output holds only the JSON, as in a file; the text is on standard error."""
     write(Path(), TEXT + "\n[settings]\nprofiles = false\n")
-    monkeypatch.setattr(er32, "run", er32_study.results)
     assert call(monkeypatch, *arguments, "--json", "-", "--plot", "p.png") == 0
     output = capsys.readouterr()
     found = json.loads(output.out)
@@ -261,10 +257,10 @@ def test_campaign_without_unknowns_is_predicted_from_given_values(monkeypatch: p
         (('"10000 Hz"]', '"10000 Hz"]\nmodes = [1]'), ["identify", "."], "there are 1 modes for 2 frequencies"),
         (('["2500 Hz", "10000 Hz"]', '["2500 Hz"]'), ["identify", "."], "2 unknowns but only 1 observed"),
         (('standard_deviation = "2 Hz"', 'role = "hold out"'), ["identify", "."], "no measurement for identification"),
-        (None, ["example", "er33"], 'there is no example "er33", expected one of "er32"'),
+        (None, ["example", "er33"], 'there is no example "er33", expected one of "bt50", "er32"'),
         (None, ["example", "er32", "campaign.toml"], "cannot write to campaign.toml: it is a file"),
         (None, ["example", "er32", "."], "campaign.toml exists already; choose another folder"),
-        (None, ["example"], "no example given, expected one of er32"),
+        (None, ["example"], "no example given, expected one of bt50, er32"),
     ],
 )  # fmt: skip
 def test_mistake_prints_message_without_traceback(
@@ -344,8 +340,6 @@ def test_seed_of_the_command_replaces_that_of_the_file(
         (("sweep", "machine", "--sample", "3"), "--json"),
         (("catalogue", "machine"), "--out"),
         (("catalogue", "machine"), "--figures"),
-        (("study", "bt50"), "--json"),
-        (("study", "er32", "--draws", "3"), "--plot"),
         (("convert", "machine/campaign.toml"), "OUT"),
     ],
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -31,6 +30,7 @@ COMMANDS = {
     "catalogue": (),
 }
 NO_ANSWER = {
+    "bt50": ("invert", "next", "stability", "catalogue"),
     "er32": ("invert", "next", "stability", "catalogue"),
     "forgotten-sensor": ("next", "stability", "catalogue"),
     "free-free": ("stability", "catalogue"),
@@ -39,26 +39,29 @@ NO_ANSWER = {
     "taper": ("invert", "next", "stability", "catalogue"),
 }
 """Examples without the tables of a command, which then reports that there is nothing to do."""
-WITHOUT_FIGURE = {("er32", "sweep"), ("taper", "sweep")}
+WITHOUT_FIGURE = {("bt50", "sweep"), ("er32", "sweep"), ("taper", "sweep")}
 """Sweeps of more parameters than a figure shows, which has no report."""
 FEW_LEVELS = {"transfer", "diagnose"}
 """Commands that fit all levels of the taper many times; with a few levels they print the same tables."""
 FAST = {
     *(("free-free", command) for command in COMMANDS),
     *(("machine", command) for command in ("identify", "diagnose", "stability", "catalogue")),
-    *((example, command) for example, commands in NO_ANSWER.items() if example != "taper" for command in commands),
+    *(
+        (example, command)
+        for example, commands in NO_ANSWER.items()
+        if example not in ("bt50", "taper")
+        for command in commands
+    ),
     ("hammer", "check"),
     ("er32", "identify"),
 }
 """Every command on an example that takes little time; the others are slow tests, at more widths."""
 DRAWN = {("machine", "stability"), ("machine", "catalogue"), ("free-free", "next")}
 """Fast cases whose report has its figures: the slow tests have reports with figures of the other commands."""
-STUDIES: dict[str, tuple[str, ...]] = {"er32": ("--draws", "3")}
-"""The tests of the study bt50 check its tables."""
 
 
 def _cases() -> list[Any]:
-    cases = [
+    return [
         pytest.param(
             (command, example, *options),
             2 if command in NO_ANSWER[example] else 0,
@@ -68,7 +71,6 @@ def _cases() -> list[Any]:
         for example in examples.EXAMPLES
         for command, options in COMMANDS.items()
     ]
-    return cases + [pytest.param(("study", name, *options), 0, id=f"study {name}") for name, options in STUDIES.items()]
 
 
 def _once(work: Callable[..., Any]) -> Callable[..., Any]:
@@ -88,9 +90,6 @@ def _once(work: Callable[..., Any]) -> Callable[..., Any]:
 def calculated_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for step in _STEPS:
         monkeypatch.setattr(Campaign, step, _once(getattr(Campaign, step)))
-    for name in STUDIES:
-        study = importlib.import_module(f"receptance.studies.{name}")
-        monkeypatch.setattr(study, "run", _once(study.run))
     monkeypatch.setattr("receptance.campaign.load", _once(campaign.load))
     predict = catalogue.predict_catalogue
     monkeypatch.setattr(
@@ -123,7 +122,7 @@ def test_no_number_is_cut(
 ) -> None:
     """Every number that is printed without a limit of width is printed at any width, and is in the report."""
     monkeypatch.chdir(tmp_path)
-    fast = arguments[1::-1] in FAST or arguments[0] == "study"
+    fast = arguments[1::-1] in FAST
     if fast and arguments[1::-1] not in DRAWN:
         for module in ("receptance.report.html", "receptance.diagnosis.page"):
             monkeypatch.setattr(f"{module}.as_svg", lambda *_: "<svg></svg>")

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 import pickle
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from receptance import FRF, STEEL, Coordinate, Part, Segment
 from receptance.examples import virtual_rig
-from receptance.studies import bt50
-from receptance.studies.bt50 import study
 from receptance.taper import (
     Body,
     ForceSeries,
@@ -191,20 +188,3 @@ def test_mistakes_in_series() -> None:
         ForceSeries(name="k", force=force[::-1], values=values, standard_errors=errors)
     with pytest.raises(ValueError, match="must be more than zero"):
         ForceSeries(name="k", force=force, values=values, standard_errors=0.0 * errors)
-    with pytest.raises(ValueError, match="step_kn is 3"):
-        bt50.run(3)
-    with pytest.raises(ValueError, match="seed is -1"):
-        bt50.run(seed=-1)
-
-
-def test_an_interrupted_diagnosis_ends_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
-    @dataclass(frozen=True)
-    class Interrupted:
-        progress: object = None
-
-        def diagnose(self) -> SimpleNamespace:
-            return SimpleNamespace(final=False)
-
-    monkeypatch.setattr(study, "rigid_campaign", lambda *_: Interrupted())
-    with pytest.raises(KeyboardInterrupt):
-        study._diagnose_rigid("radial", 2, 0, print)

@@ -11,8 +11,8 @@ import argparse
 import time
 from collections import Counter
 
+import bt50
 from receptance.diagnosis import Verdict
-from receptance.studies import bt50
 
 MOTIONS = ("axial", "radial", "both")
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import clamping
+import er32_joints
+import er32_tables
 import study_scripts
 from receptance import MeasuredFrequencies
-from receptance.studies import er32
 
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)
 
@@ -34,8 +35,8 @@ def test_torque_is_decided_for_every_diameter(study: dict[str, Any]) -> None:
 
 def test_coarse_resolution_withdraws_the_verdict() -> None:
     """Printed ten times more coarsely, table 4 does not resolve the growth of the thinnest tool."""
-    coarse = er32.Resolution(fine_hz=10.0, coarse_hz=100.0)
-    trends = er32.find_trends(er32.identify_joints(er32.load(), coarse, starts=1, seed=0), 135.0)
+    coarse = er32_joints.Resolution(fine_hz=10.0, coarse_hz=100.0)
+    trends = er32_joints.find_trends(er32_joints.identify_joints(er32_tables.load(), coarse, starts=1, seed=0), 135.0)
     exceeds = {t["diameter_mm"]: t["exceeds"] for t in trends["torque"] if t["quantity"] == "k_y"}
     assert exceeds[7.94] is False
     assert exceeds[9.53] is True
@@ -46,13 +47,13 @@ def _law_of(exponent: float, rng: np.random.Generator) -> clamping.FittedLaw:
     states = []
     for torque in (95.0, 115.0, 135.0, 155.0):
         k_y = 4e8 * (torque / 135.0) ** exponent * np.exp(0.01 * rng.standard_normal())
-        true = er32.assembly(9.53, 62.6, k_y, 4e4)
+        true = er32_tables.assembly(9.53, 62.6, k_y, 4e4)
         frequency = true.natural_frequencies(15e3)[:2].round()
         states.append(
             MeasuredFrequencies(
                 assembly=true,
                 frequency_hz=frequency,
-                standard_deviation_hz=er32.Resolution().standard_deviation(frequency),
+                standard_deviation_hz=er32_joints.Resolution().standard_deviation(frequency),
                 configuration=f"{torque:g}",
                 conditions={"torque": torque},
             )
@@ -75,9 +76,9 @@ def test_only_an_existing_law_is_found() -> None:
 
 def test_torque_of_one_tool_is_judged() -> None:
     """Eleven millimetres, the largest growth of table 4: more than the resolution, and more than its states scatter."""
-    resolution = er32.Resolution()
-    joints = er32.identify_joints(er32.load(), resolution, starts=1, seed=0)
-    one = clamping.study_torque(joints, er32.find_trends(joints, 135.0), resolution, 11.11)
+    resolution = er32_joints.Resolution()
+    joints = er32_joints.identify_joints(er32_tables.load(), resolution, starts=1, seed=0)
+    one = clamping.study_torque(joints, er32_joints.find_trends(joints, 135.0), resolution, 11.11)
     assert one["more_than_resolution"]
     assert one["law"]["significant"]
     assert one["law"]["change_percent"][0] == pytest.approx(one["change_percent"], abs=2.0)

@@ -32,7 +32,6 @@ from receptance.cli.demo import demo
 from receptance.cli.files import convert, show
 from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer, takes_quiet
-from receptance.cli.studies import studies
 from receptance.cli.sweep import sweep
 from receptance.errors import MissingExtraError
 
@@ -87,7 +86,6 @@ def _built(groups: Mapping[str, Mapping[str, Callable[..., None]]]) -> typer.Typ
 
 
 app = _built(_COMMANDS)
-app.add_typer(studies, name="study", rich_help_panel="Studies")
 
 
 def _needed(arguments: Sequence[str]) -> typer.Typer:

@@ -40,7 +40,7 @@ def demo(targets: Targets) -> None:
         console,
         [
             f"Same campaign in a folder: receptance example {EXAMPLE} DIR. Own data: receptance new DIR FILES. "
-            "A published study: receptance study er32.",
+            "Published frequencies: receptance example er32.",
         ],
     )
 

@@ -59,6 +59,12 @@ EXAMPLES = {
     example.name: example
     for example in (
         Example(
+            "bt50",
+            "a rigid holder in its taper at seven drawbar forces, after a publication, SIMULATED; four held out",
+            "bt50",
+            taper,
+        ),
+        Example(
             "er32",
             "published natural frequencies of five blanks in an ER32 holder; other overhangs held out",
             "er32",

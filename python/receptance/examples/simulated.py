@@ -6,6 +6,7 @@ The simulated structure is that of the campaign, with joint parameters that are 
 from __future__ import annotations
 
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -98,14 +99,16 @@ def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
 
 
 def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
-    """Return the FRFs of the example taper by file name: the virtual BT50 rig at all forces, axial and radial."""
+    """Return the FRFs of the examples taper and bt50 by file name: the virtual rig at the forces of the campaign."""
     from receptance.examples.virtual_rig import load_rig
 
-    return taper_files(((rig, TAPER_SEED + number) for number, rig in enumerate(load_rig())), say)
+    forces = tomllib.loads(campaign)["series"]["levels"]
+    seeds = enumerate(load_rig(), start=TAPER_SEED)
+    return taper_files(((rig, seed) for seed, rig in seeds if f"{rig.force_kn:g} kN" in forces), say)
 
 
 def taper_files(rigs: Iterable[tuple[VirtualRig, int]], say: Say = lambda _: None) -> dict[str, bytes]:
-    """Return the files of the example taper by name, from the rig at each force and the seed of its measurement."""
+    """Return the FRFs of a virtual rig by file name, from the rig at each force and the seed of its measurement."""
     files = {}
     for rig, seed in rigs:
         say(f"hitting the virtual rig at {rig.force_kn:g} kN, {rig.motion}")

@@ -110,7 +110,7 @@ class VirtualRig:
         """
         records = self.records(seed)
         with warnings.catch_warnings():
-            # The study states it once.
+            # docs/studies/bt50.py states it once.
             warnings.filterwarnings("ignore", ".*has not decayed", ReceptanceWarning)
             plain = estimate_frf(records)
         hits = find_hits(records)

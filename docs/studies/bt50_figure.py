@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
-from receptance.studies.bt50.report import series_of
+from output import BAD, COLOURS, INK, set_up
 from receptance.taper import ForceSeries
-from receptance.taper.series import draw_over_levels
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _FORCE = "drawbar force (kN)"
 _BAND = "#EDEDED"
 
 
 def draw(results: dict[str, Any]) -> Figure:
-    """Draw six panels: stiffness and damping along and across over force, frequencies, and levels left out.
-
-    Parameters
-    ----------
-    results : dict
-        From `receptance.studies.bt50.run`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure; save it with `savefig`.
-    """
+    """Draw six panels: stiffness and damping along and across over force, frequencies, and levels left out."""
     virtual, published = results["virtual"], results["published"]
-    series = series_of(virtual["trends"])
-    figure = new_figure(16.0, 9.6)
+    series = results["_series"]
+    figure = Figure(figsize=(16.0, 9.6), layout="constrained")
     cells = figure.add_gridspec(2, 3)
     broken = cells[0, 2].subgridspec(2, 1, height_ratios=(1.0, 4.0))
     _draw_axial_stiffness(figure.add_subplot(cells[0, 0]), series, published)
@@ -44,12 +29,10 @@ def draw(results: dict[str, Any]) -> Figure:
     _draw_radial(across[0], series, "k", "Radial stiffness (paper's figure 12)", "$K_{X}$ (10$^9$ N/m)", 1e-9)
     _draw_radial(across[1], series, "c", "Radial damping (paper's figure 13)", "$C_{X}$ (N s/m)", 1.0)
     _draw_left_out(across[2], virtual["left_out"], published)
-    title = "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig"
-    caption = (
-        "All data are virtual (finite elements, ten hits, 20 480 Hz, 20 Hz lines); only the grey bands are the "
-        "paper's. Whiskers: 95 %."
+    figure.suptitle(
+        "BT50 taper over drawbar force: the procedure of Xu et al. 2012 on a virtual rig. All data are virtual (finite "
+        "elements, ten hits,\n20 480 Hz, 20 Hz lines); only the grey bands are the paper's. Whiskers: 95 %."
     )
-    add_heading(figure, title, caption)
     return figure
 
 
@@ -59,20 +42,17 @@ def _power(series: ForceSeries) -> str:
 
 
 def _draw_axial_stiffness(axes: Axes, series: dict[str, ForceSeries], published: dict[str, Any]) -> None:
-    set_up(axes, "Axial stiffness (paper's figure 10)", _FORCE, "$K_{Z1}$ (10$^9$ N/m)")
     low, high = published["axial_stiffness_n_per_m"]
     axes.axhspan(1e-9 * low, 1e-9 * high, color=_BAND, label="paper's range")
     for name, colour, text in (("rigid", COLOURS[1], "rigid holder"), ("elastic", COLOURS[0], "elastic holder")):
         stiffness = series[f"{name} k_z1"]
         draw_over_levels(axes, stiffness, 1e-9, colour, f"{text}, {_power(stiffness)}")
-    add_room(axes, 0.3)
-    add_legend(axes, loc="upper left", title="$K_0 + a F^n$", title_fontsize=9, alignment="left")
+    set_up(axes, "Axial stiffness (paper's figure 10)", _FORCE, "$K_{Z1}$ (10$^9$ N/m)", room=0.3)
 
 
 def _draw_axial_damping(
     axes: Axes, series: dict[str, ForceSeries], virtual: dict[str, Any], published: dict[str, Any]
 ) -> None:
-    set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)")
     axes.axhspan(*published["axial_damping_ns_per_m"], color=_BAND, label="paper's range")
     half_power = series["half-power c_z1"]
     draw_over_levels(axes, half_power, 1.0, COLOURS[1], "half-power, 20 Hz lines", marker="s", law=False)
@@ -82,14 +62,11 @@ def _draw_axial_damping(
     factor = 4.0 * np.pi * virtual["holder"]["mass"]
     damping = [factor * mode["frequency_hz"] * mode["damping_ratio"] for mode in truth]
     axes.plot(force, damping, color=INK, linewidth=1.0, linestyle=":", label="virtual rig (eq. 15)")
-    add_room(axes, 0.25)
-    add_legend(axes, loc="upper left")
+    set_up(axes, "Axial damping, rigid holder (paper's figure 11)", _FORCE, "$C_{Z1}$ (N s/m)", room=0.25)
 
 
 def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
     """Draw the first axial mode below a break of the axis, and that of the bonded holder above it."""
-    set_up(above, "First axial mode (paper's figure 16)")
-    set_up(axes, "", _FORCE, "frequency (Hz)")
     levels = virtual["axial"]
     force = [level["force_kn"] for level in levels]
     bonded = virtual["bonded_hz"]["axial"][0]
@@ -103,10 +80,10 @@ def _draw_frequencies(above: Axes, axes: Axes, virtual: dict[str, Any]) -> None:
         ("simulated_hz", "-", COLOURS[1], "elastic holder, springs of the rigid holder"),
     ):
         axes.plot(force, [level[key] for level in levels], style, color=colour, markersize=4.5, label=label)
-    add_room(axes, 0.35)
-    add_legend(axes, loc="upper left")
     share = np.mean([100.0 * (level["simulated_hz"] / level["experiment_hz"] - 1.0) for level in levels])
-    axes.text(0.98, 0.3, f"{share:+.1f} % on average", transform=axes.transAxes, ha="right", fontsize=9, color=PALE)
+    axes.text(0.98, 0.3, f"{share:+.1f} % on average", transform=axes.transAxes, ha="right", fontsize=9, color="0.6")
+    set_up(above, "First axial mode (paper's figure 16)")
+    set_up(axes, "", _FORCE, "frequency (Hz)", room=0.35)
     _break(above, axes)
 
 
@@ -128,17 +105,13 @@ def _break(above: Axes, below: Axes) -> None:
 
 
 def _draw_radial(axes: Axes, series: dict[str, ForceSeries], kind: str, title: str, label: str, factor: float) -> None:
-    set_up(axes, title, _FORCE, label)
     for end, colour, text in (("x1", COLOURS[0], "big end"), ("x2", COLOURS[2], "small end")):
         parameter = series[f"elastic {kind}_{end}"]
         draw_over_levels(axes, parameter, factor, colour, f"{text}, {_power(parameter)}")
-    add_room(axes, 0.25)
-    place = "upper left" if kind == "k" else "upper right"
-    add_legend(axes, loc=place, title="elastic holder, $K_0 + a F^n$", title_fontsize=9, alignment="left")
+    set_up(axes, title, _FORCE, label, room=0.25)
 
 
 def _draw_left_out(axes: Axes, left_out: list[dict[str, Any]], published: dict[str, Any]) -> None:
-    set_up(axes, "Force levels that were left out", _FORCE, "|error| of predicted frequency (%)")
     for motion in left_out:
         marker = "o" if motion["motion"] == "axial" else "^"
         for name, colour, values in (
@@ -161,4 +134,17 @@ def _draw_left_out(axes: Axes, left_out: list[dict[str, Any]], published: dict[s
     axes.axhline(percent, color=BAD, linewidth=0.8, linestyle="--", label=f"paper: about {percent:g} %")
     bottom, top = axes.get_ylim()
     axes.set_ylim(bottom, top * 100.0)
-    add_legend(axes, fontsize=8, loc="upper left", ncols=2)
+    set_up(axes, "Force levels that were left out", _FORCE, "|error| of predicted frequency (%)")
+
+
+def draw_over_levels(
+    axes: Axes, series: ForceSeries, factor: float, colour: str, label: str, *, marker: str = "o", law: bool = True
+) -> None:
+    """Draw a parameter over force with error bars, and its law."""
+    if law:
+        force = np.linspace(series.force[0], series.force[-1], 200)
+        axes.plot(force, factor * series.law.at(force), color=colour, alpha=0.45)
+    errors = 1.96 * factor * series.standard_errors
+    axes.errorbar(
+        series.force, factor * series.values, errors, fmt=marker, color=colour, markersize=4, capsize=2.5, label=label
+    )

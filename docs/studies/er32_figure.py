@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from receptance.report.figure import BAD, COLOURS, INK, PALE, add_heading, add_legend, add_room, new_figure, set_up
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from output import BAD, COLOURS, INK, set_up
 
 _SYMBOLS = {"k_y": "$k_y$", "k_theta": "$k_\\theta$"}
 _HOLLOW: dict[str, Any] = {"marker": "D", "linestyle": "none", "markerfacecolor": "none", "markeredgecolor": INK}
@@ -25,19 +24,8 @@ _SOURCES = {
 
 
 def draw(results: dict[str, Any]) -> Figure:
-    """Draw stiffness over diameter and torque, transfer errors, parameter sets, and the bias against chance.
-
-    Parameters
-    ----------
-    results : dict
-        From `receptance.studies.er32.run`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure; save it with `savefig`.
-    """
-    figure = new_figure(16.0, 9.6)
+    """Draw stiffness over diameter and torque, transfer errors, parameter sets, and the bias against chance."""
+    figure = Figure(figsize=(16.0, 9.6), layout="constrained")
     panels = figure.subplots(2, 3)
     _draw_diameter(panels[0, 0], results)
     _draw_torque(panels[0, 1], results)
@@ -45,19 +33,16 @@ def draw(results: dict[str, Any]) -> Figure:
     _draw_sets(panels[1, 0], results["parameter_sets"])
     _draw_bias(panels[1, 1], results["long_first_mode_bias"])
     _draw_sources(panels[1, 2], results["long_first_mode_bias"])
-    title = "ER32 collet holder: the joint identified from the printed frequencies of Matthias et al. 2016"
-    note = (
-        "The holder's shape is inferred, not published: agreement in the data it was inferred from is consistency, "
-        "not validation."
+    figure.suptitle(
+        "ER32 collet holder: the joint identified from the printed frequencies of Matthias et al. 2016. The holder's "
+        "shape is inferred, not published:\nagreement in the data it was inferred from is consistency, not validation."
     )
-    add_heading(figure, title, note)
     return figure
 
 
 def _draw_diameter(axes: Axes, results: dict[str, Any]) -> None:
     torque = results["trends"]["diameter"][0]["torque_nm"]
     title = f"Stiffness over diameter at {torque:g} N m"
-    set_up(axes, title, "tool diameter (mm)", "$k_y$ (N/m),  $k_\\theta$ (N m/rad)")
     joints = sorted(
         (j for j in results["identified"] if j["torque_nm"] == torque), key=lambda j: float(j["diameter_mm"])
     )
@@ -83,13 +68,12 @@ def _draw_diameter(axes: Axes, results: dict[str, Any]) -> None:
     axes.set_yscale("log")
     axes.set_xticks(x, [f"{value:g}" for value in x])
     axes.minorticks_off()
-    add_legend(axes, loc="center left", bbox_to_anchor=(0.0, 0.52))
+    set_up(axes, title, "tool diameter (mm)", "$k_y$ (N/m),  $k_\\theta$ (N m/rad)")
 
 
 def _draw_torque(axes: Axes, results: dict[str, Any]) -> None:
     low, high = results["trends"]["torque_range_nm"]
     title = f"Change of stiffness from {low:g} to {high:g} N m, fitted line"
-    set_up(axes, title, "tool diameter (mm)", "change (%)")
     diameters = sorted({trend["diameter_mm"] for trend in results["trends"]["torque"]})
     for trend in results["trends"]["torque"]:
         column = ("k_y", "k_theta").index(trend["quantity"])
@@ -102,15 +86,13 @@ def _draw_torque(axes: Axes, results: dict[str, Any]) -> None:
         axes.errorbar(x, change, whiskers, color=INK, capsize=4, linewidth=1.2)
     axes.set_xticks(range(len(diameters)), [f"{value:g}" for value in diameters])
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    add_legend(axes, loc="upper left")
-    add_room(axes, 0.16)
     fine, coarse, change = results["settings"]["resolution"].values()
     note = f"whiskers: readings in steps of {fine:g} Hz,\n{coarse:g} Hz from {change / 1e3:g} kHz on"
-    axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=PALE)
+    axes.text(0.99, 0.99, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color="0.6")
+    set_up(axes, title, "tool diameter (mm)", "change (%)", room=0.16)
 
 
 def _draw_transfer(axes: Axes, transfer: dict[str, Any]) -> None:
-    set_up(axes, "Other overhangs: predicted against measured", "tool diameter / overhang (mm)", "error (%)")
     keys = sorted({(row["diameter_mm"], row["overhang_mm"]) for row in transfer["rows"]})
     for index, key in enumerate(keys):
         rows = [row for row in transfer["rows"] if (row["diameter_mm"], row["overhang_mm"]) == key]
@@ -127,16 +109,14 @@ def _draw_transfer(axes: Axes, transfer: dict[str, Any]) -> None:
     axes.set_xticks(range(len(keys)), [f"{d:g}\n{o:g}" for d, o in keys], fontsize=8)
     largest = max(max(abs(r["error_percent"]), abs(r["published_error_percent"])) for r in transfer["rows"])
     axes.set_ylim(-1.2 * largest, 1.7 * largest)  # room for the legend
-    _add_titled_legend(
-        axes, f"rms: ours {transfer['rms_percent']:.2f} %, paper {transfer['published_rms_percent']:.2f} %"
+    axes.plot(
+        [], [], " ", label=f"rms: ours {transfer['rms_percent']:.2f} %, paper {transfer['published_rms_percent']:.2f} %"
     )
+    set_up(axes, "Other overhangs: predicted against measured", "tool diameter / overhang (mm)", "error (%)")
 
 
 def _draw_sets(axes: Axes, sets: list[dict[str, Any]]) -> None:
-    from matplotlib.patches import Rectangle
-
-    title = "Parameter sets of table 3: error per mode (%)"
-    axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
+    set_up(axes, "Parameter sets of table 3: error per mode (%)")
     for row, chosen in enumerate(sets):
         for column, error in enumerate(chosen["errors"]):
             percent, refuted = error["error_percent"], error in chosen["refuted_by"]
@@ -160,26 +140,24 @@ def _draw_sets(axes: Axes, sets: list[dict[str, Any]]) -> None:
 
 
 def _draw_bias(axes: Axes, bias: dict[str, Any]) -> None:
-    title = "First mode of the long tools against chance"
-    set_up(axes, title, "tool diameter (mm)", "100 (predicted / measured - 1)  (%)")
     paper = [*bias["published_percent"], float(np.mean(bias["published_percent"]))]
     deviation = np.array([*bias["tool_deviation_percent"], bias["mean_deviation_percent"]])
     x = np.arange(len(paper))
+    axes.use_sticky_edges = False
     for width, colour, label in _CHANCE:
         axes.bar(x, width * deviation, 0.7, bottom=-0.5 * width * deviation, color=colour, label=label)
     axes.plot(x, [*bias["percent"], bias["mean_percent"]], "o", color=BAD, markersize=8, label="ours")
     axes.plot(x, paper, markersize=7, label="paper", **_HOLLOW)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xticks(x, [*(f"{d:g}" for d in bias["diameter_mm"]), "mean"])
-    _add_titled_legend(axes, f"p = {bias['p_value']:.2g} for the mean, sign test p = {bias['sign_test_p_value']:.3g}")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low - 0.06 * (high - low), high + 0.45 * (high - low))
+    text = f"p = {bias['p_value']:.2g} for the mean, sign test p = {bias['sign_test_p_value']:.3g}"
+    axes.plot([], [], " ", label=text)
+    title = "First mode of the long tools against chance"
+    set_up(axes, title, "tool diameter (mm)", "100 (predicted / measured - 1)  (%)", room=0.45)
 
 
 def _draw_sources(axes: Axes, bias: dict[str, Any]) -> None:
     set_up(axes, "Sources of chance in that mean", "standard deviation of the mean (%)")
-    axes.grid(visible=False, axis="y")
-    axes.grid(visible=True, axis="x", color="#E6E6E6", linewidth=0.8)
     rows = {_SOURCES[name]: value for name, value in bias["deviations_percent"].items()}
     rows["all,\nlinear"] = bias["mean_deviation_percent"]
     rows[f"all, {bias['simulation']['draws']}\nsimulations"] = bias["simulation"]["deviation_percent"]
@@ -192,7 +170,3 @@ def _draw_sources(axes: Axes, bias: dict[str, Any]) -> None:
     axes.set_yticks(range(len(rows)), list(rows), fontsize=9)
     axes.set_ylim(len(rows) - 0.4, -0.8)
     axes.set_xlim(0.0, 1.12 * max(size, *rows.values()))
-
-
-def _add_titled_legend(axes: Axes, title: str) -> None:
-    add_legend(axes, ncols=2, loc="upper left", title=title, title_fontsize=9, alignment="left")

@@ -1,26 +1,26 @@
-"""The study of the ER32 collet holder, from the tables to one document of results."""
+"""The joint of an ER32 collet holder from printed natural frequencies (Matthias et al. 2016).
+
+W. Matthias, O. Ozsahin, Y. Altintas, B. Denkena, CIRP J. Manuf. Sci. Technol. 2016, doi 10.1016/j.cirpj.2016.02.005.
+The joint of every tool at every torque (table 4), its prediction of other overhangs (table 2), the four parameter sets
+of table 3, trends over torque and diameter, and the bias of the first mode of the long tools against chance.
+
+Run with `python docs/studies/er32.py [--resolution HZ] [--overhang-error MM] [--draws N] [--seed N] [--json FILE]
+[--plot FILE]`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance import _checks
-from receptance.report import versions
-from receptance.studies.er32.bias import (
-    ChanceModel,
-    find_bias,
-    find_slopes,
-    predict_transfers,
-    rank_causes,
-    rms,
-    simulate_chance,
-)
-from receptance.studies.er32.joints import (
+import er32_figure
+import er32_report
+from er32_bias import ChanceModel, find_bias, find_slopes, rank_causes, simulate_chance
+from er32_joints import (
     SHARED,
     Resolution,
     find_trends,
@@ -30,98 +30,49 @@ from receptance.studies.er32.joints import (
     mode_slopes,
     shared_value,
 )
-from receptance.studies.er32.report import findings
-from receptance.studies.er32.tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load
+from er32_tables import INFERENCE, SOURCE, ParameterSet, Published, assembly, load, predict_transfers, rms
+from output import options, save
 
-_AT_BOUNDS = ("carbide density", "nose diameter", "flange length")
+AT_BOUNDS = ("carbide density", "nose diameter", "flange length")
 """Quantities that ended at a bound of the fit from which the holder was inferred."""
-_KNOWN_WITHIN_PERCENT = 10.0
+KNOWN_WITHIN_PERCENT = 10.0
+STARTS = 4
+REFUTATION = 3.0
+"""A mode refutes a parameter set if its error exceeds this multiple of the rms error of the transfers."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ER32Settings:
-    """Settings of the study.
+def study(
+    resolution: Resolution | None = None, chance: ChanceModel | None = None, *, draws: int = 300, seed: int = 0
+) -> dict[str, Any]:
+    """Return all results; an open end of an interval is None.
 
     Parameters
     ----------
-    resolution : Resolution
+    resolution : Resolution, optional
         Steps in which the frequencies are printed. The paper does not state them; its tables look rounded to 1 Hz, and
         to 10 Hz from 10 kHz on.
-    chance : ChanceModel
+    chance : ChanceModel, optional
         Definition of chance for the bias of the long tools.
-    starts : int
-        Starts of every identification.
-    draws : int
+    draws : int, optional
         Draws of the simulation of chance.
-    seed : int
+    seed : int, optional
         Seed of the starts and of the simulation.
-    refutation : float
-        A mode refutes a parameter set if its error exceeds this multiple of the rms error of the transfers.
-
-    Raises
-    ------
-    ValueError, TypeError
-        A value out of range.
     """
-
-    resolution: Resolution = field(default_factory=Resolution)
-    chance: ChanceModel = field(default_factory=ChanceModel)
-    starts: int = 4
-    draws: int = 300
-    seed: int = 0
-    refutation: float = 3.0
-
-    def __post_init__(self) -> None:
-        for name, value in asdict(self.resolution).items():
-            _checks.positive("resolution", name, value, unit="Hz")
-        for name, value in asdict(self.chance).items():
-            _checks.not_negative("chance", name, value)
-        _checks.positive("settings", "refutation", self.refutation)
-        for name, least in (("starts", 1), ("draws", 1), ("seed", 0)):
-            _checks.whole_number("settings", name, getattr(self, name), least=least)
-
-
-def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """Compute the study of the ER32 collet holder (Matthias et al. 2016).
-
-    Parameters
-    ----------
-    settings : ER32Settings, optional
-        Settings; by default those of the documentation.
-    progress : callable, optional
-        Called with a line of text before each step.
-
-    Returns
-    -------
-    dict
-        All results as JSON holds them; an open end of an interval is None.
-
-    Examples
-    --------
-    >>> from receptance.studies import er32
-    >>> results = er32.run(er32.ER32Settings(starts=1, draws=1))
-    >>> round(results["published_predictions"]["rms_percent"], 2)
-    0.49
-    """
-    chosen = settings or ER32Settings()
-    say = progress or (lambda _: None)
-    published = load()
-    say("checking the inferred holder")
+    if draws < 1:
+        raise ValueError(f"draws is {draws}, expected at least 1")
+    resolution, chance, published = resolution or Resolution(), chance or ChanceModel(), load()
     inferred, covariance = check_inference(published)
-    say("identifying the joints")
-    joints = identify_joints(published, chosen.resolution, starts=chosen.starts, seed=chosen.seed)
-    say("predicting other overhangs")
+    joints = identify_joints(published, resolution, starts=STARTS, seed=seed)
     theirs = predict_transfers(published, {s.diameter_mm: (s.k_y, s.k_theta) for s in published.setups})
     ours = {j["diameter_mm"]: (j["k_y"], j["k_theta"]) for j in joints if j["torque_nm"] == published.torque_nm}
     transfers = predict_transfers(published, ours)
     error = rms([row["error_percent"] for row in transfers])
-    say("simulating chance")
     slopes = find_slopes(published, joints)
-    bias = find_bias(published, transfers, slopes, chosen.chance, chosen.resolution, covariance)
+    bias = find_bias(published, transfers, slopes, chance, resolution, covariance)
     bias["simulation"] = simulate_chance(
-        published, ours, bias["mean_percent"], chosen.chance, chosen.resolution, draws=chosen.draws, seed=chosen.seed
+        published, ours, bias["mean_percent"], chance, resolution, draws=draws, seed=seed
     )
-    bias["single_causes"] = rank_causes(published, ours, bias["percent"], slopes, chosen.chance)
+    bias["single_causes"] = rank_causes(published, ours, bias["percent"], slopes, chance)
     bias["overhang_scatter_mm"] = overhang_scatter(published)
     predictions = [
         {
@@ -130,12 +81,18 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
         }
         for row in theirs
     ]
-    results: dict[str, Any] = {
+    return {
         "study": "er32",
         "source": SOURCE,
-        "settings": asdict(chosen),
-        "seed": chosen.seed,
-        "versions": versions(),
+        "settings": {
+            "resolution": asdict(resolution),
+            "chance": asdict(chance),
+            "starts": STARTS,
+            "draws": draws,
+            "seed": seed,
+            "refutation": REFUTATION,
+        },
+        "seed": seed,
         "inferred": inferred,
         "identified": joints,
         "published_predictions": {
@@ -147,16 +104,13 @@ def run(settings: ER32Settings | None = None, *, progress: Callable[[str], None]
             "published_rms_percent": rms([row["published_error_percent"] for row in transfers]),
             "rows": transfers,
         },
-        "parameter_sets": [
-            _judge_set(published, parameters, chosen.refutation * error) for parameters in published.parameter_sets
-        ],
+        "parameter_sets": [judge_set(published, row, REFUTATION * error) for row in published.parameter_sets],
         "trends": find_trends(joints, published.torque_nm),
         "long_first_mode_bias_percent": bias["percent"],
         "long_first_mode_bias_p_value": bias["p_value"],
         "long_first_mode_bias": bias,
         "inconsistencies": find_inconsistencies(published, joints),
     }
-    return {**results, "findings": findings(results)}
 
 
 def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.float64]]:
@@ -191,7 +145,7 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
                 "value": value,
                 "unit": unit,
                 "standard_error_percent": 100.0 * error,
-                "at_bound": name in _AT_BOUNDS,
+                "at_bound": name in AT_BOUNDS,
             }
         )
     document = {
@@ -200,14 +154,14 @@ def check_inference(published: Published) -> tuple[dict[str, Any], NDArray[np.fl
         "frequencies": count,
         "rms_percent": 100.0 * rms(np.expm1(residual).tolist()),
         "quantities": quantities,
-        "combinations_known": int(np.sum(100.0 * scatter / singular < _KNOWN_WITHIN_PERCENT)),
-        "known_within_percent": _KNOWN_WITHIN_PERCENT,
+        "combinations_known": int(np.sum(100.0 * scatter / singular < KNOWN_WITHIN_PERCENT)),
+        "known_within_percent": KNOWN_WITHIN_PERCENT,
         "singular_values": singular.tolist(),
     }
     return document, covariance
 
 
-def _judge_set(published: Published, chosen: ParameterSet, threshold_percent: float) -> dict[str, Any]:
+def judge_set(published: Published, chosen: ParameterSet, threshold_percent: float) -> dict[str, Any]:
     """Return the errors of a set of table 3 at all measured overhangs of its tool, the longest first."""
     measured: dict[float, tuple[float, ...]] = {
         t.overhang_mm: t.measured_hz for t in published.transfers if t.diameter_mm == chosen.diameter_mm
@@ -261,7 +215,7 @@ def find_inconsistencies(published: Published, joints: Sequence[dict[str, Any]])
             first, second = getattr(printed, what), getattr(setup, what)
             if first != second:
                 add(what, printed.diameter_mm, unit, first, printed.where, second, "tables 4 and 5")
-    for diameter, first, source, second in _overhangs(published):
+    for diameter, first, source, second in overhangs(published):
         if first == second:
             continue
         add("overhang", diameter, "mm", first, source, second, "table 5")
@@ -276,11 +230,11 @@ def find_inconsistencies(published: Published, joints: Sequence[dict[str, Any]])
 
 def overhang_scatter(published: Published) -> float:
     """Return the standard deviation in mm of a printed overhang, from those printed twice."""
-    differences = np.array([second - first for _, first, _, second in _overhangs(published)])
+    differences = np.array([second - first for _, first, _, second in overhangs(published)])
     return float(np.sqrt(np.mean(differences**2) / 2.0))
 
 
-def _overhangs(published: Published) -> list[tuple[float, float, str, float]]:
+def overhangs(published: Published) -> list[tuple[float, float, str, float]]:
     """Return overhangs printed twice: diameter, value in table 1 or 2, name of that table, value in table 5."""
     pairs = [
         (s.diameter_mm, published.mount(s.diameter_mm).overhang_mm, "table 1", s.overhang_medium_mm)
@@ -291,3 +245,21 @@ def _overhangs(published: Published) -> list[tuple[float, float, str, float]]:
         if long is not None:
             pairs.append((transfer.diameter_mm, transfer.overhang_mm, "table 2", long))
     return pairs
+
+
+if __name__ == "__main__":
+    parser = options(__doc__)
+    parser.add_argument("--resolution", metavar="HZ", type=float, default=1.0, help="ten times that from 10 kHz on")
+    parser.add_argument("--overhang-error", metavar="MM", type=float, default=0.1, help="standard deviation")
+    parser.add_argument("--draws", metavar="N", type=int, default=300, help="simulations of the chance model")
+    given = parser.parse_args()
+    results = study(
+        Resolution(given.resolution, 10.0 * given.resolution),
+        ChanceModel(overhang_mm=given.overhang_error),
+        draws=given.draws,
+        seed=given.seed,
+    )
+    er32_report.show(results)
+    save(given.json, results)
+    if given.plot:
+        er32_figure.draw(results).savefig(given.plot)

@@ -10,17 +10,17 @@ import functools
 import re
 import tempfile
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import resources
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
-from receptance.model.assembly import Assembly
-from receptance.model.beams import Part, Segment
-from receptance.model.joints import PointJoint
+import numpy as np
 
-if TYPE_CHECKING:
-    from receptance.campaign import Campaign
+import receptance as rc
+from receptance import campaign, examples
 
+DATA = Path(__file__).parent / "data"
 SOURCE = "Matthias, Ozsahin, Altintas, Denkena, CIRP J. Manuf. Sci. Technol. 2016, doi 10.1016/j.cirpj.2016.02.005"
 INFERENCE = (
     "The paper gives the holder's length (table 1) but not its shape. Four steel sections and the carbide's modulus "
@@ -28,6 +28,8 @@ INFERENCE = (
     "N m of table 4, with the joint stiffnesses of table 5."
 )
 _Row = TypeVar("_Row")
+Stiffness = Mapping[float, Sequence[float]]
+"""(k_y, k_theta) by diameter in mm."""
 
 
 class Mount(NamedTuple):
@@ -122,14 +124,7 @@ class Published:
 
 @functools.cache
 def load() -> Published:
-    """Read the packaged tables.
-
-    Examples
-    --------
-    >>> from receptance.studies import er32
-    >>> er32.load().mount(12.7).overhang_mm
-    62.3
-    """
+    """Read the printed tables."""
     text = tomllib.loads(_read("text.toml"))
     return Published(
         mounts=_rows(Mount, "table1_assemblies"),
@@ -143,12 +138,12 @@ def load() -> Published:
 
 
 def _read(name: str) -> str:
-    return (resources.files("receptance.studies") / "data" / f"er32_{name}").read_text(encoding="utf-8")
+    return (DATA / f"er32_{name}").read_text(encoding="utf-8")
 
 
 def _rows(kind: type[_Row], name: str) -> tuple[_Row, ...]:
     """Return the rows of a table: columns are named as fields, but for the unit of joints and the number of a mode."""
-    found = []
+    rows = []
     for row in csv.DictReader(line for line in _read(f"{name}.csv").splitlines() if not line.startswith("#")):
         values: dict[str, Any] = {}
         for column, cell in row.items():
@@ -157,46 +152,58 @@ def _rows(kind: type[_Row], name: str) -> tuple[_Row, ...]:
                 values[f"{field[:-5]}_hz"] = (*values.get(f"{field[:-5]}_hz", ()), *([float(cell)] if cell else []))
             else:
                 values[field] = cell if field == "name" else float(cell) if cell else None
-        found.append(kind(**{field: values[field] for field in kind._fields}))  # type: ignore[attr-defined]
-    return tuple(found)
+        rows.append(kind(**{field: values[field] for field in kind._fields}))
+    return tuple(rows)
 
 
 @functools.cache
-def campaign() -> Campaign:
-    """Return the packaged campaign `er32`: inferred holder, blanks, and the measured natural frequencies."""
-    from receptance import campaign as campaigns
-    from receptance import examples
-
+def parts() -> tuple[rc.Part, rc.Part]:
+    """Return a blank and the inferred holder of the packaged campaign `er32`."""
     with tempfile.TemporaryDirectory() as folder:
         examples.write("er32", folder)
-        return campaigns.load(folder)
+        blank, _, holder = campaign.load(folder).assemblies["d12_medium"].elements.values()
+    assert isinstance(blank, rc.Part)
+    assert isinstance(holder, rc.Part)
+    return blank, holder
 
 
-def assembly(diameter_mm: float, overhang_mm: float, k_y: float = 1e9, k_theta: float = 1e5) -> Assembly:
-    """Return the freely suspended assembly of blank, point joint and inferred holder.
-
-    Parameters
-    ----------
-    diameter_mm, overhang_mm : float
-        Blank in mm; the holder's length is that of table 1 for this diameter.
-    k_y, k_theta : float, optional
-        Joint in N/m and N m/rad.
-
-    Returns
-    -------
-    Assembly
-        Of the elements "tool", "joint" and "holder".
-
-    Examples
-    --------
-    >>> from receptance.studies import er32
-    >>> er32.assembly(12.7, 113.2, 6.28e8, 1.04e5).natural_frequencies(6e3).round()
-    array([1129., 4917.])
-    """
-    built = campaign().built
-    *front, taper = built.parts["holder"].segments
+def assembly(diameter_mm: float, overhang_mm: float, k_y: float = 1e9, k_theta: float = 1e5) -> rc.Assembly:
+    """Return the free assembly of "tool", "joint" and inferred "holder", whose length is that of table 1."""
+    blank, holder = parts()
+    *front, taper = holder.segments
     # The taper takes up the remainder of the holder's length.
     length = 1e-3 * load().mount(diameter_mm).holder_length_mm - sum(segment.length for segment in front)
-    blank = Segment(length=1e-3 * overhang_mm, outer_diameter=1e-3 * diameter_mm, material=built.materials["carbide"])
-    joint = PointJoint(k_y=k_y, k_theta=k_theta, name="joint")
-    return Assembly([Part([blank], name="tool"), joint, Part([*front, replace(taper, length=length)], name="holder")])
+    tool = replace(blank.segments[0], length=1e-3 * overhang_mm, outer_diameter=1e-3 * diameter_mm)
+    joint = rc.PointJoint(k_y=k_y, k_theta=k_theta, name="joint")
+    return rc.Assembly(
+        [rc.Part([tool], name="tool"), joint, rc.Part([*front, replace(taper, length=length)], name="holder")]
+    )
+
+
+def rms(values: Sequence[float]) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def predict_transfers(published: Published, stiffness: Stiffness) -> list[dict[str, Any]]:
+    """Predict the natural frequencies of table 2, one dictionary for each mode."""
+    rows = []
+    for transfer in published.transfers:
+        model = assembly(transfer.diameter_mm, transfer.overhang_mm, *stiffness[transfer.diameter_mm])
+        predicted = model.lowest_natural_frequencies(len(transfer.measured_hz))[0].tolist()
+        for mode, (measured, paper, ours) in enumerate(
+            zip(transfer.measured_hz, transfer.predicted_hz, predicted, strict=True), 1
+        ):
+            rows.append(
+                {
+                    "diameter_mm": transfer.diameter_mm,
+                    "overhang_mm": transfer.overhang_mm,
+                    "mode": mode,
+                    "measured_hz": measured,
+                    "published_hz": paper,
+                    "predicted_hz": ours,
+                    "error_percent": 100.0 * (ours / measured - 1.0),
+                    "published_error_percent": 100.0 * (paper / measured - 1.0),
+                }
+            )
+    return rows

@@ -9,17 +9,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 
-from receptance.identification import MeasuredFrequencies, Unknown, identify
-from receptance.identification.covariance import confidence_multiplier
-from receptance.studies.er32.tables import Published, Reading, assembly
-
-if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
+import receptance as rc
+from er32_tables import Published, Reading, assembly
 
 Interval = tuple[float | None, float | None]
 
@@ -56,18 +53,15 @@ _REST = "holder.segment[3].length"
 
 @dataclass(frozen=True)
 class Resolution:
-    """Step in which frequencies are printed: `fine_hz` below `change_hz`, `coarse_hz` from there on.
-
-    Examples
-    --------
-    >>> from receptance.studies.er32 import Resolution
-    >>> Resolution().half_step([2004.0, 10110.0])
-    array([0.5, 5. ])
-    """
+    """Step in which frequencies are printed: `fine_hz` below `change_hz`, `coarse_hz` from there on."""
 
     fine_hz: float = 1.0
     coarse_hz: float = 10.0
     change_hz: float = 10e3
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.fine_hz < np.inf and 0.0 < self.coarse_hz < np.inf):
+            raise ValueError(f"the resolution is {self.fine_hz:g} and {self.coarse_hz:g} Hz, expected positive numbers")
 
     def half_step(self, frequency_hz: ArrayLike) -> NDArray[np.float64]:
         """Return the largest error of a printed frequency in Hz."""
@@ -89,7 +83,9 @@ def shared_value(name: str) -> tuple[float, str]:
     return (value, "kg/m3") if name.endswith("density") else (1e3 * value, "mm")
 
 
-def with_factors(model: Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None) -> Assembly:
+def with_factors(
+    model: rc.Assembly, factors: Mapping[str, float], other: Mapping[str, float] | None = None
+) -> rc.Assembly:
     """Return an assembly with shared quantities multiplied by factors, and other parameters at given values."""
     values = dict(other or {})
     for name, factor in factors.items():
@@ -102,7 +98,7 @@ def with_factors(model: Assembly, factors: Mapping[str, float], other: Mapping[s
 
 
 def mode_slopes(
-    model: Assembly, modes: Sequence[int], names: Sequence[str] = ()
+    model: rc.Assembly, modes: Sequence[int], names: Sequence[str] = ()
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return natural frequencies of an assembly in Hz, `(m,)`, for mode numbers from 1, and their derivatives.
 
@@ -125,7 +121,7 @@ def mode_slopes(
     return frequency, shared, joint, 1e-3 * column["tool.segment[0].length"]
 
 
-def follow_joint(model: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
+def follow_joint(model: rc.Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64]:
     """Return the joint (k_y, k_theta) for which the first two natural frequencies have given values.
 
     Newton's method in logarithms from the joint of the assembly, within `BOUNDS`. A value at a bound means that no
@@ -147,23 +143,7 @@ def follow_joint(model: Assembly, frequency_hz: ArrayLike) -> NDArray[np.float64
 
 
 def identify_joints(published: Published, resolution: Resolution, *, starts: int, seed: int) -> list[dict[str, Any]]:
-    """Identify k_y and k_theta for every row of table 4.
-
-    Parameters
-    ----------
-    published : Published
-        The tables.
-    resolution : Resolution
-        Source of standard deviations and intervals.
-    starts, seed : int
-        As in `receptance.identify`.
-
-    Returns
-    -------
-    list of dict
-        By row: values, intervals, `percent_per_mm` (change per mm of overhang at the same frequencies), the paper's
-        values and how the search ended.
-    """
+    """Identify k_y and k_theta for every row of table 4; `percent_per_mm` is the change per mm of overhang."""
     return [_identified(published, reading, resolution, starts, seed) for reading in published.readings]
 
 
@@ -178,14 +158,14 @@ def _identified(
     frequency = np.array(reading.frequency_hz)
     middle = [float(np.sqrt(low * high)) for low, high in BOUNDS.values()]
     model = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)
-    measured = MeasuredFrequencies(
+    measured = rc.MeasuredFrequencies(
         assembly=model,
         frequency_hz=frequency,
         standard_deviation_hz=resolution.standard_deviation(frequency),
         label=f"{reading.diameter_mm:g} mm at {reading.torque_nm:g} N m",
     )
-    unknowns = [Unknown(address=address, lower=low, upper=high) for address, (low, high) in BOUNDS.items()]
-    fit = identify(measured, unknowns, starts=starts, seed=seed)
+    unknowns = [rc.Unknown(address=address, lower=low, upper=high) for address, (low, high) in BOUNDS.items()]
+    fit = rc.identify(measured, unknowns, starts=starts, seed=seed)
     fitted = model.replace(fit.values)
     _, _, joint_slopes, overhang_slopes = mode_slopes(fitted, (1, 2))
     per_mm = -100.0 * np.linalg.solve(joint_slopes, overhang_slopes)
@@ -255,7 +235,7 @@ def _diameter_law(quantity: str, torque_nm: float, states: Sequence[dict[str, An
     exponent, interval = _weighted_sum(quantity, states, centred / np.sum(centred**2))
     freedom = len(states) - 2
     variance = float(np.sum((y - y.mean() - exponent * centred) ** 2)) / freedom
-    half_width = confidence_multiplier(0.95, freedom) * float(np.sqrt(variance / np.sum(centred**2)))
+    half_width = float(stats.t.ppf(0.975, freedom)) * float(np.sqrt(variance / np.sum(centred**2)))
     scatter = (exponent - half_width, exponent + half_width)
     return {
         "quantity": quantity,

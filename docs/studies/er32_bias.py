@@ -5,28 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
-from receptance.studies.er32.joints import (
-    BOUNDS,
-    JOINT,
-    SHARED,
-    Resolution,
-    follow_joint,
-    joint_of,
-    mode_slopes,
-    with_factors,
-)
-from receptance.studies.er32.tables import Published, assembly
+import receptance as rc
+from er32_joints import BOUNDS, JOINT, SHARED, Resolution, follow_joint, joint_of, mode_slopes, with_factors
+from er32_tables import Published, Stiffness, assembly, rms
 
-if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
-
-Stiffness = Mapping[float, Sequence[float]]
-"""(k_y, k_theta) by diameter in mm."""
 _LARGE = 0.3
 """Relative change beyond which the linear slopes are not used to predict table 2."""
 
@@ -50,6 +38,10 @@ class ChanceModel:
     holder_dimension_percent: float = 2.0
     nose_factor_percent: float = 10.0
 
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.overhang_mm < np.inf:
+            raise ValueError(f"the error of an overhang is {self.overhang_mm:g} mm, expected at least 0")
+
     def deviation(self, name: str) -> float:
         """Return the relative standard deviation of a shared quantity."""
         owner, quantity = name.split(" ", 1)
@@ -72,35 +64,6 @@ class Slopes:
     overhang: NDArray[np.float64]
     identifying_overhang: NDArray[np.float64]
     reading: NDArray[np.float64]
-
-
-def rms(values: Sequence[float]) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def predict_transfers(published: Published, stiffness: Stiffness) -> list[dict[str, Any]]:
-    """Predict the natural frequencies of table 2, one dictionary for each mode."""
-    rows = []
-    for transfer in published.transfers:
-        model = assembly(transfer.diameter_mm, transfer.overhang_mm, *stiffness[transfer.diameter_mm])
-        predicted = model.lowest_natural_frequencies(len(transfer.measured_hz))[0].tolist()
-        for mode, (measured, paper, ours) in enumerate(
-            zip(transfer.measured_hz, transfer.predicted_hz, predicted, strict=True), 1
-        ):
-            rows.append(
-                {
-                    "diameter_mm": transfer.diameter_mm,
-                    "overhang_mm": transfer.overhang_mm,
-                    "mode": mode,
-                    "measured_hz": measured,
-                    "published_hz": paper,
-                    "predicted_hz": ours,
-                    "error_percent": 100.0 * (ours / measured - 1.0),
-                    "published_error_percent": 100.0 * (paper / measured - 1.0),
-                }
-            )
-    return rows
 
 
 def find_slopes(published: Published, joints: Sequence[dict[str, Any]]) -> Slopes:
@@ -175,16 +138,7 @@ def find_bias(
 
 
 def sign_test(values: Sequence[float]) -> float:
-    """Return the two-sided p value of the sign test; zeros do not count.
-
-    Examples
-    --------
-    >>> from receptance.studies.er32.bias import sign_test
-    >>> sign_test([-1.0, -2.0, -0.5, -0.1])
-    0.125
-    """
-    from scipy.stats import binomtest  # slow to import
-
+    """Return the two-sided p value of the sign test; zeros do not count."""
     signs = np.sign([value for value in values if value != 0.0])
     return float(binomtest(int(np.sum(signs > 0.0)), signs.size).pvalue) if signs.size else 1.0
 
@@ -324,7 +278,7 @@ def _rms_of_long(
     return rms(errors)
 
 
-def _errors(model: Assembly, measured_hz: Sequence[float]) -> list[float]:
+def _errors(model: rc.Assembly, measured_hz: Sequence[float]) -> list[float]:
     """Return the errors of the lowest natural frequencies in percent."""
     predicted = model.lowest_natural_frequencies(len(measured_hz))[0]
     return list(100.0 * (predicted / np.array(measured_hz) - 1.0))

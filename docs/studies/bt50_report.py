@@ -1,23 +1,21 @@
-"""Tables and sentences of the BT50 study; every number in them comes from the document that `run` returns."""
+"""Tables and sentences of the BT50 study; every number in them comes from the results of `bt50.study`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
+from rich.console import Console
 
-from receptance.report import Table
-from receptance.report.table import joined
-from receptance.studies.report import ReportSection, table
-from receptance.taper import ForceSeries
+from output import WIDTH, print_table
+from receptance.report import terminal
 
 SOURCE = (
     "C. Xu, J. Zhang, Z. Wu, D. Yu, P. Feng, Dynamic modeling and parameters identification of a spindle-holder taper "
     "joint, Springer-Verlag London, published online 10 November 2012"
 )
 PROVENANCE = (
-    "The paper prints no FRFs, no dimensions and, in its text, only ranges. Everything measured here is virtual: an "
+    "The paper prints no FRFs, no dimensions and, in its text, only ranges. Everything measured here is VIRTUAL: an "
     "elastic BT50 holder by finite elements, with a contact invented to give the ranges of the paper. Agreement with "
     "the paper is therefore no evidence. The results show the accuracy of the procedure on known data."
 )
@@ -30,39 +28,29 @@ _CLAIMS = (
 )
 
 
-def findings(results: dict[str, Any]) -> list[dict[str, str]]:
-    """Return the sentences with their subjects."""
-    subjects = {
-        "axial": _on_axial,
-        "diagnosis": _on_diagnosis,
-        "damping": _on_damping,
-        "radial": _on_radial,
-        "trends": _on_trends,
-        "use": _on_use,
-    }
-    return [{"about": about, "text": text} for about, write in subjects.items() for text in write(results)]
-
-
-def sections(results: dict[str, Any]) -> list[ReportSection]:
-    """Return the printed sections."""
-    texts: dict[str, list[str]] = {}
-    for item in results["findings"]:
-        texts.setdefault(item["about"], []).append(item["text"])
+def show(results: dict[str, Any]) -> None:
+    """Print all results."""
+    print(f"BT50 taper over drawbar force. {SOURCE}.\n{PROVENANCE} Seed {results['settings']['seed']}.")
     virtual = results["virtual"]
-    title = "BT50 taper over drawbar force: the procedure of the paper on a virtual rig"
-    return [
-        ReportSection(title, [], [SOURCE + ".", PROVENANCE]),
-        ReportSection("Axial", [_axial(virtual["axial"])], texts["axial"]),
-        ReportSection("Diagnosis of the rigid holder", [], texts["diagnosis"]),
-        ReportSection("Axial damping, half-power and circle", [_damping(virtual["axial"])], texts["damping"]),
-        ReportSection("Radial", [_radial(virtual["radial"])], texts["radial"]),
-        ReportSection(
-            "Over drawbar force",
-            joined(part for series in series_of(virtual["trends"]).values() for part in series.tables()),
-            texts["trends"],
-        ),
-        ReportSection("Use of the elastic model", [], texts["use"]),
-    ]
+    _axial(virtual["axial"])
+    _say(_on_axial(results))
+    print("\nDiagnosis of the rigid holder")
+    _say(_on_diagnosis(results))
+    _damping(virtual["axial"])
+    _say(_on_damping(results))
+    _radial(virtual["radial"])
+    _say(_on_radial(results))
+    for series in results["_series"].values():
+        for table in series.tables():
+            terminal.print_table(Console(width=WIDTH), table)
+    _say(_on_trends(results))
+    _say(_on_use(results))
+
+
+def _say(sentences: Iterator[str]) -> None:
+    print()
+    for sentence in sentences:
+        print(sentence)
 
 
 def _percent(value: float, reference: float) -> float:
@@ -181,7 +169,7 @@ def _on_radial(results: dict[str, Any]) -> Iterator[str]:
 
 
 def _on_trends(results: dict[str, Any]) -> Iterator[str]:
-    parameters = series_of(results["virtual"]["trends"])
+    parameters = results["_series"]
     for series in parameters.values():
         yield f"{series.sentence()}."
     for claim, direction, names in _CLAIMS:
@@ -211,8 +199,8 @@ def _on_use(results: dict[str, Any]) -> Iterator[str]:
     )
 
 
-def _axial(levels: list[dict[str, Any]]) -> Table:
-    return table(
+def _axial(levels: list[dict[str, Any]]) -> None:
+    print_table(
         "Virtual experiment; simulated: the elastic holder on the rigid holder's spring",
         [
             {
@@ -236,9 +224,9 @@ def _axial(levels: list[dict[str, Any]]) -> Table:
     )
 
 
-def _damping(levels: list[dict[str, Any]]) -> Table:
+def _damping(levels: list[dict[str, Any]]) -> None:
     estimates = ("half_power", "circle", "truth")
-    return table(
+    print_table(
         "Damping ratio, and the damping of eq. 15 from it",
         [{**level, **{f"{n} %": 100.0 * level[n]["damping_ratio"] for n in estimates}} for level in levels],
         {
@@ -254,7 +242,7 @@ def _damping(levels: list[dict[str, Any]]) -> Table:
     )
 
 
-def _radial(levels: list[dict[str, Any]]) -> Table:
+def _radial(levels: list[dict[str, Any]]) -> None:
     rows = []
     for level in levels:
         simulated = level["simulated_hz"] or [None, None]
@@ -265,7 +253,7 @@ def _radial(levels: list[dict[str, Any]]) -> Table:
                 "simulated": dict(zip("12", simulated, strict=True)),
             }
         )
-    return table(
+    print_table(
         "Elastic holder; simulated: on the rigid holder's springs",
         rows,
         {
@@ -279,16 +267,3 @@ def _radial(levels: list[dict[str, Any]]) -> Table:
             **{f"simulated\n{i} [Hz]": f"simulated.{i}:.1f" for i in "12"},
         },
     )
-
-
-def series_of(trends: dict[str, Any]) -> dict[str, ForceSeries]:
-    """Return the parameters over force by name."""
-    return {
-        name: ForceSeries(
-            name=name,
-            force=np.array(trend["force"]),
-            values=np.array(trend["values"]),
-            standard_errors=np.array(trend["standard_errors"]),
-        )
-        for name, trend in trends.items()
-    }

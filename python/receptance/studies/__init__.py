@@ -1,1 +1,0 @@
-"""Published studies, reproduced from their printed data."""
