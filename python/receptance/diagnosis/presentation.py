@@ -416,12 +416,13 @@ def _error_of_frequency(mode: ModeResidual) -> float:
 # Page.
 
 
-def key_figures(verdict: Verdict) -> list[tuple[str, str]]:
-    """Return the few numbers that a reader looks for first, each with its name."""
-    figures = [(f"size: {cause.title}", size_texts(cause)[0][0]) for cause in verdict.causes[:1] if cause.parameters]
+def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
+    """Return the few numbers that a reader looks for first: names, and values before and after."""
+    figures: list[tuple[str, Sequence[str]]] = []
+    figures += [(f"size: {cause.title}", [size_texts(cause)[0][0]]) for cause in verdict.causes[:1] if cause.parameters]
     held_out = zip(verdict.gains, _held_out(verdict), strict=True)
     for name, before, after, _ in (*_residuals(verdict), *(row for gain, row in held_out if gain.metric != SCORE)):
-        figures.append((name, before if after is None or after == before else f"{before} → {after}"))
+        figures.append((name, [before] if after is None or after == before else [before, after]))
     return figures
 
 

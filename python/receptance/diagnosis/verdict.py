@@ -236,7 +236,7 @@ class Verdict(Result):
     @property
     def undecidable(self) -> dict[str, str]:
         """Causes that these data cannot show, and the reasons."""
-        return self.selection.undecidable
+        return {id: str(error) for id, error in self.selection.undecidable.items()}
 
     @property
     def gain(self) -> Gain | None:
@@ -390,7 +390,7 @@ class Verdict(Result):
         """Return the answer: verdict, causes with sizes and remedies."""
         return presentation.facts(self)
 
-    def key_figures(self) -> list[tuple[str, str]]:
+    def key_figures(self) -> list[tuple[str, Sequence[str]]]:
         """Return the size of the first cause, and errors before and after."""
         return presentation.key_figures(self)
 

@@ -147,9 +147,9 @@ def _header(result: Result, heading: str) -> str:
     about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
     # Values before and after break only beside the arrow: 2.3e-4 has a hyphen.
     tiles = "".join(
-        f'<div class="tile"><b>{" → ".join(f"<span>{shown(part)}</span>" for part in value.split(" → "))}</b>'
+        f'<div class="tile"><b>{" → ".join(f"<span>{shown(value)}</span>" for value in values)}</b>'
         f"<span>{shown(name)}</span></div>"
-        for name, value in result.key_figures()
+        for name, values in result.key_figures()
     )
     tiles = f'<div class="tiles">{tiles}</div>' if tiles else ""
     badge = f'<p><span class="badge {result.badge}">{result.badge}</span></p>' if result.badge else ""

@@ -279,8 +279,8 @@ class Result(Renderable):
         """The answer in one or two words, below the title of the page; empty without one."""
         return ""
 
-    def key_figures(self) -> Sequence[tuple[str, str]]:
-        """Return names and values of the few numbers that a reader of the page looks for first."""
+    def key_figures(self) -> Sequence[tuple[str, Sequence[str]]]:
+        """Return the few numbers that a reader of the page looks for first: names, and values before and after."""
         return ()
 
     def sections(self) -> Sequence[Section]:
