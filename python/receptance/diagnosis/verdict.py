@@ -384,7 +384,7 @@ class Verdict(Result):
     @property
     def badge(self) -> str:
         """The answer."""
-        return self.verdict if self.final else f"{self.verdict} so far"
+        return self.verdict if self.final else f"{self.verdict} (not final)"
 
     def facts(self) -> list[Fact]:
         """Return the answer: verdict, causes with sizes and remedies."""
