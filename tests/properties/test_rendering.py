@@ -17,7 +17,9 @@ from hypothesis import strategies as st
 
 import receptance as rc
 from receptance.diagnosis import Verdict, diagnose
-from receptance.diagnosis.wording import of_metric, sizes
+from receptance.diagnosis.held_out import FREQUENCIES, SCORE
+from receptance.diagnosis.presentation import of_metric
+from receptance.diagnosis.wording import sizes
 from receptance.report import Renderable, Result
 from receptance.report.figure import as_image
 from receptance.report.table import amount, amount_interval, amounts, interval, number, percent
@@ -50,7 +52,7 @@ def test_numbers_have_short_texts(values: list[float], unit: str, digits: int) -
     texts += [form for value in values for form in (number(value, "+.4g"), interval((value, values[0]), ".4g"))]
     texts += [percent(value, digits, sign=True) for value in values]
     texts += [amount_interval((value, values[-1]), unit, digits) for value in values]
-    texts += [of_metric(name, value) for value in values for name in ("predictive log score in nats", "x in percent")]
+    texts += [of_metric(name, value) for value in values for name in (SCORE, FREQUENCIES)]
     # The largest number without a power of ten may have many digits in nats alone.
     assert all(len(text) < 500 for text in texts)
     assert not any(text.startswith(("-0.0", "+0.0")) and not any(c in text for c in "123456789") for text in texts)

@@ -27,7 +27,6 @@ from receptance import (
 from receptance.diagnosis import CATALOGUE, Model, Step, beside_discrepancy, diagnose, engine
 from receptance.diagnosis.adequacy import Strain
 from receptance.diagnosis.beside_discrepancy import select_beside, use_own_discrepancies
-from receptance.diagnosis.card import alternatives
 from receptance.diagnosis.causes import extend
 from receptance.diagnosis.discrepancy import (
     DAMPING,
@@ -44,6 +43,7 @@ from receptance.diagnosis.discrepancy import (
 from receptance.diagnosis.fitting import evaluate, fit_base
 from receptance.diagnosis.held_out import Improvement, select_without
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.presentation import alternatives
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import detection_threshold
 from receptance.diagnosis.selection import Search

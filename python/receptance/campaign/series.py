@@ -174,7 +174,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries:
             continue
         rows = []
         for name, own in squares.items():
-            title = f"{law.name} @ {name}"
+            title = law.name_in(name)
             if title in fit.values and np.isfinite(fit.standard_errors[title]):
                 level = campaign.site(name).conditions[table.over] / factor
                 left = max(float(np.sqrt(np.mean(own))), 1.0) if fit.known_scatter else 1.0

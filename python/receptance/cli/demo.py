@@ -92,12 +92,12 @@ def _joint(fit: Identification) -> Iterator[str]:
 
 def _prediction(found: Verdict, *, after: bool) -> str:
     """Return the errors of the prediction of the held-out overhang."""
-    from receptance.diagnosis.wording import metric, of_metric
+    from receptance.diagnosis.presentation import metric_name, of_metric
 
     texts = []
     for gain in found.gains[:2]:
         value = gain.held_out_after if after else gain.held_out_before
-        texts.append(f"{metric(gain.metric)[0]} {of_metric(gain.metric, value, 2)}")
+        texts.append(f"{metric_name(gain.metric)} {of_metric(gain.metric, value, 2)}")
     return f"Prediction of 70 mm: {'; '.join(texts)}."
 
 

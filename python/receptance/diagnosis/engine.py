@@ -362,13 +362,13 @@ def _data_notes(selection: Selection) -> list[str]:
         notes.append(f"there is one configuration: measure {another} to distinguish {sources}")
     if selection.base.one_mode:
         notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
-    for words, remedy in (
+    for reason, remedy in (
         (DATA_HOLDER, "if the holder may have changed since it was measured, measure it again"),
         (TABLE, "describe that part by modes to decide them"),
     ):
-        not_decided = [id for id, reason in selection.undecidable.items() if reason.startswith(words)]
+        not_decided = [id for id, error in selection.undecidable.items() if error.shared == reason]
         if not_decided:
-            notes.append(f"{words}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
+            notes.append(f"{reason}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
     frequencies = [one for one in model.observations if isinstance(one, MeasuredFrequencies)]
     if len(frequencies) == len(model.observations):
         hidden = (

@@ -11,6 +11,7 @@ from receptance.diagnosis.adequacy import Adequacy, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
 from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit
 from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
 
@@ -153,7 +154,7 @@ class Selection:
         Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
     directions : list of Direction
         Linear effects of the causes on the base.
-    undecidable : dict of str to str
+    undecidable : dict of str to UndecidableError
         Causes that the data cannot show, and the reasons.
     explanations : list of Explanation
         The best explanation by each set of causes, the highest evidence first.
@@ -181,7 +182,7 @@ class Selection:
     penalty: float
     threshold: float = 0.0
     directions: list[Direction] = field(default_factory=list)
-    undecidable: dict[str, str] = field(default_factory=dict)
+    undecidable: dict[str, UndecidableError] = field(default_factory=dict)
     explanations: list[Explanation] = field(default_factory=list)
     tried: list[Explanation] = field(default_factory=list)
     alternatives: list[Explanation] = field(default_factory=list)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.diagnosis.by_mode import Curve, curves
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.frf.presentation import PHASE_FROM
 from receptance.report.figure import (
@@ -24,14 +26,11 @@ from receptance.report.figure import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.diagnosis import Verdict
-    from receptance.diagnosis.by_mode import Curve
 
 _CANDIDATES = 14
 _NAME = 26
@@ -50,36 +49,7 @@ _GAP = 4.0
 
 
 def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
-    """Draw receptances and natural frequencies, measured and modelled, and the evidence of the candidates.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        From `receptance.diagnosis.diagnose`.
-    ax : Axes, optional
-        As in `Result.plot`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Of the receptances the first five; the model as given, and extended by the explanation where there is one.
-
-    Examples
-    --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
-    >>> from receptance.diagnosis import diagnose
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(3e4)[:4], standard_deviation_hz=5.0
-    ... )
-    >>> unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7)
-    >>> verdict = diagnose([modes], [unknown], causes=["shear_neglected"])
-    >>> len(verdict.plot().axes)
-    2
-    """
-    from receptance.diagnosis.by_mode import curves
-
+    """Draw the first five receptances and natural frequencies, before and after, and the evidence of the candidates."""
     before = curves(verdict.base_fit)
     after = [] if verdict.explanation is None else curves(verdict.explanation.fit)
     receptances = [i for i, one in enumerate(before) if np.iscomplexobj(one.measured)]
@@ -152,59 +122,60 @@ def evidence_figure(verdict: Verdict) -> Figure:
     return finished(figure)
 
 
+def _modelled(before: Curve, after: Curve | None) -> Iterator[tuple[Curve, dict[str, Any]]]:
+    """Yield the curves of the models, before and after, and their line styles."""
+    yield before, {"color": COLOURS[1], "lw": 1.0, "ls": "--", "label": "model" if after is None else "model before"}
+    if after is not None:
+        yield after, {"color": COLOURS[2], "lw": 1.0, "label": "model after"}
+
+
 def _draw_receptance(axes: Axes, before: Curve, after: Curve | None) -> None:
     set_up(axes, before.label or before.configuration, "frequency (Hz)", "receptance (m/N)")
-    axes.plot(*_with_gaps(before.frequency_hz, before.measured), color=PALE, lw=3.0, label="measured")
-    given = _with_gaps(before.frequency_hz, before.modelled)
-    axes.plot(*given, color=COLOURS[1], lw=1.0, ls="--", label="model before" if after is not None else "model")
-    if after is not None:
-        axes.plot(*_with_gaps(after.frequency_hz, after.modelled), color=COLOURS[2], lw=1.0, label="model after")
+    axes.plot(*_with_gaps(before.frequency_hz, np.abs(before.measured)), color=PALE, lw=3.0, label="measured")
+    for curve, style in _modelled(before, after):
+        axes.plot(*_with_gaps(curve.frequency_hz, np.abs(curve.modelled)), **style)
     axes.set_yscale("log")
-    add_legend(axes, fontsize=9)
+    add_legend(axes)
 
 
 def _draw_phase(axes: Axes, before: Curve, after: Curve | None) -> None:
     set_up(axes, "", "", "phase (°)")
     lowest = PHASE_FROM["receptance"]
     axes.plot(*phase_line(before.frequency_hz, before.measured, lowest), color=PALE, lw=3.0)
-    for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
-        if curve is not None:
-            axes.plot(*phase_line(curve.frequency_hz, curve.modelled, lowest), color=colour, lw=1.0, ls=style)
+    for curve, style in _modelled(before, after):
+        axes.plot(*phase_line(curve.frequency_hz, curve.modelled, lowest), **style)
     axes.set_yticks([-180, -90, 0, 90])
 
 
 def _draw_ratio(axes: Axes, before: Curve, after: Curve | None) -> None:
     """Draw the ratio of model and measurement in decibels."""
     set_up(axes, "", "frequency (Hz)", "model over\nmeasured (dB)")
-    for curve, colour, style in ((before, COLOURS[1], "--"), (after, COLOURS[2], "-")):
-        if curve is not None:
-            ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
-            axes.plot(*_with_gaps(curve.frequency_hz, ratio, signed=True), color=colour, lw=1.0, ls=style)
+    for curve, style in _modelled(before, after):
+        ratio = 20.0 * np.log10(np.abs(curve.modelled / curve.measured))
+        axes.plot(*_with_gaps(curve.frequency_hz, ratio), **style)
     axes.axhline(0.0, color=PALE, lw=0.8)
 
 
-def _with_gaps(
-    lines: NDArray[np.float64], values: NDArray[np.complex128] | NDArray[np.float64], *, signed: bool = False
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lines and magnitudes, or signed values; NaN where lines are left out, so that no curve is drawn there."""
+def _with_gaps(lines: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Return lines and values; NaN where lines are left out, so that no curve is drawn there."""
     spacing = np.diff(lines)
     around = np.maximum(np.append(spacing[:1], spacing[:-1]), np.append(spacing[1:], spacing[-1:]))
     gaps = np.flatnonzero(spacing > _GAP * around) + 1
-    return np.insert(lines, gaps, np.nan), np.insert(values.real if signed else np.abs(values), gaps, np.nan)
+    return np.insert(lines, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
 def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve]) -> None:
     set_up(axes, "Natural frequencies", "measured (Hz)", "modelled less measured (%)")
-    for curves, colour, marker, label in (
+    for errors, colour, marker, label in (
         (before, COLOURS[1], "o", "before" if after else "model"),
         (after, COLOURS[2], "s", "after"),
     ):
-        if curves:
-            measured = np.concatenate([one.measured.real for one in curves])
-            modelled = np.concatenate([one.modelled.real for one in curves])
+        if errors:
+            measured = np.concatenate([curve.measured.real for curve in errors])
+            modelled = np.concatenate([curve.modelled.real for curve in errors])
             axes.plot(measured, 100.0 * (modelled / measured - 1.0), marker, color=colour, ms=4.0, label=label)
     axes.axhline(0.0, color=PALE, lw=0.9)
-    add_legend(axes, fontsize=9)
+    add_legend(axes)
 
 
 def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:

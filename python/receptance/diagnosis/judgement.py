@@ -196,7 +196,8 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         yield (
             f"it strains the tolerances beyond the 1 % level, in standard deviations {errors}; another cause may act"
         )
-    if "joint_hysteretic_loss" in one.ids and selection.undecidable.get("exponential_window", "").startswith(TABLE):
+    window = selection.undecidable.get("exponential_window")
+    if "joint_hysteretic_loss" in one.ids and window is not None and window.shared == TABLE:
         yield (
             "an exponential window that the FRFs do not state has a similar effect, and "
             f"{TABLE}, which does not allow for it"

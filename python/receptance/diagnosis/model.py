@@ -26,13 +26,17 @@ _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 
 DATA_HOLDER = "the holder is described by data"
-"""First words of the reason why a cause in the holder is not decided where no beams describe it."""
+"""Why a cause in the holder is not decided where no beams describe it."""
 TABLE = "the model ends with a table of receptances"
-"""First words of the reason why a cause is not decided beside a table."""
+"""Why a cause is not decided beside a table."""
 
 
 class UndecidableError(Exception):
-    """The data cannot show a cause; the message names the missing data."""
+    """The data cannot show a cause; the message names the missing data, `shared` a reason of several causes."""
+
+    def __init__(self, message: str, shared: str = "") -> None:
+        super().__init__(message)
+        self.shared = shared
 
 
 class IndescribableError(UndecidableError, ValueError):
@@ -379,14 +383,15 @@ def require_beams(model: Model) -> None:
     if data:
         raise UndecidableError(
             f"{DATA_HOLDER} ({', '.join(data)}), not by beams: they contain its errors, and a change since they were "
-            "measured has no place in the model; measure the holder again"
+            "measured has no place in the model; measure the holder again",
+            DATA_HOLDER,
         )
 
 
 def require_no_table(model: Model, reason: str) -> None:
     """Raise `UndecidableError` if an assembly ends with a table of receptances, which does not allow for a cause."""
     if any(one.assembly.tabulated for one in model.observations):
-        raise UndecidableError(f"{TABLE}, {reason}")
+        raise UndecidableError(f"{TABLE}, {reason}", TABLE)
 
 
 def places_on(one: Observation, part: str) -> Iterator[float]:

@@ -104,16 +104,16 @@ class Direction:
         return self.score - penalty * self.count
 
 
-def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, Variant]], dict[str, str]]:
+def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, Variant]], dict[str, UndecidableError]]:
     """Return the variants of causes that apply to a fitted model, and the reasons why other causes are undecidable."""
     found: list[tuple[Cause, Variant]] = []
-    undecidable: dict[str, str] = {}
+    undecidable: dict[str, UndecidableError] = {}
     inadequate = not fit.adequacy.passed
     for cause in causes:
         try:
             variants = cause.variants(fit.model)
         except UndecidableError as error:
-            undecidable[cause.id] = str(error)
+            undecidable[cause.id] = error
             continue
         if (inadequate or not cause.large) and (not cause.changes_data or _is_other_quantity(fit)):
             found += [(one.describe(cause), one) for one in variants]

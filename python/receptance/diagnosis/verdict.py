@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from receptance.diagnosis import card, wording
+from receptance.diagnosis import presentation
 from receptance.diagnosis.averaging import Ensemble, Target, extension
-from receptance.report import Column, Fact, Provenance, Result, Table
+from receptance.diagnosis.by_mode import residuals_by_mode, residuals_of_frequencies
+from receptance.diagnosis.figure import draw_diagnosis
+from receptance.diagnosis.judgement import doubt_prediction
+from receptance.diagnosis.wording import title_of
+from receptance.report import Fact, Provenance, Result, Section, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,9 +33,6 @@ if TYPE_CHECKING:
     from receptance.identification.result import Identification
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
-
-_SHOWN = 6
-"""Natural frequencies in the table; `to_dict` has all of them."""
 
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
 
@@ -95,7 +96,7 @@ class CandidateCause:
     @property
     def title(self) -> str:
         """Name of the cause in texts and figures."""
-        return wording.title_of(self.id)
+        return title_of(self.id)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,7 +236,7 @@ class Verdict(Result):
     @property
     def undecidable(self) -> dict[str, str]:
         """Causes that these data cannot show, and the reasons."""
-        return self.selection.undecidable
+        return {id: str(error) for id, error in self.selection.undecidable.items()}
 
     @property
     def gain(self) -> Gain | None:
@@ -259,8 +260,6 @@ class Verdict(Result):
 
     def with_improvement(self, found: Improvement) -> Verdict:
         """Return the verdict with its improvement on held-out data; without one a named cause is suspected only."""
-        from receptance.diagnosis.judgement import doubt_prediction
-
         doubt, answer = None, self.verdict
         if answer in ("named", "partly explained") and self.explanation is not None and found.complete and found.gains:
             doubt = doubt_prediction(self.selection.base, self.explanation, found.gains[0])
@@ -344,8 +343,6 @@ class Verdict(Result):
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return modelled less measured natural frequencies in percent, before and after, by mode."""
-        from receptance.diagnosis.by_mode import residuals_of_frequencies
-
         before = residuals_of_frequencies(self.base_fit)
         after = before if self.explanation is None else residuals_of_frequencies(self.explanation.fit)
         return [
@@ -377,30 +374,38 @@ class Verdict(Result):
     @cached_property
     def modes(self) -> tuple[ModeResidual, ...]:
         """Residuals of the base by mode; empty after an interruption, because fits of circles take seconds."""
-        from receptance.diagnosis.by_mode import residuals_by_mode
-
         return residuals_by_mode(self.base_fit) if self.final else ()
 
     @cached_property
     def modes_after(self) -> tuple[ModeResidual, ...]:
         """Residuals of the best of the reported explanations by mode; empty where none is, and as `modes`."""
-        from receptance.diagnosis.by_mode import residuals_by_mode
-
         return residuals_by_mode(self.explanation.fit) if self.final and self.explanation is not None else ()
+
+    @property
+    def badge(self) -> str:
+        """The answer."""
+        return self.verdict if self.final else f"{self.verdict} (not final)"
 
     def facts(self) -> list[Fact]:
         """Return the answer: verdict, causes with sizes and remedies."""
-        return card.facts(self)
+        return presentation.facts(self)
+
+    def key_figures(self) -> list[tuple[str, Sequence[str]]]:
+        """Return the size of the first cause, and errors before and after."""
+        return presentation.key_figures(self)
 
     def tables(self) -> list[Table]:
-        """Return the effect of the causes, the alternatives, and the natural frequencies with the largest errors."""
-        tables = (*card.effect(self), card.alternatives(self), self._frequency_table())
-        return [table for table in tables if table.rows]
+        """Return the effect of the causes, the alternatives, and the modes with the largest errors."""
+        return presentation.tables(self)
+
+    def sections(self) -> list[Section]:
+        """Return held-out and fitted data, before and after, all causes, and settings."""
+        return presentation.sections(self)
 
     @property
     def next_step(self) -> str:
         """The measurement or the command that follows."""
-        return card.next_step(self)
+        return presentation.next_step(self)
 
     def data(self) -> dict[str, Any]:
         """Return answer, causes, candidates, improvement and residuals by mode."""
@@ -436,28 +441,7 @@ class Verdict(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw measured and modelled data before and after, and the evidence of the candidates; see `Result.plot`."""
-        from receptance.diagnosis.figure import draw_diagnosis
-
         return draw_diagnosis(self, ax)
-
-    def to_html(self, title: str = "", *, measured: Sequence[Table] = ()) -> str:
-        """Return the report: key figures, the answer, held-out data before and after, all causes; see `Result`."""
-        from receptance.diagnosis.page import diagnosis_page
-
-        return diagnosis_page(self, title, measured)
-
-    def _frequency_table(self) -> Table:
-        errors = sorted(self.frequency_errors(), key=lambda row: -abs(row["before"]))[:_SHOWN]
-        after = None if self.extended is None else "after"
-        rows = [(r["label"], r["mode"], r["before"], r[after] if after else None) for r in errors]
-        columns = (
-            "measurement",
-            Column("mode", form="d"),
-            Column("before" if after else "fitted", "%", "+.2f"),
-            Column("after", "%", "+.2f"),
-        )
-        title = "Natural frequencies with the largest errors, modelled less measured"
-        return Table(title, columns, rows).without_empty()
 
     def __repr__(self) -> str:
         names = ", ".join(one.id for one in self.causes)

@@ -12,7 +12,7 @@ from receptance._text import first_of
 from receptance.identification.covariance import confidence_multiplier
 from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
-from receptance.identification.unknowns import Unknown
+from receptance.identification.unknowns import Law, Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.figure import finished
 from receptance.report.table import Cell, amount, amount_interval, number
@@ -566,8 +566,9 @@ class Identification(Result):
         # A profile has the more accurate interval in a table of its own.
         profiled = () if self.profiled is None else tuple(self.profiled)
         rows: list[list[Cell]] = []
+        laws = self._laws_of_series()
         for name, value in self.values.items():
-            if name in self.errors or self._at_a_level(name):
+            if name in self.errors or name in laws:
                 continue
             unknown = self.unknowns[self.index(name)]
             shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
@@ -619,11 +620,12 @@ class Identification(Result):
     def _correlations(self) -> list[str]:
         """List strong correlations; those of two parameters at several levels are merged."""
         pairs: dict[str, list[float]] = {}
+        laws = self._laws_of_series()
         for i, second in enumerate(self.addresses):
             for j, first in enumerate(self.addresses[:i]):
                 if abs(self.correlation[i, j]) > _CORRELATED:
-                    if self._at_a_level(second):
-                        first, second = (name.split(" @ ")[0] for name in (first, second))
+                    if second in laws:
+                        first, second = laws.get(first, first), laws[second]
                     pairs.setdefault(f"{first} and {second}", []).append(float(self.correlation[i, j]))
         order = sorted(pairs.items(), key=lambda pair: -max(map(abs, pair[1])))
         texts = [
@@ -635,9 +637,11 @@ class Identification(Result):
         more = f"; and {len(order) - len(texts)} more" if len(order) > len(texts) else ""
         return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}{more}."] if texts else []
 
-    def _at_a_level(self, name: str) -> bool:
-        """Return whether a parameter belongs to a series, which has its own tables."""
-        return self.series is not None and name.split(" @ ")[0] in self.series
+    def _laws_of_series(self) -> dict[str, str]:
+        """Return the name of the law of each parameter at a level of the series, which has its own tables."""
+        laws = [law for law in self.task.parameters.given if isinstance(law, Law) and law.name in (self.series or ())]
+        levels = {observation.configuration for observation in self.task.observed}
+        return {name: law.name for law in laws for name in (law.name, *map(law.name_in, levels))}
 
     def _headline(self) -> str:
         state = "converged" if self.converged else "not converged"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from receptance.report.result import Renderable, Result
+    from receptance.report.result import Renderable, Result, Section
     from receptance.report.table import Fact, Table
 
 _CODE = re.compile("`([^`]+)`")
@@ -41,13 +41,15 @@ def rejection_html(content: Renderable) -> str:
     return f'<div class="rejected">{items}</div>' if items else ""
 
 
-def content_html(content: Renderable) -> list[str]:
-    """Return warnings, findings, tables, next step and notes as parts of a page."""
+def content_html(content: Renderable, sections: Sequence[Section] = ()) -> list[str]:
+    """Return warnings, findings, tables, next step, sections and notes as parts of a page."""
     texts = [*filter(None, [content.description]), *content.sentences()]
     parts = _list("Advice", content.warnings())
     parts += facts_html(content.facts()), *(f"<p>{shown(text)}</p>" for text in texts)
     parts += [table_html(table) for table in content.tables()]
     parts += [f"<p><b>Next step</b>: {shown(content.next_step)}</p>"] if content.next_step else []
+    for section in sections:
+        parts += _section_html(section)
     parts += _list("Notes", content.grouped_notes())
     if content.origin:
         parts.append(f"<p><small>{shown(content.origin)}</small></p>")
@@ -117,13 +119,6 @@ def html_page(heading: str, parts: Iterable[str]) -> str:
     return f"{head}<body>\n" + "\n".join(filter(None, parts)) + "\n</body>\n</html>\n"
 
 
-def meta(result: Result, *more: str) -> str:
-    """Return date, campaign file and version of a result, and more, as a line below the heading."""
-    origin = result.provenance
-    about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
-    return f'<p class="meta">{shown(" · ".join([*about, *more]))}</p>'
-
-
 def wide_figure(figure: Figure, title: str) -> str:
     """Return a figure in the width of the page; on a narrow screen it scrolls, so that its text stays legible."""
     # Two FRFs with their intervals are 16.8 inches wide, and the page on a desktop 1088 px.
@@ -132,15 +127,40 @@ def wide_figure(figure: Figure, title: str) -> str:
 
 
 def result_page(result: Result, title: str = "", measured: Sequence[Table] = ()) -> str:
-    """Return a result as a page: rejection, figure, warnings, findings, tables and notes, and its data."""
-    heading = title or result.title
+    """Return a result as a page: key figures, rejection, figure, findings, tables, sections, notes and data."""
+    heading, sections = title or result.title, result.sections()
     return html_page(
         heading,
         [
-            f"<header><h1>{shown(heading)}</h1>{meta(result)}</header>",
+            _header(result, heading),
             rejection_html(result),
-            wide_figure(result.plot(), heading),
-            *content_html(result),
+            "" if sections else wide_figure(result.plot(), heading),
+            *content_html(result, sections),
             *(["<h2>Data</h2>", *(table_html(table) for table in measured)] if measured else []),
         ],
     )
+
+
+def _header(result: Result, heading: str) -> str:
+    """Return title, answer, date, campaign file, version and key figures of a page."""
+    origin = result.provenance
+    about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
+    # Values before and after break only beside the arrow: 2.3e-4 has a hyphen.
+    tiles = "".join(
+        f'<div class="tile"><b>{" → ".join(f"<span>{shown(value)}</span>" for value in values)}</b>'
+        f"<span>{shown(name)}</span></div>"
+        for name, values in result.key_figures()
+    )
+    tiles = f'<div class="tiles">{tiles}</div>' if tiles else ""
+    badge = f'<p><span class="badge {result.badge}">{result.badge}</span></p>' if result.badge else ""
+    return f'<header><h1>{shown(heading)}</h1>{badge}<p class="meta">{shown(" · ".join(about))}</p>{tiles}</header>'
+
+
+def _section_html(section: Section) -> list[str]:
+    figures = "".join(f"<figure>{as_svg(figure, title)}</figure>" for title, figure in section.figures)
+    return [
+        f"<h2>{shown(section.title)}</h2>",
+        *(f'<p class="small">{shown(text)}</p>' for text in section.texts),
+        f'<div class="figures">{figures}</div>' if figures else "",
+        *(table_html(table) for table in section.tables),
+    ]

@@ -233,6 +233,16 @@ class Renderable(ABC):
         return as_html(self, self.drawing())
 
 
+@dataclass(frozen=True)
+class Section:
+    """A section of the page of a result: paragraphs, figures with their titles, side by side, and tables."""
+
+    title: str
+    texts: Sequence[str] = ()
+    figures: Sequence[tuple[str, Figure]] = ()
+    tables: Sequence[Table] = ()
+
+
 class Result(Renderable):
     """Base of all results: a subclass defines tables, sentences and data, which are rendered here.
 
@@ -263,6 +273,19 @@ class Result(Renderable):
     def origin(self) -> str:
         """Seed and versions of the software; empty without a campaign."""
         return self.provenance.sentence() if self.provenance.file else ""
+
+    @property
+    def badge(self) -> str:
+        """The answer in one or two words, below the title of the page; empty without one."""
+        return ""
+
+    def key_figures(self) -> Sequence[tuple[str, Sequence[str]]]:
+        """Return the few numbers that a reader of the page looks for first: names, and values before and after."""
+        return ()
+
+    def sections(self) -> Sequence[Section]:
+        """Return the sections of the page below the answer, in place of the figure of `plot`."""
+        return ()
 
     @abstractmethod
     def data(self) -> dict[str, Any]:

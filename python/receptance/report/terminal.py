@@ -7,8 +7,9 @@ that is not sufficient, the table is split into parts, each with the columns tha
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Literal
 
 import rich.table
 from rich import box
@@ -21,8 +22,6 @@ from receptance._text import printable
 from receptance.report.table import REJECTED, Fact
 
 if TYPE_CHECKING:
-    from rich.console import ConsoleOptions, RenderResult
-
     from receptance.report.result import Renderable
     from receptance.report.table import Table
 
@@ -32,6 +31,8 @@ _COPIED = 4
 """Indentation of lines to copy."""
 _LEAST_TEXT = 8
 """Smallest width of a text column whose words are broken."""
+_BESIDE = 3
+"""Width of padding and separator beside a column."""
 
 
 def as_text(content: Renderable, width: int = 100) -> str:
@@ -124,97 +125,68 @@ def print_table(console: Console, table: Table) -> None:
     """Print a table with its title and its note."""
     if table.title:
         console.print(Text(table.title, style="bold"))
-    console.print(_Columns(table))
+    for part in _parts(table, console.width):
+        console.print(part)
     if table.note:
         console.print(Padding(Text(table.note), (0, 0, 1, 2), expand=False))
 
 
-class _Columns:
-    """A table that fits the width of the console without cutting a cell."""
+def _parts(table: Table, width: int) -> Iterator[rich.table.Table]:
+    """Yield the table, or parts of it that fit the width, each with the columns that identify the rows."""
+    # Before the layout: an escaped character takes more room.
+    heads, rows = table.headings, [[printable(text) for text in row] for row in table.texts()]
+    texts = [isinstance(column, str) for column in table.columns]
+    every = range(len(heads))
+    natural = [_widest([heads[i], *(row[i] for row in rows)]) for i in every]
+    # Headings and text may wrap between words; numbers and intervals stay on one line.
+    words = [_widest(" ".join([heads[i], *(row[i] for row in rows if texts[i])]).split()) for i in every]
+    least = [max(words[i], 0 if texts[i] else _widest([row[i] for row in rows]), 1) for i in every]
+    broken = [min(least[i], _LEAST_TEXT) if texts[i] else least[i] for i in every]
 
-    def __init__(self, table: Table) -> None:
-        self._text = [isinstance(column, str) for column in table.columns]
-        self._heads = table.headings
-        # Before the layout: an escaped character takes more room.
-        self._rows = rows = [[printable(text) for text in row] for row in table.texts()]
-        cells = [[row[i] for row in rows] for i in range(len(self._heads))]
-        self._natural = [_widest([head, *own]) for head, own in zip(self._heads, cells, strict=True)]
-        # Headings and text may wrap between words; numbers and intervals stay on one line.
-        self._least = [
-            max(_longest_word([head, *own]) if text else max(_longest_word([head]), _widest(own)), 1)
-            for head, own, text in zip(self._heads, cells, self._text, strict=True)
-        ]
+    def fits(columns: Sequence[int], widths: Sequence[int]) -> bool:
+        return sum(widths[i] for i in columns) + _BESIDE * len(columns) - 1 <= width
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        for chosen in self._parts(options.max_width):
-            yield self._part(chosen, options.max_width)
+    def part(columns: Sequence[int]) -> rich.table.Table:
+        grid = rich.table.Table(box=box.SIMPLE_HEAD, pad_edge=False)
+        wide, whole = not fits(columns, natural), fits(columns, least)
+        for i in columns:
+            head = heads[i] if texts[i] or not wide else "\n".join(_wrapped(heads[i], least[i]))
+            # Rich narrows the widest columns that may wrap, and breaks words where that is not sufficient.
+            fixed = not texts[i] or (whole and natural[i] == least[i])
+            justify: Literal["left", "right"] = "left" if texts[i] else "right"
+            grid.add_column(Text(head), justify=justify, overflow="fold", no_wrap=fixed)
+        for row in rows:
+            grid.add_row(*(Text(row[i]) for i in columns))
+        return grid
 
-    def _parts(self, width: int) -> list[list[int]]:
-        """Return the columns of each part."""
-        everything = list(range(len(self._heads)))
-        if self._needed(everything) <= width:
-            return [everything]
-        named_by = everything[: self._naming()]
-        while len(named_by) > 1 and any(
-            self._needed([*named_by, i], fold=True) > width for i in everything[len(named_by) :]
-        ):
-            named_by.pop()
-        parts: list[list[int]] = []
-        for i in everything[len(named_by) :]:
-            if parts and self._needed([*parts[-1], i]) <= width:
-                parts[-1].append(i)
-            else:
-                parts.append([*named_by, i])
-        return parts
-
-    def _naming(self) -> int:
-        """Return the number of first columns that identify the rows; an empty first cell repeats the one above."""
-        rows: list[tuple[str, ...]] = []
-        first = ""
-        for row in self._rows:
-            first = row[0] or first
-            rows.append((first, *row[1:]))
-        for count in range(1, len(self._heads)):
-            if len({row[:count] for row in rows}) == len(rows):
-                return count
-        return 1
-
-    def _needed(self, chosen: Sequence[int], *, fold: bool = False) -> int:
-        """Return the smallest width of a table of some columns; with `fold`, words of text columns may be broken."""
-        least = [min(self._least[i], _LEAST_TEXT) if fold and self._text[i] else self._least[i] for i in chosen]
-        return sum(least) + _beside(len(chosen))
-
-    def _part(self, chosen: Sequence[int], width: int) -> rich.table.Table:
-        room = width - _beside(len(chosen))
-        widths = {i: self._natural[i] for i in chosen}
-        # The widest column is narrowed first; words are broken only if that is not sufficient.
-        for least in (
-            self._least,
-            [min(n, _LEAST_TEXT) if t else n for n, t in zip(self._least, self._text, strict=True)],
-        ):
-            while sum(widths.values()) > room and (wider := [i for i in chosen if widths[i] > least[i]]):
-                widths[max(wider, key=lambda i: widths[i])] -= 1
-        found = rich.table.Table(box=box.SIMPLE_HEAD, pad_edge=False)
-        for i in chosen:
-            found.add_column(
-                Text(self._heads[i]),
-                justify="left" if self._text[i] else "right",
-                overflow="fold",
-                width=widths[i],
-            )
-        for row in self._rows:
-            found.add_row(*(Text(row[i]) for i in chosen))
-        return found
+    if fits(every, least):
+        yield part(every)
+        return
+    named_by = list(every[: _naming(rows)])
+    while len(named_by) > 1 and not all(fits([*named_by, i], broken) for i in every[len(named_by) :]):
+        named_by.pop()
+    columns: list[int] = []
+    for i in every[len(named_by) :]:
+        if columns and not fits([*columns, i], least):
+            yield part(columns)
+            columns = []
+        columns = [*(columns or named_by), i]
+    yield part(columns or named_by)
 
 
-def _beside(count: int) -> int:
-    """Return the width of edges, padding and separators of a table."""
-    return 3 * count - 1
+def _naming(rows: Sequence[Sequence[str]]) -> int:
+    """Return the number of first columns that identify the rows; an empty first cell repeats the one above."""
+    named, first = [], ""
+    for row in rows:
+        first = row[0] or first
+        named.append((first, *row[1:]))
+    columns = range(1, len(rows[0]) if rows else 1)
+    return next((count for count in columns if len({row[:count] for row in named}) == len(rows)), 1)
+
+
+def _wrapped(heading: str, width: int) -> list[str]:
+    return [line for part in heading.split("\n") for line in textwrap.wrap(part, width)]
 
 
 def _widest(texts: Iterable[str]) -> int:
     return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
-
-
-def _longest_word(texts: Iterable[str]) -> int:
-    return max((cell_len(word) for text in texts for word in text.split()), default=0)
