@@ -29,7 +29,9 @@ from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import Curve, curves, modes_of, residuals_by_mode
 from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.fitting import evaluate
+from receptance.diagnosis.held_out import FREQUENCIES, Gain
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.presentation import improvement_text
 from receptance.report.table import amount
 
 SEED = 20261122
@@ -189,6 +191,19 @@ def test_card_states_effect_with_units(verdict: Any) -> None:
     others = [one for one in verdict.candidates if one.title in cells and one.id != "sensor_mass"]
     for one in others:
         assert cells[one.title][-1].startswith(("leaves residuals of", "less likely", "log", "density", "modulus"))
+
+
+@pytest.mark.parametrize(
+    ("interval", "words"),
+    [
+        ((-0.0429, 0.0753), "between 0.0429 % worse and 0.0753 % better"),
+        ((0.1, 0.3), "better by 0.100 to 0.300 %"),
+        ((-0.3, -0.1), "worse by 0.100 to 0.300 %"),
+    ],
+)
+def test_improvement_that_may_be_none_names_both_sides(interval: tuple[float, float], words: str) -> None:
+    gain = Gain(metric=FREQUENCIES, held_out_before=1.41, held_out_after=1.40, interval=interval, folds=({},) * 3)
+    assert improvement_text(gain).startswith(words)
 
 
 def test_user_text_is_escaped(page: str) -> None:

@@ -181,7 +181,7 @@ def of_metric(metric: str, value: float, digits: int = 3) -> str:
     return amount(scale * value, unit, digits)
 
 
-def _improvement(gain: Gain) -> str:
+def improvement_text(gain: Gain) -> str:
     """Return the interval of an improvement as text, in the unit of the metric."""
     low, high = gain.interval
     if low == high == 0.0:
@@ -192,8 +192,14 @@ def _improvement(gain: Gain) -> str:
     units = ""
     if gain.units > len(gain.folds):
         units = f", from {gain.units} {gain.unit} with a correlation of {gain.correlation:.2f} within a fold"
-    better = amount_interval((scale * low, scale * high), unit, 3)
-    return f"better by {better} (95 %{units}), in {gain.better} of {len(gain.folds)} folds"
+    low, high = scale * low, scale * high
+    if low < 0.0 < high:
+        change = f"between {amount(-low, unit)} worse and {amount(high, unit)} better"
+    elif high <= 0.0:
+        change = f"worse by {amount_interval((-high, -low), unit, 3)}"
+    else:
+        change = f"better by {amount_interval((low, high), unit, 3)}"
+    return f"{change} (95 %{units}), in {gain.better} of {len(gain.folds)} folds"
 
 
 # Tables.
@@ -261,7 +267,7 @@ def _held_out(verdict: Verdict) -> list[_Row]:
             f"held out: {metric_name(gain.metric)}",
             of_metric(gain.metric, gain.held_out_before),
             of_metric(gain.metric, gain.held_out_after),
-            _improvement(gain),
+            improvement_text(gain),
         )
         for gain in verdict.gains
     ]
