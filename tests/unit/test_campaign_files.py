@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from campaign_text import TEXT, by_name
-from receptance import FRF, MeasuredFRF, PointMass, ReceptanceWarning, campaign, examples
+from receptance import FRF, Observation, PointMass, ReceptanceWarning, campaign, examples
 from receptance.campaign import Campaign, CampaignError
 from receptance.examples.simulated import FREE_FREE_JOINT, HAMMER_JOINT
 from receptance.io import TimeSeries, write
@@ -43,9 +43,9 @@ def load(folder: Path, measurement: str, kind: str = "frf") -> Campaign:
     return campaign.load(folder)
 
 
-def make_observations(folder: Path, measurement: str) -> MeasuredFRF:
+def make_observations(folder: Path, measurement: str) -> Observation:
     data = load(folder, measurement).measurements["m"].observation
-    assert isinstance(data, MeasuredFRF)
+    assert data.is_receptance
     return data
 
 
@@ -84,7 +84,7 @@ class TestFRF:
         )
         read = load(tmp_path, f'file = "m.npz"\nsensor = "accelerometer"\n{places}')
         data = read.measurements["m"].observation
-        assert isinstance(data, MeasuredFRF)
+        assert data.is_receptance
         assert data.receptance == pytest.approx(-values(), rel=1e-12)
         assert (data.response.part, data.response.position) == ("holder", "end")
         assert (data.excitation.part, data.excitation.position) == ("tool", 0.01)
@@ -117,7 +117,7 @@ class TestFRF:
         with pytest.warns(ReceptanceWarning, match=r"measurements\.m: .*`averages = 10` for example, and standard"):
             read = load(tmp_path, 'file = "m.npz"')
         data = read.measurements["m"].observation
-        assert isinstance(data, MeasuredFRF)
+        assert data.is_receptance
         assert data.standard_deviation is None
         with pytest.raises(CampaignError, match=r"no standard deviation.*number of averaged .* `averages = 10` for"):
             read.diagnose(causes=["sensor_mass"])
@@ -239,7 +239,7 @@ class TestHammer:
         for drop in (6.0, 20.0, 40.0):
             read = load(tmp_path, f"{text}{drop}", "hammer records")
             data = read.measurements["m"].observation
-            assert isinstance(data, MeasuredFRF)
+            assert data.is_receptance
             highest.append(data.frequency_hz[-1].real)
             if drop < 40.0:
                 notes = read.measurements["m"].notes
@@ -368,8 +368,8 @@ class TestExamples:
         measurements = {}
         for name, measured in read.measurements.items():
             data = measured.observation
-            assert isinstance(data, MeasuredFRF)
-            plain = MeasuredFRF(
+            assert data.is_receptance
+            plain = Observation(
                 assembly=data.assembly, frequency_hz=data.frequency_hz.real, receptance=data.receptance,
                 response=data.response, excitation=data.excitation, standard_deviation=data.standard_deviation,
                 label=name,

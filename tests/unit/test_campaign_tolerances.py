@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binomtest
 
 from campaign_text import TEXT, by_name, changed, load
-from receptance import Assembly, MeasuredFrequencies, MeasuredFRF, identify
+from receptance import Assembly, Observation, identify
 from receptance.campaign import Campaign, CampaignError
 from receptance.campaign.prediction import forecast_of
 
@@ -36,7 +36,7 @@ def with_frequencies(campaign: Campaign, draws: dict[str, float], noise: np.rand
     for name, measured in campaign.measurements.items():
         true = shifted(campaign, measured.assembly, draws).natural_frequencies(20e3)[:2]
         read = true if noise is None else true + 2.0 * noise.standard_normal(2)
-        record = MeasuredFrequencies(
+        record = Observation.from_modes(
             assembly=campaign.assemblies[measured.assembly], frequency_hz=read, standard_deviation_hz=2.0, label=name
         )
         measurements[name] = replace(measured, observation=record)
@@ -188,7 +188,7 @@ def test_inconsistent_data_do_not_override_tolerances(campaign: Campaign) -> Non
     for name in campaign.assemblies:
         true = campaign.assemblies[name].replace(JOINT).natural_frequencies(40e3)[:4]
         one = campaign.measurements["short"]
-        record = MeasuredFrequencies(
+        record = Observation.from_modes(
             assembly=campaign.assemblies[name], frequency_hz=true * (1.0 + 0.01 * rng.standard_normal(4)),
             standard_deviation_hz=2e-4 * true, label=name,
         )  # fmt: skip
@@ -256,7 +256,7 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     for name, one in campaign.measurements.items():
         true = campaign.assemblies[one.assembly].replace(JOINT).replace(DAMPED)
         noise = 0.002 * (rng.standard_normal(LINES.size) + 1j * rng.standard_normal(LINES.size))
-        record = MeasuredFRF(
+        record = Observation(
             assembly=campaign.assemblies[one.assembly].replace(DAMPED), frequency_hz=LINES,
             receptance=true.receptance(LINES) * np.exp(noise), standard_deviation=0.002, label=name,
         )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from limits import LIMIT_S
-from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Material, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Material, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
@@ -33,9 +33,9 @@ def make_assembly(overhang: float, material: Material = CARBIDE) -> Assembly:
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
 
 
-def make_observations(overhang: float) -> MeasuredFRF:
+def make_observations(overhang: float) -> Observation:
     assembly = make_assembly(overhang)
-    return MeasuredFRF(
+    return Observation(
         assembly=assembly,
         frequency_hz=LINES,
         receptance=assembly.receptance(LINES),
@@ -101,9 +101,9 @@ def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
 
 
 def test_a_structure_without_a_joint_has_a_suspension_and_a_sensor_in_proportion() -> None:
-    def observed(diameter: float) -> MeasuredFRF:
+    def observed(diameter: float) -> Observation:
         bar = Assembly([Part([Segment(length=1.0, outer_diameter=diameter, material=STEEL)], name="bar")])
-        return MeasuredFRF(
+        return Observation(
             assembly=bar, frequency_hz=LINES, receptance=bar.receptance(LINES), standard_deviation=0.01, label="bar"
         )
 
@@ -154,7 +154,7 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
     """One radius of gyration for all collets leaves a misfit far beyond the noise where a collet of 70 g differs."""
     inertia = 0.07 * (0.75 * 0.012) ** 2
 
-    def observe(overhang: float) -> MeasuredFRF:
+    def observe(overhang: float) -> Observation:
         tool, _, holder = make_assembly(overhang).elements.values()
         half = PointJoint(k_y=1.2e9, k_theta=2e5, c_y=600.0, c_theta=2.0)
         true = Assembly([tool, ColletJoint(inner=half, outer=half, mass=0.07, inertia=inertia, name="joint"), holder])
@@ -222,19 +222,19 @@ def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
     assert selection.best.fit.values["joint_spread.slope"] == pytest.approx(-0.6, abs=0.01)
 
 
-def observe_uneven(overhang: float) -> MeasuredFRF:
+def observe_uneven(overhang: float) -> Observation:
     nominal = observe_insertion(overhang)
     true = spread_along_all(nominal).replace({"joint.slope": -0.6})
     return replace(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
 
 
-def spread_along_all(one: MeasuredFRF) -> Assembly:
+def spread_along_all(one: Observation) -> Assembly:
     variants = CATALOGUE["joint_spread"].variants(Model((one,), JOINT))
     whole = next(each for each in variants if each.name == "4 points, uneven over the whole insertion")
     return whole.model.observations[0].assembly
 
 
-def observe_insertion(overhang: float) -> MeasuredFRF:
+def observe_insertion(overhang: float) -> Observation:
     tool, joint, _ = make_assembly(overhang).elements.values()
     mouth = Segment(length=0.04, outer_diameter=0.03, inner_diameter=0.012, core=CARBIDE, material=STEEL)
     holder = Part([mouth, Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")

@@ -17,8 +17,7 @@ from receptance import (
     STEEL,
     Assembly,
     Material,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -89,7 +88,7 @@ def observed(frequency: float, level: float, *masses: PointMass, seed: int = SEE
         data *= np.exp(noise * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size)))
         name = f"{1e3 * overhang:.0f} mm"
         found.append(
-            MeasuredFRF(
+            Observation(
                 assembly=assembled(overhang),
                 frequency_hz=LINES,
                 receptance=data,
@@ -427,7 +426,7 @@ def test_errors_below_the_noise_are_not_evidence():
     signs = np.array([1, -1, -1, 1, 1, -1, 1, -1])
     found = []
     for times in (0.5, 1.0, 1.5):
-        one = MeasuredFrequencies(
+        one = Observation.from_modes(
             assembly=bar, frequency_hz=true * (1.0 + 1e-3 * times * signs), standard_deviation_hz=1e-3 * true
         )
         model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2.1e11),))
@@ -504,10 +503,10 @@ def test_a_size_is_plausible_beside_a_discrepancy_if_a_part_of_its_interval_is()
 def test_natural_frequencies_have_the_relative_error():
     bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     measured = bar.natural_frequencies(2e4)
-    one = MeasuredFrequencies(assembly=bar, frequency_hz=measured, standard_deviation_hz=3.0, label="bar")
+    one = Observation.from_modes(assembly=bar, frequency_hz=measured, standard_deviation_hz=3.0, label="bar")
     model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2e11),))
     changed = Discrepancy(0.004, None).allow(model).observations[0]
-    np.testing.assert_allclose(changed.standard_deviation_hz, np.hypot(3.0, 0.004 * measured))
+    np.testing.assert_allclose(changed.standard_deviation, np.hypot(3.0, 0.004 * measured))
     assert str(Discrepancy(0.004, None)) == "0.4 % in natural frequencies"
 
 
@@ -519,7 +518,7 @@ def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
         frequencies = assembled(overhang).natural_frequencies(8e3)
         ratios = np.full(frequencies.size, 0.01)
         observations.append(
-            MeasuredFrequencies(
+            Observation.from_modes(
                 assembly=assembled(overhang),
                 frequency_hz=frequencies * (1.0 + 0.005 * rng.normal(size=frequencies.size)),
                 standard_deviation_hz=1.0,

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from receptance import Assembly, MeasuredFRF, campaign, examples
+from receptance import Assembly, Observation, campaign, examples
 from receptance.campaign import Campaign
 from receptance.examples.simulated import FREE_FREE_JOINT
 
@@ -85,7 +85,7 @@ def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str
     measurements, structures = {}, {}
     for name, measured in read.measurements.items():
         data = measured.observation
-        assert isinstance(data, MeasuredFRF)
+        assert data.is_receptance
         true = data.assembly.replace(FREE_FREE_JOINT)
         values: dict[str, float] = {}
         for error in measured.tolerances:
@@ -94,7 +94,7 @@ def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str
         structures[name] = true = true.replace(values)
         h = true.receptance(data.frequency_hz, response=data.response, excitation=data.excitation)
         noise = NOISE * (rng.standard_normal(h.size) + 1j * rng.standard_normal(h.size))
-        again = MeasuredFRF(
+        again = Observation(
             assembly=data.assembly,
             frequency_hz=data.frequency_hz,
             receptance=h * np.exp(noise),

@@ -9,7 +9,7 @@ import pytest
 
 import clamping
 import study_scripts
-from receptance import MeasuredFrequencies
+from receptance import Observation
 from receptance.studies import er32
 
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)
@@ -49,7 +49,7 @@ def _law_of(exponent: float, rng: np.random.Generator) -> clamping.FittedLaw:
         true = er32.assembly(9.53, 62.6, k_y, 4e4)
         frequency = true.natural_frequencies(15e3)[:2].round()
         states.append(
-            MeasuredFrequencies(
+            Observation.from_modes(
                 assembly=true,
                 frequency_hz=frequency,
                 standard_deviation_hz=er32.Resolution().standard_deviation(frequency),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from receptance.identification import MeasuredFrequencies, Unknown, identify
+from receptance.identification import Observation, Unknown, identify
 from receptance.studies import er32
 from receptance.studies.er32.bias import find_slopes, sign_test
 from receptance.studies.er32.joints import JOINT, SHARED, mode_slopes, with_factors
@@ -87,7 +87,7 @@ def test_intervals_contain_values_of_equal_printed_digits(form: dict[str, Any], 
             frequency = printed + half * random.uniform(-1.0, 1.0, 2)
             assembly = er32.assembly(diameter, published.mount(diameter).overhang_mm, 1e9, 1e5)
             found = identify(
-                MeasuredFrequencies(assembly=assembly, frequency_hz=frequency),
+                Observation.from_modes(assembly=assembly, frequency_hz=frequency),
                 [Unknown(address=a, lower=low, upper=1e4 * low) for a, low in zip(JOINT, (1e7, 1e3), strict=True)],
                 starts=2,
             )

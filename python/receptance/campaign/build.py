@@ -40,6 +40,7 @@ _KINDS = (
     *(one.element.__name__ for one in (*JOINTS.choices, *ATTACHMENTS.choices)),
     "Section",
     "Candidate",
+    "Observation",
     "Milling",
     "Turning",
 )

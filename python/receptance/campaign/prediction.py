@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.problems import CampaignError, Issue, errors_about
-from receptance.identification import MeasuredFRF
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFrequencies, PredictedFRF
@@ -274,7 +273,7 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
             reasons[name] = error.problems[0].text
             continue
         with errors_about(campaign.file, f"{name}: "):
-            if isinstance(seen, MeasuredFRF):
+            if seen.is_receptance:
                 frfs.append(replace(forecast.observed(seen), name=name, assembly=measured.assembly))
             else:
                 frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))

@@ -20,7 +20,7 @@ from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
 from receptance.identification import Identification, Unknown, identify
 from receptance.identification.mapping import Site
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import Observation
 from receptance.identification.unknowns import Law
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -599,10 +599,7 @@ class Campaign(Renderable):
         if any(measurement.held_out for measurement in self.measurements.values()):
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
         measured, settings = self.measurements, self.table.settings
-        observations = [
-            measurement.observation.configured(measurement.assembly, measurement.observation.conditions)
-            for measurement in measured.values()
-        ]
+        observations = [measurement.observation for measurement in measured.values()]
         _, unknowns, options = fit_options(self, observations, self.unknowns)
         with errors_about(self.file):
             found = transfer(
@@ -689,7 +686,7 @@ class Campaign(Renderable):
                 verdict.selection.base.model,
                 observations=observations,
                 # Held-out records may end at another time, or not at all.
-                truncation=truncation_time([one for one in observations if isinstance(one, MeasuredFRF)]),
+                truncation=truncation_time([one for one in observations if one.is_receptance]),
                 tolerances=tuple(tolerances_of_measurements(held_out)),
             )
             found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
@@ -907,11 +904,11 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
     modes = assembly.natural_frequencies(upper)
     if not modes.size:
         raise CampaignError.about(campaign.file, f'the target "{name}" has no natural frequency below {upper:g} Hz')
-    return Candidate(
+    predicted = Observation.from_modes(
         label=name,
         assembly=campaign.assemblies[name],
-        modes=tuple(range(1, modes.size + 1)),
-        tolerances=errors,
+        modes=range(1, modes.size + 1),
         configuration=name,
         conditions=conditions,
     )
+    return Candidate(observation=predicted, tolerances=errors)

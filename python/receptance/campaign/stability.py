@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from receptance._text import did_you_mean
-from receptance.campaign.measurements import read_entry, restrict_to_bands, with_stated_variance
+from receptance.campaign.measurements import read_entry, restrict_to_bands
 from receptance.campaign.prediction import forecast_of, prediction_lines
 from receptance.campaign.problems import CampaignError, errors_about
 from receptance.errors import ReceptanceError
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
-from receptance.identification import MeasuredFRF
+from receptance.frf.variance import with_variance
+from receptance.identification import Observation
 from receptance.model.modes import damped_modes
 from receptance.stability import (
     Lobes,
@@ -195,7 +196,7 @@ def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
 
 
 def _read(table: TipTable, folder: Path) -> FRF:
-    return with_stated_variance(read_entry(table, folder), table.standard_deviation)
+    return with_variance(read_entry(table, folder))
 
 
 # Stable depths --------------------------------------------------------------------------------------------------------
@@ -497,9 +498,9 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
     return found
 
 
-def _is_tip_receptance(one: object) -> bool:
+def _is_tip_receptance(one: Observation) -> bool:
     """Return whether an observation is a drive-point FRF of translation without an exponential window."""
-    if not isinstance(one, MeasuredFRF) or one.frequency_hz.dtype.kind == "c":
+    if not one.is_receptance or one.frequency_hz.dtype.kind == "c":
         return False
     response, excitation = one.response, one.excitation
     same = (response.part, response.position) == (excitation.part, excitation.position)
@@ -508,7 +509,7 @@ def _is_tip_receptance(one: object) -> bool:
 
 def _error_of_depth(cut: CampaignCut, one: HeldOut) -> float:
     seen = one.observation
-    if not isinstance(seen, MeasuredFRF) or one.receptance is None or not _is_tip_receptance(seen):
+    if not seen.is_receptance or one.receptance is None or not _is_tip_receptance(seen):
         return math.nan
     lines = seen.frequency_hz.real
     measured, predicted = (

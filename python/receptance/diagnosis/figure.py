@@ -66,11 +66,11 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
     >>> from receptance.diagnosis import diagnose
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
+    >>> modes = Observation.from_modes(
     ...     assembly=pair, frequency_hz=pair.natural_frequencies(3e4)[:4], standard_deviation_hz=5.0
     ... )
     >>> unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7)

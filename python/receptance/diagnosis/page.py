@@ -13,7 +13,6 @@ from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.screening import look_alike
 from receptance.diagnosis.thresholds import LOOK_ALIKE
 from receptance.diagnosis.wording import metric, names, of_metric, sentence, sizes
-from receptance.identification.observations import MeasuredFRF
 from receptance.report import Column, Table
 from receptance.report.figure import as_svg
 from receptance.report.html import facts_html, html_page, meta, shown, table_html
@@ -62,9 +61,9 @@ def _unbroken(value: str) -> str:
 def _data(verdict: Verdict) -> str:
     """Return the number of records, lines and natural frequencies."""
     observed = verdict.selection.base.model.observations
-    receptances = [one for one in observed if isinstance(one, MeasuredFRF)]
+    receptances = [one for one in observed if one.is_receptance]
     lines = sum(one.frequency_hz.size for one in receptances)
-    frequencies = sum(one.frequency_hz.size for one in observed if not isinstance(one, MeasuredFRF))
+    frequencies = sum(one.frequency_hz.size for one in observed if not one.is_receptance)
     found = [f"{_count(len(receptances), 'receptance')} with {lines} lines"] if receptances else []
     found += [_count(frequencies, "natural frequency", "natural frequencies")] if frequencies else []
     return f"{' and '.join(found)} of {_count(len(verdict.selection.base.model.configurations), 'configuration')}"
@@ -126,7 +125,7 @@ def _records(verdict: Verdict) -> Iterable[str]:
     base, explanation = verdict.base_fit, verdict.explanation
     before = curves(base)
     after: list[Curve | None] = list(curves(explanation.fit)) if explanation is not None else [None] * len(before)
-    receptances = [i for i, one in enumerate(base.model.observations) if isinstance(one, MeasuredFRF)]
+    receptances = [i for i, one in enumerate(base.model.observations) if one.is_receptance]
     largest = sorted(receptances, key=lambda i: -float((before[i].residual ** 2).mean()))[:_RECORDS]
     drawn = [(before[i].label or f"receptance {i + 1}", curve_figure(before[i], after[i])) for i in sorted(largest)]
     frequencies = [i for i in range(len(before)) if i not in receptances]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from receptance.identification import MeasuredFrequencies, Unknown, identify
+from receptance.identification import Observation, Unknown, identify
 from receptance.identification.covariance import confidence_multiplier
 from receptance.studies.er32.tables import Published, Reading, assembly
 
@@ -178,7 +178,7 @@ def _identified(
     frequency = np.array(reading.frequency_hz)
     middle = [float(np.sqrt(low * high)) for low, high in BOUNDS.values()]
     model = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)
-    measured = MeasuredFrequencies(
+    measured = Observation.from_modes(
         assembly=model,
         frequency_hz=frequency,
         standard_deviation_hz=resolution.standard_deviation(frequency),
