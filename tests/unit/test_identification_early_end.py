@@ -16,6 +16,7 @@ from receptance.diagnosis.starts import starts_of
 from receptance.diagnosis.truncation import truncation_time
 from receptance.identification import Tolerance
 from receptance.identification.mapping import END, Parameters
+from receptance.identification.observations import altered
 from receptance.identification.problem import Problem, Task, Unit
 
 RECORD = 0.08
@@ -164,7 +165,7 @@ def test_early_end_that_is_detected_late_is_found(records: list[Observation]) ->
 
 
 def test_stepped_sines_have_no_early_end(records: list[Observation]) -> None:
-    stepped = [replace(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
+    stepped = [altered(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
     assert truncation_time(stepped) is None
     for lines in (1, 10):
         narrow = stepped[0].select(np.arange(LINES.size) < lines)

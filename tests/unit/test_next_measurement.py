@@ -369,13 +369,13 @@ def test_interval_of_an_open_parameter_equals_that_of_refits():
     found = next_measurement(fit, candidate, targets="joint.k_y")
     expected = found.best.expected["joint.k_y"]
     assert expected.now[1] == np.inf
-    modulus = candidate.assembly.get("tool.segment[0].youngs_modulus")
+    modulus = candidate.observation.assembly.get("tool.segment[0].youngs_modulus")
     refits = []
     for likely in found.points:
         values = {name: value for name, value in likely.items() if name.startswith("joint.")}
         values["tool.segment[0].youngs_modulus"] = modulus * np.exp(0.015 * likely["carbide"])
-        true = candidate.assembly.replace(values)
-        again = measure(true, WIDE, 0.01, rng, "free", described=candidate.assembly)
+        true = candidate.observation.assembly.replace(values)
+        again = measure(true, WIDE, 0.01, rng, "free", described=candidate.observation.assembly)
         both = identify([data, again], unknowns(values), tolerances=[*tolerances(), clamped("free")], starts=1)
         refits.append(np.sqrt(both.covariance[0, 0]))
     assert expected.deviations[:4] == pytest.approx(refits[:4], rel=0.3)

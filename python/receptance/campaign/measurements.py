@@ -199,7 +199,7 @@ class MeasurementReader:
             return None
         return make(
             path if table.modes is None else (*path, "modes"),
-            Observation,
+            Observation.from_modes,
             assembly=assembly,
             frequency_hz=found.frequency_hz,
             modes=found.modes,
