@@ -22,6 +22,7 @@ from receptance.diagnosis.screening import Direction, directions, rank
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START, SAME_END
 from receptance.identification import Law, Move, Tolerance
+from receptance.identification.observations import altered
 from receptance.identification.problem import Problem
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -158,7 +159,7 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
         tool, _, holder = make_assembly(overhang).elements.values()
         half = PointJoint(k_y=1.2e9, k_theta=2e5, c_y=600.0, c_theta=2.0)
         true = Assembly([tool, ColletJoint(inner=half, outer=half, mass=0.07, inertia=inertia, name="joint"), holder])
-        return replace(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
+        return altered(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
 
     (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
     few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
@@ -225,7 +226,7 @@ def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
 def observe_uneven(overhang: float) -> Observation:
     nominal = observe_insertion(overhang)
     true = spread_along_all(nominal).replace({"joint.slope": -0.6})
-    return replace(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
+    return altered(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
 
 
 def spread_along_all(one: Observation) -> Assembly:
@@ -238,7 +239,7 @@ def observe_insertion(overhang: float) -> Observation:
     tool, joint, _ = make_assembly(overhang).elements.values()
     mouth = Segment(length=0.04, outer_diameter=0.03, inner_diameter=0.012, core=CARBIDE, material=STEEL)
     holder = Part([mouth, Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
-    return replace(make_observations(overhang), assembly=Assembly([tool, joint, holder]))
+    return altered(make_observations(overhang), assembly=Assembly([tool, joint, holder]))
 
 
 def explanation(evidence: float, *ids: str) -> Explanation:
@@ -575,7 +576,7 @@ def fit_of_right_model() -> Any:
     rng = np.random.default_rng(5)
     noise = 0.01 * (rng.normal(size=(2, LINES.size)) + 1j * rng.normal(size=(2, LINES.size)))
     observations = [
-        replace(one, receptance=one.receptance * np.exp(own))
+        altered(one, receptance=one.receptance * np.exp(own))
         for one, own in zip(MODEL.observations, noise, strict=True)
     ]
     return fit_base(replace(MODEL, observations=tuple(observations)))
@@ -610,7 +611,7 @@ def test_variants_of_little_effect_are_fitted_only_where_effects_are_not_small(
         factor: Any = 1.03
         if effect == "another material":
             factor = make_assembly(overhang, STEEL).receptance(LINES) / one.assembly.receptance(LINES)
-        observations.append(replace(one, receptance=factor * one.receptance))
+        observations.append(altered(one, receptance=factor * one.receptance))
     calls: list[list[Direction]] = []
     monkeypatch.setattr(Search, "_fit", lambda self, steps, root, some: iter(calls.append(list(some)) or ()))
     selection = Selection(fit_base(replace(MODEL, observations=tuple(observations))), 6.0)

@@ -49,6 +49,7 @@ from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.identification import Tolerance, Unknown
+from receptance.identification.observations import altered
 
 LINES = np.linspace(200.0, 8000.0, 600)
 OVERHANGS = (0.05, 0.065, 0.08, 0.095)
@@ -128,7 +129,7 @@ def test_the_estimate_is_close_to_the_errors_that_were_made(frequency, level):
 def test_errors_within_a_mode_are_no_errors_of_natural_frequencies():
     """Ripples of 900 Hz: level and frequency of each mode do not describe them, and must not take them either."""
     observations = [
-        replace(one, receptance=one.receptance * np.exp(0.2 * (np.sin(phase + k) + 1j * np.cos(phase + 2 * k))))
+        altered(one, receptance=one.receptance * np.exp(0.2 * (np.sin(phase + k) + 1j * np.cos(phase + 2 * k))))
         for phase in [2.0 * np.pi * LINES / 900.0]
         for k, one in enumerate(observed(0.001, 0.01))
     ]
@@ -194,7 +195,7 @@ def test_lines_of_a_mode_have_the_weight_of_one_error_of_level():
 
 def test_records_of_a_configuration_share_the_error_of_frequency():
     one = observed(0.005, 0.05)[0]
-    records = [replace(one, label=name, configuration="the same") for name in ("first", "second")]
+    records = [altered(one, label=name, configuration="the same") for name in ("first", "second")]
     large = Discrepancy(0.01, 0.05).allow(Model(tuple(records), JOINT, TOLERANCES, threads=1))
     for few in large.observations:
         assert few.independent_values == pytest.approx(2.5, rel=0.01)
@@ -204,7 +205,7 @@ def test_the_deviance_includes_the_errors_of_tolerances():
     """The stated modulus is 6 % too high, at a tolerance of 3 %: two standard deviations, none if it were unknown."""
     stiff = replace(CARBIDE, youngs_modulus=1.06 * CARBIDE.youngs_modulus)
     stated = tuple(
-        replace(one, assembly=assembled(overhang, carbide=stiff))
+        altered(one, assembly=assembled(overhang, carbide=stiff))
         for one, overhang in zip(observed(0.001, 0.01), OVERHANGS, strict=True)
     )
     modulus, size = "tool.segment[0].youngs_modulus", stiff.youngs_modulus
@@ -562,7 +563,7 @@ def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
     shares = np.array([3.0, 2.0, 4.0])[:, None] / (modes**2 - LINES**2 + 0.02j * modes**2)
     wrong = 1.0 + 0.01 * (rng.normal(size=(4000, 3)) + 1j * rng.normal(size=(4000, 3)))
     error = (wrong @ shares) / shares.sum(axis=0) - 1.0
-    one = replace(observed(0.0, 0.0)[0], receptance=1e-3 * shares.sum(axis=0))
+    one = altered(observed(0.0, 0.0)[0], receptance=1e-3 * shares.sum(axis=0))
     growth = growth_beside_peaks(one)
     made = np.mean(np.square(np.abs(error)), axis=0) / (2.0 * 0.01**2)
     # At the peaks, between them and in dips, up to a growth of the variance of some hundreds.

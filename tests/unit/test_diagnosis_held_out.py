@@ -36,6 +36,7 @@ from receptance.diagnosis.judgement import conclude, doubt_prediction
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.wording import sizes
 from receptance.identification import Move, Tolerance
+from receptance.identification.observations import altered
 
 LINES = np.linspace(200.0, 6000.0, 300)
 LENGTH = "tool.segment[0].length"
@@ -334,7 +335,7 @@ def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(wher
     """A gain in one configuration cannot improve the prediction of another one."""
     data = [make_observations(x, seed=i) for i, x in enumerate((0.06, 0.08, 0.1))]
     data = [
-        replace(one, receptance=one.receptance * (1.06 if where in (None, i) else 1.0)) for i, one in enumerate(data)
+        altered(one, receptance=one.receptance * (1.06 if where in (None, i) else 1.0)) for i, one in enumerate(data)
     ]
     tolerances = [*materials(0.01, 0.005), *clamping(0.06, 0.08, 0.1)]
     verdict = diagnose(

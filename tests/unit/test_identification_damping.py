@@ -187,7 +187,7 @@ DAMPED = (
 
 
 def test_a_campaign_has_them(tmp_path: Path) -> None:
-    one = load(tmp_path, changed(DAMPED)).measurements["short"].observation
+    one = load(tmp_path, changed(DAMPED)).measurements["short"]
     assert one.damping_ratio[0] == pytest.approx(0.012)
     assert np.isnan(one.damping_ratio[1])
     assert one.standard_deviation_damping[0] == pytest.approx(6e-4)
@@ -195,7 +195,7 @@ def test_a_campaign_has_them(tmp_path: Path) -> None:
         "mode,frequency [Hz],standard_deviation [Hz],damping_ratio [%],damping_deviation [%]\n"
         "1,2500,2,1.2,5\n2,10000,2,,5\n"
     )
-    again = load(tmp_path, changed((DAMPED[0], 'file = "m.csv"'))).measurements["short"].observation
+    again = load(tmp_path, changed((DAMPED[0], 'file = "m.csv"'))).measurements["short"]
     np.testing.assert_allclose(again.damping_ratio, one.damping_ratio)
     np.testing.assert_allclose(again.standard_deviation_damping, one.standard_deviation_damping)
 

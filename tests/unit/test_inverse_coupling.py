@@ -257,7 +257,7 @@ def test_mistakes_give_messages():
         invert_coupling([tip, measure(true, NOSE, lines=LINES + LINES[-1])])
     with pytest.raises(ValueError, match="expected the same joint"):
         invert_coupling([tip, measure(make_assembly(0.08, k_y=1e9), TIP)], terms=("k_theta",))
-    with pytest.raises(TypeError, match="expected a Observation"):
+    with pytest.raises(TypeError, match="expected an Observation"):
         invert_coupling([3])
     with pytest.raises(ValueError, match="'k_y' was not solved for, only k_theta"):
         invert_coupling(tip).term("k_y")

@@ -224,18 +224,18 @@ def _observations(
 ) -> tuple[tuple[Observation, ...], Identification | None]:
     """Return the observations with given and identified values of parameters that do not vary, and the fit."""
     measurements = dict(campaign.to_identify)
-    every = [measurement.observation.assembly for measurement in measurements.values()]
+    every = [observation.assembly for observation in measurements.values()]
     for address in (*varied, *given):
         if not any(covered(address, assembly) for assembly in every):
             known = sorted({name for assembly in every for name in assembly.parameters})
             text = f'no measured assembly has the parameter "{address}"{instead_of(address, known)}'
             raise CampaignError.about(campaign.file, text)
     for address, value in given.items():
-        for name, measurement in measurements.items():
-            assembly = measurement.observation.assembly
+        for name, observation in measurements.items():
+            assembly = observation.assembly
             assembly = assembly.replace(dict.fromkeys(covered(address, assembly), value))
-            measurements[name] = replace(measurement, observation=altered(measurement.observation, assembly=assembly))
-    observations = tuple(measurement.observation for measurement in measurements.values())
+            measurements[name] = altered(observation, assembly=assembly)
+    observations = tuple(measurements.values())
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
@@ -251,7 +251,7 @@ def _observations(
         observation = altered(measured, assembly=assembly)
         if measured.is_receptance and any(unknown.address in FACTORS for unknown in fit.unknowns):
             # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(fit, measured.site(0), measurements[name].tolerances)
+            forecast = Forecast(fit, measured.site(0), campaign.errors[name])
             chain = forecast.recorded(measured) / assembly.receptance(
                 measured.frequency_hz, response=measured.response, excitation=measured.excitation
             )

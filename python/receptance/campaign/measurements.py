@@ -45,50 +45,6 @@ if TYPE_CHECKING:
     from receptance.model.coordinates import Coordinate
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measurement:
-    """A measurement of a campaign.
-
-    Attributes
-    ----------
-    name : str
-        Name in the file.
-    assembly : str
-        Name of the assembly that was measured.
-    role : {"identify", "hold out"}
-        Whether it is used in the fit or compared with predictions.
-    observation : Observation
-        The data, with the assembly including the sensor.
-    sensor : str or None
-        Name of the sensor at the response coordinate.
-    files : tuple of str
-        Names of the data files.
-    tolerances : tuple of Tolerance
-        Errors of the assembly and of what is attached to it.
-    notes : tuple of str
-        Notes on the data.
-    """
-
-    name: str
-    assembly: str
-    role: str
-    observation: Observation
-    sensor: str | None
-    files: tuple[str, ...]
-    tolerances: tuple[Tolerance, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    @property
-    def frf(self) -> Observation | None:
-        """The data if they are a receptance, None if they are natural frequencies."""
-        return self.observation if self.observation.is_receptance else None
-
-    @property
-    def held_out(self) -> bool:
-        """Whether it is not used in the fit."""
-        return self.role == "hold out"
-
-
 _MOST_LINES = 100_000
 """Largest number of lines of a candidate."""
 
@@ -106,10 +62,9 @@ class MeasurementReader:
         self.campaign, self.builder, self.folder = campaign, builder, folder
         self._tolerances = tolerances
 
-    def measurement(self, name: str) -> Measurement | None:
+    def measurement(self, name: str) -> Observation | None:
         """Return a measurement, or None after its mistakes are added."""
         table = self.campaign.measurements[name]
-        before = len(self.builder.notes)
         path: KeyPath = ("measurements", name)
         if table.kind == "frf" and table.force is not None and table.level is not None:
             text = "is given with a force, which determines it, expected one of the two"
@@ -119,21 +74,13 @@ class MeasurementReader:
             return None
         assembly, response = assembled
         if table.kind == "natural frequencies":
-            observation = self._frequencies(path, table, assembly)
-        else:
-            observation = self._frf(path, table, assembly, response)
-        if observation is None:
-            return None
-        return Measurement(
-            name=name,
-            assembly=table.assembly,
-            role=table.role,
-            observation=observation,
-            sensor=table.sensor,
-            files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-            tolerances=self._errors(table.assembly, table.sensor, *table.attachments),
-            notes=tuple(self.builder.notes[before:]),
-        )
+            return self._frequencies(path, table, assembly)
+        return self._frf(path, table, assembly, response)
+
+    def errors(self, name: str) -> tuple[Tolerance, ...]:
+        """Return the errors of the assembly of a measurement and of what is attached to it."""
+        table = self.campaign.measurements[name]
+        return self._errors(table.assembly, table.sensor, *table.attachments)
 
     def candidate(self, name: str) -> Candidate | None:
         """Return a candidate, or None after its mistakes are added."""
@@ -256,16 +203,16 @@ class MeasurementReader:
         return integrate_motion(altered(observation, notes=observation.notes), table.integrate)
 
 
-def note_repeated(measurements: Mapping[str, Measurement], builder: Builder) -> None:
+def note_repeated(measurements: Mapping[str, Observation], campaign: CampaignTable, builder: Builder) -> None:
     """Add a note on each FRF whose data and places are exactly those of an earlier one, of any assembly."""
     data = {
         name: (frf.frequency_hz.tobytes(), frf.receptance.tobytes(), frf.response, frf.excitation)
-        for name, one in measurements.items()
-        if (frf := one.frf) is not None
+        for name, frf in measurements.items()
+        if frf.is_receptance
     }
     for first, second in equal_pairs(data):
-        one, other = measurements[first], measurements[second]
-        files = ", ".join(dict.fromkeys((*one.files, *other.files)))
+        pair = (campaign.measurements[name] for name in (first, second))
+        files = ", ".join(dict.fromkeys(file for table in pair for file in data_files(table)))
         builder.note(
             ("measurements", second),
             f"its data are exactly those of measurements.{first} ({files}), so that they count twice; remove one of "
@@ -280,8 +227,10 @@ def equal_pairs(data: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(first[value], name) for name, value in data.items() if first.setdefault(value, name) != name]
 
 
-def _files(written: str | list[str] | None) -> tuple[str, ...]:
-    return (written,) if isinstance(written, str) else tuple(written or ())
+def data_files(table: MeasurementTable) -> tuple[str, ...]:
+    """Return the names of the data files of a measurement."""
+    written = [table.file, table.coherence if table.kind == "frf" else None]
+    return tuple(name for names in written if names for name in ([names] if isinstance(names, str) else names))
 
 
 def _lines(table: CandidateFRFTable) -> NDArray[np.float64]:

@@ -18,7 +18,6 @@ from receptance import units
 from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
-from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
@@ -221,8 +220,8 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     # A cause may act at one level only, so that each level has its own tables.
     data = copy.deepcopy(campaign.contents)
     measured = {
-        name: _applied(base, explanation, measurement.observation, tolerances_of_measurements({name: measurement}))
-        for name, measurement in campaign.measurements.items()
+        name: _applied(base, explanation, observation, campaign.errors_of([name]))
+        for name, observation in campaign.measurements.items()
     }
     assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
@@ -254,9 +253,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
 
 def _early_end(campaign: Campaign, explanation: Explanation) -> float | None:
     """Return the end of truncated records, if a cause has identified it from all of them together."""
-    given = {
-        name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
-    }
+    given = {name: observation.ends for name, observation in campaign.measurements.items()}
     found = explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
@@ -283,10 +280,10 @@ def _applied(
 def _of_assembly(campaign: Campaign, base: Model, explanation: Explanation, name: str) -> _Extended:
     """Apply the causes of an explanation to an assembly without sensors."""
     assembly = campaign.assemblies[name]
-    own = [measurement.observation for measurement in campaign.measurements.values() if measurement.assembly == name]
+    own = [observation for observation in campaign.measurements.values() if observation.configuration == name]
     like = next((one for one in own if one.is_receptance), own[0] if own else None)
     if like is None:
-        like = next(iter(campaign.measurements.values())).observation
+        like = next(iter(campaign.measurements.values()))
         if like.is_receptance:
             response, excitation = campaign.places.get(name, (Coordinate(), Coordinate()))
             like = altered(like, response=response, excitation=excitation)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance.errors import ReceptanceWarning
 from receptance.identification import Identification, Observation, Tolerance, Unknown, identify
 from receptance.identification.covariance import square_root
-from receptance.identification.observations import check_observations
+from receptance.identification.observations import altered, check_observations
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
@@ -366,7 +366,7 @@ def _coupled(observed: Sequence[Observation], part: ModalPart) -> list[Observati
     for observation in observed:
         blank = observation.assembly
         assembly = Assembly([*blank.elements.values(), part], blank.attachments.values())
-        coupled.append(replace(observation, assembly=assembly))
+        coupled.append(altered(observation, assembly=assembly))
     return coupled
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from receptance._peaks import local_maxima
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import Observation
+from receptance.identification.observations import Observation, altered
 from receptance.identification.problem import Task
 from receptance.identification.search import fit_staged
 from receptance.identification.unknowns import Unknown
@@ -279,7 +279,7 @@ def _begun(
         narrow[theta.name] = replace(theta, lower=max(theta.lower, -slope), upper=min(theta.upper, slope))
     zero = {f"{found.name}.mode[{index}].{key}": 0.0 for index in waiting for key in ("y", "theta")}
     without = [
-        replace(one, assembly=one.assembly.replace({k: v for k, v in zero.items() if k in one.assembly.parameters}))
+        altered(one, assembly=one.assembly.replace({k: v for k, v in zero.items() if k in one.assembly.parameters}))
         for one in observed
     ]
     kept = [narrow.get(unknown.name, unknown) for unknown in unknowns if unknown.name not in absent]

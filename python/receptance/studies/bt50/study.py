@@ -35,8 +35,9 @@ from receptance.taper import (
 )
 
 if TYPE_CHECKING:
-    from receptance.campaign import Campaign, Measurement
+    from receptance.campaign import Campaign
     from receptance.frf import FRF
+    from receptance.identification import Observation
     from receptance.modal import ModeEstimate
     from receptance.taper import AxialSolution, TaperFit
 
@@ -465,6 +466,6 @@ def _diagnose_rigid(motion: str, step_kn: int, seed: int, say: Callable[[str], N
     }
 
 
-def _forces_kn(measurements: Mapping[str, Measurement]) -> list[float]:
-    conditions = (measurement.observation.conditions for measurement in measurements.values())
+def _forces_kn(measurements: Mapping[str, Observation]) -> list[float]:
+    conditions = (observation.conditions for observation in measurements.values())
     return list(dict.fromkeys(1e-3 * condition["drawbar force"] for condition in conditions))
