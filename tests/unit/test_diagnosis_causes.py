@@ -159,7 +159,7 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
         tool, _, holder = make_assembly(overhang).elements.values()
         half = PointJoint(k_y=1.2e9, k_theta=2e5, c_y=600.0, c_theta=2.0)
         true = Assembly([tool, ColletJoint(inner=half, outer=half, mass=0.07, inertia=inertia, name="joint"), holder])
-        return altered(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
+        return altered(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-3))
 
     (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
     few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
@@ -226,7 +226,7 @@ def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
 def observe_uneven(overhang: float) -> Observation:
     nominal = observe_insertion(overhang)
     true = spread_along_all(nominal).replace({"joint.slope": -0.6})
-    return altered(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
+    return altered(nominal, receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-4))
 
 
 def spread_along_all(one: Observation) -> Assembly:
