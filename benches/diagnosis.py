@@ -49,7 +49,7 @@ def sensor() -> dict[str, Any]:
     """Diagnose four records with a forgotten sensor, held-out configurations included."""
     import numpy as np
 
-    from receptance import Assembly, Material, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+    from receptance import Assembly, Material, Observation, Part, PointJoint, PointMass, Segment, Unknown
     from receptance.diagnosis import diagnose
     from receptance.identification import Tolerance
 
@@ -74,7 +74,7 @@ def sensor() -> dict[str, Any]:
     rng = np.random.default_rng(SEED)
     lines = np.linspace(300.0, 8320.0, 1605)
     observations = [
-        MeasuredFRF(
+        Observation(
             assembly=assembled(overhang, stated),
             frequency_hz=lines,
             receptance=assembled(overhang, true, PointMass(mass=2e-3, part="tool", position=0.0)).receptance(lines)

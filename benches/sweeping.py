@@ -27,14 +27,14 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment
 from receptance.sweep import Misfit, Sampled, sweep
 
 LINES = 2000
 QUICK = 2000
 
 
-def measure(seed: int) -> MeasuredFRF:
+def measure(seed: int) -> Observation:
     """Return a simulated measurement with 2 % noise."""
     tool = Part([Segment(length=0.09, outer_diameter=0.016, material=CARBIDE)], name="tool")
     joint = PointJoint(k_y=1.5e8, k_theta=9e4, c_y=400.0, c_theta=0.15, name="joint")
@@ -43,7 +43,7 @@ def measure(seed: int) -> MeasuredFRF:
     lines = np.linspace(100.0, 6000.0, LINES)
     rng = np.random.default_rng(seed)
     noise = 0.02 * (rng.standard_normal(LINES) + 1j * rng.standard_normal(LINES))
-    return MeasuredFRF(
+    return Observation(
         assembly=assembly,
         frequency_hz=lines,
         receptance=assembly.receptance(lines) * np.exp(noise),
@@ -62,7 +62,7 @@ def draw(count: int, seed: int) -> Sampled:
     return Sampled({name: stats.loguniform(*ends) for name, ends in ranges.items()}, count=count, seed=seed)
 
 
-def run(frf: MeasuredFRF, count: int, seed: int, name: str, **options: Any) -> tuple[dict[str, Any], Any]:
+def run(frf: Observation, count: int, seed: int, name: str, **options: Any) -> tuple[dict[str, Any], Any]:
     """Sweep, and return a row and the misfits."""
     with tempfile.TemporaryDirectory() as folder:
         before, begun = processor_seconds(options.get("client")), time.perf_counter()
@@ -97,7 +97,7 @@ def processor_seconds(client: Any) -> tuple[float, float]:
 
 
 def on_workers(
-    frf: MeasuredFRF, count: int, seed: int, numbers: Sequence[int], rounds: int
+    frf: Observation, count: int, seed: int, numbers: Sequence[int], rounds: int
 ) -> Iterator[tuple[int, dict[str, Any], Any]]:
     """Sweep on the given numbers of dask workers of one thread each, in turns, after small warm-up sweeps."""
     from distributed import Client, LocalCluster

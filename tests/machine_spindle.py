@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, MeasuredPart, Part, PointJoint, Segment
+from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredPart, Observation, Part, PointJoint, Segment
 
 LOSSY = replace(STEEL, loss_factor=0.002)
 LINES = np.arange(100.0, 4000.0, 5.0)
@@ -55,13 +55,13 @@ def measure(
     spindle: Assembly | None = None,
     described: Assembly | None = None,
     lines: np.ndarray = LINES,
-) -> MeasuredFRF:
+) -> Observation:
     """Return one response in the spindle, with noise where there is a source of it."""
     places = {"response": Coordinate("blank", response), "excitation": Coordinate("blank", excitation)}
     h = with_spindle(blank, spindle or make_spindle()).receptance(lines, **places)
     if rng is not None:
         h = h * np.exp(sd * (rng.normal(size=h.size) + 1j * rng.normal(size=h.size)))
-    return MeasuredFRF(
+    return Observation(
         assembly=described or blank,
         frequency_hz=lines,
         receptance=h,
@@ -71,7 +71,7 @@ def measure(
     )
 
 
-def at_two_places(blank: Assembly, near: float, **how: object) -> list[MeasuredFRF]:
+def at_two_places(blank: Assembly, near: float, **how: object) -> list[Observation]:
     """Return both drive points and the cross receptance of the tip and a place near the spindle."""
     return [measure(blank, a, b, **how) for a, b in ((0.0, 0.0), (near, 0.0), (near, near))]  # type: ignore[arg-type]
 

@@ -22,6 +22,8 @@ from pathlib import Path
 
 RENDERERS = {"as_dict", "to_dict", "summary", "as_text", "as_html", "_repr_html_"}
 """Methods by which a class renders itself; `Result`, which does it for all, is not counted."""
+OBSERVATION = {"assembly", "frequency_hz", "configuration", "conditions"}
+"""Fields of a class of observations."""
 KINDS = re.compile(
     r"^(Measured(FRF|Frequencies|Part)|\w*Joint|Part|ModalPart|PointMass|GroundSpring|Terminal|_JOINTS|_TERMINALS)$"
 )
@@ -147,7 +149,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
     for name, (folder, pattern) in sizes.items():
         files, lines = size(folder, pattern)
         rows += [(f"{name}: files", f"{files:,}"), (f"{name}: lines", f"{lines:,}")]
-    classes = dataclasses = functions = numbers = anys = asked = registries = 0
+    classes = dataclasses = observations = functions = numbers = anys = asked = registries = 0
     rendering: list[str] = []
     names: Counter[str] = Counter()
     for _, text in python_files(package):
@@ -159,6 +161,8 @@ def measure(root: Path) -> list[tuple[str, str]]:
             if isinstance(node, ast.ClassDef):
                 classes += 1
                 names[node.name] += 1
+                fields = {ast.unparse(one.target) for one in node.body if isinstance(one, ast.AnnAssign)}
+                observations += fields >= OBSERVATION
                 dataclasses += any("dataclass" in ast.unparse(one) for one in node.decorator_list)
                 methods = {one.name for one in node.body if isinstance(one, ast.FunctionDef)}
                 rendering += [node.name] if methods & RENDERERS and node.name != "Result" else []
@@ -169,6 +173,7 @@ def measure(root: Path) -> list[tuple[str, str]]:
         *rows,
         ("classes", f"{classes} ({dataclasses} dataclasses)"),
         ("import circles", "; ".join(", ".join(group) for group in circles(imports(package))) or "0"),
+        ("classes of observations", str(observations)),
         ("names of several classes", ", ".join(sorted(name for name, times in names.items() if times > 1))),
         ("functions and methods", f"{functions:,}"),
         ("functions of the extension", str(count)),

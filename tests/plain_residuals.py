@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from receptance import Assembly, MeasuredFrequencies, MeasuredFRF
+from receptance import Assembly
 from receptance.errors import ReceptanceError
 from receptance.identification.mapping import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN
 from receptance.identification.problem import Observed
@@ -19,7 +19,7 @@ def residual_and_jacobian(one: Observed, values: np.ndarray) -> tuple[np.ndarray
     own = dict(zip(mapping.addresses, mapping.values(values).tolist(), strict=True))
     try:
         assembly = mapping.apply(data.assembly, values)
-        make = of_receptance if isinstance(data, MeasuredFRF) else of_frequencies
+        make = of_receptance if data.is_receptance else of_frequencies
         residual, slopes = make(one, assembly, own)
     except (ReceptanceError, ValueError):
         return None
@@ -99,12 +99,12 @@ def truncated(
 
 def of_frequencies(one: Observed, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     data: Any = one.observation
-    assert isinstance(data, MeasuredFrequencies)
+    assert not data.is_receptance
     rows = np.array(data.modes) - 1
     found, slope = (part[rows] for part in assembly.lowest_natural_frequencies(rows[-1] + 1, list(own)))
     share = 0.01 if one.unit == "percent" else 1.0
     known = one.unit == "standard deviations"
-    unit = data.standard_deviation_hz if known and data.standard_deviation_hz is not None else share * data.frequency_hz
+    unit = data.standard_deviation if known and data.standard_deviation is not None else share * data.frequency_hz
     if data.damping_ratio is None:
         return (found - data.frequency_hz) / unit, slope / unit[:, None]
     poles, moved = assembly.complex_frequencies(found, list(own))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.identification import Profile, Tolerance
 from receptance.identification.mapping import Parameters
 
@@ -26,7 +26,7 @@ BOUNDS = {
 class SimulatedCampaign:
     """Observations, prior information, and the truth."""
 
-    observations: list[MeasuredFRF]
+    observations: list[Observation]
     tolerances: list[Tolerance]
     truth: dict[str, float]
     errors: dict[str, float]
@@ -90,7 +90,7 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
     lines = np.linspace(150.0, upper, LINES)
     start = dict.fromkeys(("k_y", "k_theta"), 1.0)
     nominal = [
-        MeasuredFRF(
+        Observation(
             assembly=assembled(length, **start),
             frequency_hz=lines,
             receptance=np.ones(LINES),
@@ -109,7 +109,7 @@ def simulate_campaign(rng: np.random.Generator, overhangs: int | None = None) ->
         true = parameters.at(one.site(i)).apply(one.assembly, vector)
         scatter = noise * (rng.standard_normal(LINES) + 1j * rng.standard_normal(LINES))
         observations.append(
-            MeasuredFRF(
+            Observation(
                 assembly=one.assembly,
                 frequency_hz=lines,
                 receptance=true.receptance(lines) * np.exp(scatter),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
-from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown
+from receptance.identification import Observation, Unknown
 
 TRUE = {"joint.k_y": 6.3e8, "joint.k_theta": 1.0e5, "joint.c_y": 500.0, "joint.c_theta": 0.1}
 STIFFNESSES = [
@@ -27,13 +27,13 @@ def make_assembly(overhang=0.0623, joint="joint", **changes):
 
 def simulate(assembly, lines=LINES, **options):
     places = {name: options[name] for name in ("response", "excitation") if name in options}
-    return MeasuredFRF(
+    return Observation(
         assembly=assembly, frequency_hz=lines, receptance=assembly.receptance(lines, **places), **options
     )
 
 
 def simulate_modes(assembly, upper_hz=20e3, **options):
-    return MeasuredFrequencies(assembly=assembly, frequency_hz=assembly.natural_frequencies(upper_hz), **options)
+    return Observation.from_modes(assembly=assembly, frequency_hz=assembly.natural_frequencies(upper_hz), **options)
 
 
 def assert_found(result, true, relative=1e-6):

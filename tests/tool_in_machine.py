@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from receptance import CARBIDE, STEEL, Assembly, GroundSpring, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, GroundSpring, Observation, Part, PointJoint, Segment, Unknown
 from receptance.identification import Tolerance
 
 TRUE = {"joint.k_y": 2e8, "joint.k_theta": 6e4, "joint.c_y": 400.0, "joint.c_theta": 0.15}
@@ -70,10 +70,10 @@ def measure(
     name: str,
     described: Assembly | None = None,
     **places: object,
-) -> MeasuredFRF:
+) -> Observation:
     """Return an FRF of an assembly with noise."""
     noise = sd * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=described or assembly,
         frequency_hz=lines,
         receptance=assembly.receptance(lines, **places) * np.exp(noise),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy_reference import campaign as reference
 from numpy_reference.campaign import DENSITY, DIAMETER, LENGTH, MODULUS, CampaignFit, CampaignResidual, Error
 from numpy_reference.cases import segment_row
-from receptance import Assembly, Identification, MeasuredFRF, PointJoint, Unknown, identify
+from receptance import Assembly, Identification, Observation, PointJoint, Unknown, identify
 from receptance.identification import Tolerance
 
 from .models import part
@@ -37,7 +37,7 @@ FIELDS = {LENGTH: "length", DIAMETER: "outer_diameter", MODULUS: "youngs_modulus
 class Campaign(NamedTuple):
     """Common starting point of both sides."""
 
-    observations: list[MeasuredFRF]
+    observations: list[Observation]
     unknowns: list[Unknown]
     tolerances: list[Tolerance]
     residual: CampaignResidual
@@ -64,7 +64,7 @@ def campaign(lines: int) -> Campaign:
         true = make_assembly(overhang + CLAMPED * rng.standard_normal())
         noise = NOISE * (rng.standard_normal((lines, 2)) @ np.array([1.0, 1j]))
         observations.append(
-            MeasuredFRF(
+            Observation(
                 assembly=make_assembly(overhang),
                 frequency_hz=frequency_hz,
                 receptance=true.receptance(frequency_hz) * np.exp(noise),

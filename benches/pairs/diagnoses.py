@@ -9,7 +9,7 @@ from unittest import mock
 import numpy as np
 from scipy.optimize import least_squares
 
-from receptance import MeasuredFRF
+from receptance import Observation
 from receptance.diagnosis import Verdict, diagnose
 from receptance.identification.problem import End, Problem
 
@@ -98,9 +98,9 @@ def _fit_by_scipy(
     return ends
 
 
-def _delayed(one: MeasuredFRF) -> MeasuredFRF:
+def _delayed(one: Observation) -> Observation:
     """Return an observation as it is recorded with a delay, noise and all."""
-    return MeasuredFRF(
+    return Observation(
         assembly=one.assembly,
         frequency_hz=one.frequency_hz,
         receptance=one.receptance * np.exp(-2j * np.pi * one.frequency_hz * DELAY),

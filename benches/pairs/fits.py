@@ -12,7 +12,7 @@ import numpy as np
 import numpy_reference as reference
 from numpy_reference import identification
 from numpy_reference.cases import GUESS, JOINT, tool_and_holder
-from receptance.identification import Identification, MeasuredFRF, Unknown, identify
+from receptance.identification import Identification, Observation, Unknown, identify
 
 from .models import JOINT_FIELDS, Array, coupled, sweep
 from .pair import Pair
@@ -31,7 +31,7 @@ def fit_input(lines: int) -> tuple[Array, Array, Array]:
 def identification_pairs(lines: int) -> Iterator[Pair]:
     """Yield the pairs of one identification of the four joint parameters."""
     f, w, measured = fit_input(lines)
-    frf = MeasuredFRF(assembly=coupled(), frequency_hz=f, receptance=measured)
+    frf = Observation(assembly=coupled(), frequency_hz=f, receptance=measured)
     guess = {f"joint.{field}": getattr(GUESS, field) for field in JOINT_FIELDS}
     unknowns = [Unknown(address=at, lower=x / 1e3, upper=x * 1e3, start=x) for at, x in guess.items()]
 

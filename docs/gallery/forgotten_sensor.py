@@ -7,7 +7,7 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -33,7 +33,7 @@ def assembled(overhang, *attached):
 def measured(overhang):
     values = assembled(overhang, PointMass(mass=1e-3)).receptance(lines, response=tip, excitation=tip)
     noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=assembled(overhang),
         frequency_hz=lines,
         receptance=values * np.exp(noise),

@@ -7,7 +7,7 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     ReceptanceWarning,
@@ -32,7 +32,7 @@ with warnings.catch_warnings():
 print(f"{len(hits.kept)} of {len(hits.hits)} hits are kept; {hits.notes[-1]}")
 
 found = identify(
-    MeasuredFRF.from_frf(bench, frf),
+    Observation.from_frf(bench, frf),
     [
         Unknown(address="joint.k_y", lower=1e7, upper=1e10),
         Unknown(address="joint.k_theta", lower=1e3, upper=1e7),

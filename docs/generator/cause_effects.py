@@ -21,9 +21,9 @@ from receptance import (
     Assembly,
     Coordinate,
     GroundSpring,
-    MeasuredFRF,
     ModalPart,
     Mode,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -96,7 +96,7 @@ def _holder(diameter: float = 0.045) -> Part:
 def _model(assemblies: dict[str, Assembly], conditions: dict[str, dict[str, float]] | None = None) -> Model:
     """Return a model of tip FRFs, whose data are ones."""
     observations = tuple(
-        MeasuredFRF(
+        Observation(
             assembly=assembly,
             frequency_hz=LINES,
             receptance=np.ones(LINES.size, dtype=complex),

@@ -64,7 +64,7 @@ def stiffness(name: str, address: str, frequency_hz: float, seed: int) -> float 
     """Return the stiffness for which a rod has a first mode, None if no stiffness is high enough."""
     if frequency_hz >= first_mode(name, {}):
         return None
-    measured = rc.MeasuredFrequencies(assembly=rod(name), frequency_hz=[frequency_hz], label=f"rod {name}")
+    measured = rc.Observation.from_modes(assembly=rod(name), frequency_hz=[frequency_hz], label=f"rod {name}")
     value = rc.identify(measured, unknowns([address]), seed=seed).values[address]
     low, high = BOUNDS[address]
     return value if 1.001 * low < value < 0.999 * high else None
@@ -88,7 +88,7 @@ def common_clamp(addresses: list[str], error_hz: float, seed: int) -> dict[str, 
     """Identify one clamp on all rods, by least squares and by the smallest error of the worst rod."""
     measured = [
         # The reading error is uniform.
-        rc.MeasuredFrequencies(
+        rc.Observation.from_modes(
             assembly=rod(name),
             frequency_hz=[frequency],
             standard_deviation_hz=error_hz / np.sqrt(3.0),

@@ -92,7 +92,7 @@ def law(address: str, start: float, exponent: float | None = None, *, free: bool
     return Law(address=address, lower=lower, upper=upper, start=start, powers=powers)
 
 
-def hypothesis(name: str, observed: list[rc.MeasuredFRF], laws: Sequence[rc.Unknown]) -> dict[str, Any]:
+def hypothesis(name: str, observed: list[rc.Observation], laws: Sequence[rc.Unknown]) -> dict[str, Any]:
     """Fit a law to all insertions; "_fit" is the identification."""
     joints = ("inner", "outer") if name == SERIES else ("joint",)
     losses = [rc.Unknown(address=f"{j}.loss_factor", lower=1e-5, upper=0.5, start=LOSS) for j in joints]
@@ -134,7 +134,7 @@ def study_insertion(ratio: float, noise: float, random: np.random.Generator) -> 
 
     lines = np.arange(BAND_HZ[0], BAND_HZ[1] + 5.0, 10.0)
     carbide = 1.0 + 0.01 * random.standard_normal()
-    observed: dict[str, list[rc.MeasuredFRF]] = {"single": [], "series": []}
+    observed: dict[str, list[rc.Observation]] = {"single": [], "series": []}
     for insertion in INSERTIONS_MM:
         true = joints(insertion)
         length = true.get(LENGTH) + 1e-4 * random.standard_normal()
@@ -143,7 +143,7 @@ def study_insertion(ratio: float, noise: float, random: np.random.Generator) -> 
         scatter = random.standard_normal(lines.size) + 1j * random.standard_normal(lines.size)
         for name, model in (("single", single), ("series", joints(INSERTIONS_MM[0]))):
             observed[name].append(
-                rc.MeasuredFRF(
+                rc.Observation(
                     assembly=model,
                     frequency_hz=lines,
                     receptance=response * np.exp(deviation * scatter),
@@ -359,11 +359,11 @@ class FittedLaw:
         }
 
 
-def state(joint: dict[str, Any], resolution: er32_joints.Resolution, name: str) -> rc.MeasuredFrequencies:
+def state(joint: dict[str, Any], resolution: er32_joints.Resolution, name: str) -> rc.Observation:
     """Return the printed frequencies of a tool at a torque, on the assembly with the identified joint."""
     diameter, torque = joint["diameter_mm"], joint["torque_nm"]
     frequency = PUBLISHED.reading(diameter, torque).frequency_hz
-    return rc.MeasuredFrequencies(
+    return rc.Observation.from_modes(
         assembly=er32_tables.assembly(diameter, PUBLISHED.mount(diameter).overhang_mm, joint["k_y"], joint["k_theta"]),
         frequency_hz=frequency,
         standard_deviation_hz=resolution.standard_deviation(frequency),
@@ -373,7 +373,7 @@ def state(joint: dict[str, Any], resolution: er32_joints.Resolution, name: str) 
 
 
 def fit_law(
-    states: Sequence[rc.MeasuredFrequencies], quantity: str, of: str, reference: float, *, reclamped: bool
+    states: Sequence[rc.Observation], quantity: str, of: str, reference: float, *, reclamped: bool
 ) -> FittedLaw:
     """Fit the power law and the constant with every scatter, and average with their evidence."""
     tolerances = [

@@ -158,7 +158,7 @@ def _identified(
     frequency = np.array(reading.frequency_hz)
     middle = [float(np.sqrt(low * high)) for low, high in BOUNDS.values()]
     model = assembly(reading.diameter_mm, published.mount(reading.diameter_mm).overhang_mm, *middle)
-    measured = rc.MeasuredFrequencies(
+    measured = rc.Observation.from_modes(
         assembly=model,
         frequency_hz=frequency,
         standard_deviation_hz=resolution.standard_deviation(frequency),

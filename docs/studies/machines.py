@@ -125,7 +125,7 @@ class Machine:
         plane = [rc.Coordinate("inside", 0.0, "y"), rc.Coordinate("inside", 0.0, "theta")]
         return self.spindle.receptance(lines, response=plane, excitation=plane)
 
-    def measure(self, hits: int, seed: int, high_hz: float) -> list[rc.MeasuredFRF]:
+    def measure(self, hits: int, seed: int, high_hz: float) -> list[rc.Observation]:
         """Simulate hammer tests of the blank in the spindle: both drive points and the response between them."""
         tip, near = rc.Coordinate("blank", 0.0), rc.Coordinate("blank", 1e-3 * self.second_hit_mm)
         names = {tip: "tip", near: "near the spindle"}
@@ -143,7 +143,7 @@ class Machine:
             )
             frf = estimate_frf(find_hits(records))
             found += [
-                rc.MeasuredFRF.from_frf(
+                rc.Observation.from_frf(
                     rc.Assembly([self.blank]),
                     frf,
                     response=response,
@@ -370,7 +370,7 @@ def diagnose_moved_mode(machine: Machine, spindle: rc.ModalPart, mode: int, seed
         for place in (rc.Coordinate(), rc.Coordinate("holder", 0.0)):
             scatter = noise * (random.normal(size=lines.size) + 1j * random.normal(size=lines.size))
             observed.append(
-                rc.MeasuredFRF(
+                rc.Observation(
                     assembly=described,
                     frequency_hz=lines,
                     receptance=true.receptance(lines, response=place) * np.exp(scatter),

@@ -160,7 +160,7 @@ def tolerances(tests: Mapping[str, rc.Assembly]) -> list[Tolerance]:
 
 def measure(
     test: Test, measuring: Measuring, values: Mapping[str, float], random: np.random.Generator | None = None
-) -> rc.MeasuredFRF:
+) -> rc.Observation:
     """Simulate a measured tip response.
 
     Parameters
@@ -191,7 +191,7 @@ def measure(
     if random is not None:
         scatter = random.standard_normal(lines.size) + 1j * random.standard_normal(lines.size)
         response = response * np.exp(deviation * scatter)
-    return rc.MeasuredFRF(
+    return rc.Observation(
         assembly=nominal,
         frequency_hz=lines,
         receptance=response,
@@ -202,7 +202,7 @@ def measure(
 
 
 def fit(
-    measured: Sequence[rc.MeasuredFRF], near: Mapping[str, float] | None = None, *, staged: bool = True, seed: int = 0
+    measured: Sequence[rc.Observation], near: Mapping[str, float] | None = None, *, staged: bool = True, seed: int = 0
 ) -> rc.Identification:
     """Identify the joint and all errors, from nearby values and in stages; return the better end."""
     errors = tolerances({one.configuration: one.assembly for one in measured})
@@ -219,7 +219,7 @@ def half_width_percent(profile: Any) -> float:
     return 100.0 * (float(np.sqrt(profile.upper / profile.lower)) - 1.0) if profile.bounded else float("inf")
 
 
-def judge_sets(measured: rc.MeasuredFRF, found: rc.Identification | None) -> list[dict[str, Any]]:
+def judge_sets(measured: rc.Observation, found: rc.Identification | None) -> list[dict[str, Any]]:
     """Compare every set of table 3 with a measurement: natural frequencies by hand, and the likelihood."""
     upper = float(measured.frequency_hz[-1])
     true = measured.assembly.natural_frequencies(upper)
@@ -254,7 +254,7 @@ def judge_sets(measured: rc.MeasuredFRF, found: rc.Identification | None) -> lis
 
 
 def expect(
-    measured: rc.MeasuredFRF, found: rc.Identification, profile: Any, measuring: Measuring
+    measured: rc.Observation, found: rc.Identification, profile: Any, measuring: Measuring
 ) -> list[dict[str, Any]]:
     """Return the half-widths expected after every test of the menu, the best test first.
 

@@ -24,8 +24,7 @@ from .errors import ResonanceError as ResonanceError
 from .errors import SingularInterfaceError as SingularInterfaceError
 from .frf import FRF as FRF
 from .identification import Identification as Identification
-from .identification import MeasuredFrequencies as MeasuredFrequencies
-from .identification import MeasuredFRF as MeasuredFRF
+from .identification import Observation as Observation
 from .identification import Tolerance as Tolerance
 from .identification import Unknown as Unknown
 from .identification import find_bands as find_bands

@@ -24,10 +24,10 @@ from receptance import (
     Assembly,
     Coordinate,
     Material,
-    MeasuredFRF,
     MeasuredPart,
     ModalPart,
     Mode,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -148,7 +148,7 @@ def _from_blank(known: Blank) -> MeasuredPart:
     cylinder = Segment(length=known.length, outer_diameter=p["tool.diameter"], material=material, shear=shear)
     blank = Assembly([Part([cylinder], name="blank")])
     observed = [
-        MeasuredFRF.from_frf(
+        Observation.from_frf(
             blank,
             _frf(estimate, f"blank {i}"),
             response=Coordinate("blank", response),
@@ -314,7 +314,7 @@ def _at_nose(assembly: Assembly) -> Assembly:
     return Assembly(assembly.elements.values(), moved)
 
 
-def observations_of(case: Case, holder: Holder | None = None) -> list[MeasuredFRF]:
+def observations_of(case: Case, holder: Holder | None = None) -> list[Observation]:
     """Return all records as observations of the nominal assemblies, on the lines that a holder of data has."""
     configurations = {c.name: c for c in case.nominal.configurations}
     by_name = {name: assembly_of(case.nominal, c, holder) for name, c in configurations.items()}
@@ -329,7 +329,7 @@ def observations_of(case: Case, holder: Holder | None = None) -> list[MeasuredFR
             if holder is not None and isinstance(holder.end, MeasuredPart):
                 frf = frf.with_(usable=holder.end.covers(frf.frequency_hz))
             found.append(
-                MeasuredFRF.from_frf(
+                Observation.from_frf(
                     by_name[record.configuration] if record.place == "tip" else _at_nose(by_name[record.configuration]),
                     frf,
                     response=_PLACES[record.place],

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
-from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, identify
+from receptance.identification import Observation, Unknown, identify
 
 overhangs = st.floats(0.03, 0.14)
 diameters = st.floats(0.006, 0.02)
@@ -47,7 +47,7 @@ def assert_found(result, assembly, tolerance):
 def test_receptance(overhang, diameter, exponent, loss):
     assembly = make_assembly(overhang, diameter, exponent, loss)
     lines = np.linspace(50.0, 15e3, 800)
-    frf = MeasuredFRF(assembly=assembly, frequency_hz=lines, receptance=assembly.receptance(lines))
+    frf = Observation(assembly=assembly, frequency_hz=lines, receptance=assembly.receptance(lines))
     assert_found(identify(frf, unknowns("k_y", "k_theta", "c_y", "c_theta"), starts=4), assembly, 1e-6)
 
 
@@ -55,5 +55,5 @@ def test_receptance(overhang, diameter, exponent, loss):
 @given(overhangs, diameters, exponents)
 def test_natural_frequencies(overhang, diameter, exponent):
     assembly = make_assembly(overhang, diameter, exponent, 0.0)
-    observed = MeasuredFrequencies(assembly=assembly, frequency_hz=assembly.natural_frequencies(30e3))
+    observed = Observation.from_modes(assembly=assembly, frequency_hz=assembly.natural_frequencies(30e3))
     assert_found(identify(observed, unknowns("k_y", "k_theta")), assembly, 1e-5)

@@ -71,10 +71,10 @@ def _results() -> dict[str, Renderable]:
     pair = rc.Assembly([rc.Part([bar], name="tool"), joint, rc.Part([bar], name="holder")])
     lines = np.linspace(500.0, 5000.0, 181)
     values = pair.receptance(lines)
-    modes = rc.MeasuredFrequencies(
+    modes = rc.Observation.from_modes(
         assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
     )
-    measured = rc.MeasuredFRF(assembly=pair, frequency_hz=lines, receptance=values, standard_deviation=0.01)
+    measured = rc.Observation(assembly=pair, frequency_hz=lines, receptance=values, standard_deviation=0.01)
     unknown = rc.Unknown(address="joint.k_theta", lower=1e3, upper=1e7)
     fit = rc.identify([modes, measured], unknown)
     frf = rc.FRF(frequency_hz=lines, values=values, coherence=np.full(181, 0.99), log_variance=1e-4)

@@ -17,7 +17,7 @@ from receptance import (
     Assembly,
     Coordinate,
     Material,
-    MeasuredFRF,
+    Observation,
     Part,
     PointMass,
     Segment,
@@ -98,7 +98,7 @@ def brake_reuss_assembly() -> Assembly:
     return Assembly([Part([Segment(length=BRAKE_REUSS_LENGTH, outer_diameter=0.03, material=material)], name="beam")])
 
 
-def observations_of(case: Case) -> list[MeasuredFRF]:
+def observations_of(case: Case) -> list[Observation]:
     """Return the records as observations of the engineer's model."""
     masses = {record.known_mass for record in case.records}
     if case.structure == "modelab":
@@ -108,7 +108,7 @@ def observations_of(case: Case) -> list[MeasuredFRF]:
     return [_observation(case, record, assemblies[record.known_mass]) for record in case.records]
 
 
-def _observation(case: Case, record: Record, assembly: Assembly) -> MeasuredFRF:
+def _observation(case: Case, record: Record, assembly: Assembly) -> Observation:
     free = case.structure == "modelab"
     with warnings.catch_warnings():
         # The package may warn of a wrong quantity or sign; only the verdict is scored.
@@ -122,7 +122,7 @@ def _observation(case: Case, record: Record, assembly: Assembly) -> MeasuredFRF:
             correlated_lines=record.correlated_lines,
             label=record.label,
         )
-        return MeasuredFRF.from_frf(
+        return Observation.from_frf(
             assembly,
             frf,
             response=SENSOR if free else Coordinate("beam", 0.0),

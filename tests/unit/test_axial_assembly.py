@@ -12,8 +12,7 @@ from receptance import (
     Assembly,
     Coordinate,
     GroundSpring,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -73,8 +72,8 @@ def test_a_rod_on_a_spring_is_fitted() -> None:
     h = (k * sine + wave * cosine) / (k * cosine - wave * sine) / wave
     modes = start.replace({"seat.k_y": k.real}).natural_frequencies(2e4)
     data = [
-        MeasuredFRF(assembly=start, frequency_hz=lines, receptance=h, standard_deviation=0.01),
-        MeasuredFrequencies(assembly=start, frequency_hz=modes, standard_deviation_hz=1.0),
+        Observation(assembly=start, frequency_hz=lines, receptance=h, standard_deviation=0.01),
+        Observation.from_modes(assembly=start, frequency_hz=modes, standard_deviation_hz=1.0),
     ]
     unknowns = [
         Unknown(address="seat.k_y", lower=1e7, upper=1e9),

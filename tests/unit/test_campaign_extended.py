@@ -140,7 +140,7 @@ def test_a_frequency_scale_acts_in_measured_assemblies_only(small: campaign.Camp
     again = campaign.load(campaign.write_extended(read, verdict, small.file.with_name("extended.toml")))
     scale = again.unknowns[-1]
     assert scale.name == "frequency_scale.log_scale"
-    assert scale.configurations == tuple({one.assembly: None for one in again.measurements.values()})
+    assert scale.configurations == tuple({one.configuration: None for one in again.measurements.values()})
     assert "other" in again.assemblies
     assert "other" not in scale.configurations
 
@@ -157,7 +157,7 @@ def test_spread_joint_with_positions_on_the_holder(tmp_path: Path) -> None:
     assembly = again.assemblies["other"]
     assert [one.length for one in assembly.elements["holder"].segments] == pytest.approx([0.0399, 0.02, 0.04, 0.03])
     assert assembly.attachments["screw"].position == pytest.approx(0.0599)
-    measured_data = again.measurements["longest"].observation
+    measured_data = again.measurements["longest"]
     assert (measured_data.response.part, measured_data.response.position) == ("holder", pytest.approx(0.0999))
 
 
@@ -176,7 +176,7 @@ def test_truncated_records_report_their_end(tmp_path: Path) -> None:
     read = cut_off(tmp_path)
     read, verdict = as_if_found(read, ("coarse_resolution", "records end too early"))
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
-    ends = {one.observation.ends for one in again.measurements.values()}
+    ends = {one.ends for one in again.measurements.values()}
     assert len(ends) == 1
     assert ends.pop() == pytest.approx(0.071, abs=2e-3)
     assert again.unknowns[-1].address == "observation.end"
@@ -190,7 +190,7 @@ def test_stepped_sines_beside_truncated_records_have_no_end(tmp_path: Path) -> N
     read.file.write_text(before + name + after.replace("conditions = {", 'force = "20 N"\nconditions = {', 1))
     read, verdict = as_if_found(campaign.load(read.file), ("coarse_resolution", "records end too early"))
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
-    ends = {name: one.observation.ends for name, one in again.measurements.items()}
+    ends = {name: one.ends for name, one in again.measurements.items()}
     assert ends.pop("short") is None
     assert all(end == pytest.approx(0.071, abs=2e-3) for end in ends.values())
 
@@ -234,7 +234,7 @@ def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
     steps = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]
     read, verdict = as_if_found(sensed, *steps)
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
-    observed = again.measurements["longest"].observation.assembly
+    observed = again.measurements["longest"].assembly
     assert set(observed.attachments) == {"accelerometer", "cause_sensor"}
     assert len(again.assemblies["other"].elements["tool"].segments) == 2
     # The error of the diameter is one error for all segments of the blank.

@@ -110,8 +110,8 @@ def test_mass_during_measurement_is_not_part_of_the_assembly(tmp_path: Path) -> 
 
 
 def test_quantity_overrides_that_of_the_file(tmp_path: Path) -> None:
-    plain = campaign_of(tmp_path).measurements["short"].observation
-    again = campaign_of(tmp_path, more="integrate = 1").measurements["short"].observation
+    plain = campaign_of(tmp_path).measurements["short"]
+    again = campaign_of(tmp_path, more="integrate = 1").measurements["short"]
     np.testing.assert_allclose(again.receptance, plain.receptance / (2j * np.pi * LINES), rtol=1e-12)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from campaign_text import TEXT, by_name
-from receptance import FRF, MeasuredFRF, PointMass, ReceptanceWarning, campaign, examples
+from receptance import FRF, Observation, PointMass, ReceptanceWarning, campaign, examples
 from receptance.campaign import Campaign, CampaignError
 from receptance.examples.simulated import FREE_FREE_JOINT, HAMMER_JOINT
 from receptance.io import TimeSeries, write
@@ -43,9 +43,9 @@ def load(folder: Path, measurement: str, kind: str = "frf") -> Campaign:
     return campaign.load(folder)
 
 
-def make_observations(folder: Path, measurement: str) -> MeasuredFRF:
-    data = load(folder, measurement).measurements["m"].observation
-    assert isinstance(data, MeasuredFRF)
+def make_observations(folder: Path, measurement: str) -> Observation:
+    data = load(folder, measurement).measurements["m"]
+    assert data.is_receptance
     return data
 
 
@@ -83,8 +83,8 @@ class TestFRF:
             'response = { part = "holder", position = "end", direction = "-y" }\nexcitation = { position = "10 mm" }'
         )
         read = load(tmp_path, f'file = "m.npz"\nsensor = "accelerometer"\n{places}')
-        data = read.measurements["m"].observation
-        assert isinstance(data, MeasuredFRF)
+        data = read.measurements["m"]
+        assert data.is_receptance
         assert data.receptance == pytest.approx(-values(), rel=1e-12)
         assert (data.response.part, data.response.position) == ("holder", "end")
         assert (data.excitation.part, data.excitation.position) == ("tool", 0.01)
@@ -92,9 +92,7 @@ class TestFRF:
         assert isinstance(mass, PointMass)
         assert (mass.mass, mass.part, mass.position) == (0.6e-3, "holder", "end")
         assert "accelerometer" not in read.assemblies["short"].attachments
-        assert by_name(read.measurements["m"].tolerances)["sensors.accelerometer.mass"] == {
-            "accelerometer.mass": pytest.approx(0.02e-3)
-        }
+        assert by_name(read.errors["m"])["sensors.accelerometer.mass"] == {"accelerometer.mass": pytest.approx(0.02e-3)}
         both = 'response = { direction = "-y" }\nexcitation = { direction = "-y" }'
         assert make_observations(tmp_path, f'file = "m.npz"\n{both}').receptance == pytest.approx(values(), rel=1e-12)
 
@@ -116,8 +114,8 @@ class TestFRF:
         write(tmp_path / "m.npz", FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence))
         with pytest.warns(ReceptanceWarning, match=r"measurements\.m: .*`averages = 10` for example, and standard"):
             read = load(tmp_path, 'file = "m.npz"')
-        data = read.measurements["m"].observation
-        assert isinstance(data, MeasuredFRF)
+        data = read.measurements["m"]
+        assert data.is_receptance
         assert data.standard_deviation is None
         with pytest.raises(CampaignError, match=r"no standard deviation.*number of averaged .* `averages = 10` for"):
             read.diagnose(causes=["sensor_mass"])
@@ -219,12 +217,12 @@ class TestHammer:
         files = ", ".join(f'"{number}.csv"' for number in range(3))
         text = f'file = [{files}]\nforce = 0\nmotion = "tip"\nbands = [["200 Hz", "4 kHz"]]'
         read = load(tmp_path, text, "hammer records")
-        assert read.measurements["m"].files == ("0.csv", "1.csv", "2.csv")
+        assert read.files_of("m") == ("0.csv", "1.csv", "2.csv")
         assert any("H1 of 3 hits" in note for note in read.notes)
         assert "H1 of 2 hits" in " ".join(load(tmp_path, f"{text}\ndrop_hits = [2]", "hammer records").notes)
         with pytest.warns(match="reversed sensor or hammer"):
-            turned = load(tmp_path, f"{text}\nreverse = true", "hammer records").measurements["m"].frf
-        right = read.measurements["m"].frf
+            turned = load(tmp_path, f"{text}\nreverse = true", "hammer records").measurements["m"]
+        right = read.measurements["m"]
         assert turned is not None
         assert right is not None
         assert np.allclose(turned.receptance, -right.receptance)
@@ -238,8 +236,8 @@ class TestHammer:
         highest = []
         for drop in (6.0, 20.0, 40.0):
             read = load(tmp_path, f"{text}{drop}", "hammer records")
-            data = read.measurements["m"].observation
-            assert isinstance(data, MeasuredFRF)
+            data = read.measurements["m"]
+            assert data.is_receptance
             highest.append(data.frequency_hz[-1].real)
             if drop < 40.0:
                 notes = read.measurements["m"].notes
@@ -367,14 +365,13 @@ class TestExamples:
         right = read.identify().values["collet.c_theta"]
         measurements = {}
         for name, measured in read.measurements.items():
-            data = measured.observation
-            assert isinstance(data, MeasuredFRF)
-            plain = MeasuredFRF(
+            data = measured
+            assert data.is_receptance
+            measurements[name] = Observation(
                 assembly=data.assembly, frequency_hz=data.frequency_hz.real, receptance=data.receptance,
                 response=data.response, excitation=data.excitation, standard_deviation=data.standard_deviation,
-                label=name,
+                label=name, configuration=data.configuration, conditions=data.conditions,
             )  # fmt: skip
-            measurements[name] = dataclasses.replace(measured, observation=plain)
         wrong = dataclasses.replace(read, measurements=measurements).identify()
         excess = wrong.values["collet.c_theta"] - right
         assert excess > 10.0 * wrong.standard_errors["collet.c_theta"]

@@ -60,7 +60,7 @@ def fit_to(folder: Path, text: str, true: dict[str, float]) -> tuple[campaign.Ca
     """Return a campaign whose frequencies are those of these values, and its identified values."""
     drawn = load_campaign(folder, text)
     for name, written in (("short", '"2500 Hz", "10000 Hz"'), ("long", '"1400 Hz", "6600 Hz"')):
-        modes = drawn.measurements[name].observation.assembly.replace(true).natural_frequencies(40e3)[:2]
+        modes = drawn.measurements[name].assembly.replace(true).natural_frequencies(40e3)[:2]
         text = text.replace(written, ", ".join(f'"{mode:.9f} Hz"' for mode in modes))
     found = load_campaign(folder, text)
     fit = found.identify()
@@ -143,7 +143,7 @@ def test_levels_of_measurements(tmp_path: Path) -> None:
     true = {"joint.k_theta": 6e4, "joint.slip_theta": 0.15}
     read, values = fit_to(tmp_path, text, true)
     assert isinstance(read.assemblies["short"].elements["joint"], MicroslipJoint)
-    levels = {name: one.observation.assembly.get("joint.level") for name, one in read.measurements.items()}
+    levels = {name: one.assembly.get("joint.level") for name, one in read.measurements.items()}
     assert levels == {"short": 0.5, "long": 2.0}
     assert values == pytest.approx(true, rel=1e-3)
 
@@ -171,7 +171,7 @@ def test_a_stepped_sine(tmp_path: Path) -> None:
         values = assembly.receptance(lines, force=force) * np.exp(noise)
         io.write(tmp_path / f"sine{i}.csv", FRF(frequency_hz=lines, values=values))
     read = load_campaign(tmp_path, text)
-    assert read.measurements["sine1"].observation.force == pytest.approx(np.ones(lines.size))
+    assert read.measurements["sine1"].force == pytest.approx(np.ones(lines.size))
     found = read.identify()
     assert found.rms == pytest.approx(1.0, abs=0.1)
     for name, value in true.items():

@@ -17,7 +17,7 @@ TRUE = {"joint.k_y": 3e8, "joint.k_theta": 1e5}
 def consistent(tmp_path):
     """The campaign with natural frequencies that a joint can have."""
     loaded = load(tmp_path, TEXT)
-    first, second = loaded.measurements["short"].observation.assembly.replace(TRUE).natural_frequencies(2e4)[:2]
+    first, second = loaded.measurements["short"].assembly.replace(TRUE).natural_frequencies(2e4)[:2]
     return changed(('"2500 Hz", "10000 Hz"', f'"{float(first)!r} Hz", "{float(second)!r} Hz"'))
 
 

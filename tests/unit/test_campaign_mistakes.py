@@ -252,7 +252,7 @@ def test_tables_of_frequencies(table: str, words: str | None, tmp_path: Path) ->
         ('standard_deviation = ["1 Hz", "0.1 %"]\n', ""),
     )
     if words is None:
-        assert load(tmp_path, text).measurements["short"].observation.frequency_hz[0] == 2500.0
+        assert load(tmp_path, text).measurements["short"].frequency_hz[0] == 2500.0
         return
     error = mistakes(tmp_path, text)
     assert words in str(error)

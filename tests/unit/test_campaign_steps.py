@@ -55,19 +55,20 @@ def load_campaign(free_free):
 
 def test_candidates_follow_the_file(tmp_path):
     read = load(tmp_path, TEXT + CANDIDATES)
-    again, tip, nose = read.candidates.values()
+    candidates = list(read.candidates.values())
+    again, tip, nose = (candidate.observation for candidate in candidates)
     assert again.modes == (1, 2)
-    assert again.standard_deviation_hz.tolist() == [2.0, 2.0]
+    assert again.standard_deviation.tolist() == [2.0, 2.0]
     assert again.configuration == "short"
     assert again.conditions == {"torque": 135.0}
     assert tip.frequency_hz[0] == 10.0
     assert tip.frequency_hz[-1] == 6000.0
-    assert tip.cost == 2.0
+    assert candidates[1].cost == 2.0
     assert "accelerometer" in tip.assembly.attachments
     assert nose.frequency_hz[0] == 100.0
     assert (nose.response.part, nose.response.position) == ("holder", pytest.approx(0.01))
     # The overhang errs anew in another assembly, the diameter is that of the blank; the sensor brings its own.
-    names = [{one.name for one in c.tolerances} for c in (again, tip, nose)]
+    names = [{one.name for one in c.tolerances} for c in candidates]
     assert names[0] & names[1] >= {"parts.tool.segments[0].outer_diameter", "materials.carbide.density"}
     assert any("longest" in name for name in names[1] - names[0])
     assert "sensors.accelerometer.mass" in names[1] - names[2]

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binomtest
 
 from campaign_text import TEXT, by_name, changed, load
-from receptance import Assembly, MeasuredFrequencies, MeasuredFRF, identify
+from receptance import Assembly, Observation, identify
 from receptance.campaign import Campaign, CampaignError
 from receptance.campaign.prediction import forecast_of
 
@@ -34,12 +34,12 @@ def with_frequencies(campaign: Campaign, draws: dict[str, float], noise: np.rand
     """Return the campaign with frequencies measured on assemblies that err."""
     measurements = {}
     for name, measured in campaign.measurements.items():
-        true = shifted(campaign, measured.assembly, draws).natural_frequencies(20e3)[:2]
+        true = shifted(campaign, measured.configuration, draws).natural_frequencies(20e3)[:2]
         read = true if noise is None else true + 2.0 * noise.standard_normal(2)
-        record = MeasuredFrequencies(
-            assembly=campaign.assemblies[measured.assembly], frequency_hz=read, standard_deviation_hz=2.0, label=name
-        )
-        measurements[name] = replace(measured, observation=record)
+        measurements[name] = Observation.from_modes(
+            assembly=campaign.assemblies[measured.configuration], frequency_hz=read, standard_deviation_hz=2.0,
+            label=name, configuration=measured.configuration, conditions=measured.conditions,
+        )  # fmt: skip
     return replace(campaign, measurements=measurements)
 
 
@@ -148,7 +148,7 @@ def test_standard_errors_with_and_without_tolerances(campaign: Campaign) -> None
 def test_the_error_of_data_is_that_of_a_fit_with_exact_dimensions(campaign: Campaign) -> None:
     measured = with_frequencies(campaign, {}, None)
     found = measured.identify()
-    record = [one.observation for one in measured.to_identify.values()]
+    record = list(measured.to_identify.values())
     exact = identify(record, campaign.unknowns, starts=1)
     for address in JOINT:
         assert found.data_errors[address] == pytest.approx(exact.standard_errors[address], rel=1e-3)
@@ -187,15 +187,11 @@ def test_inconsistent_data_do_not_override_tolerances(campaign: Campaign) -> Non
     measured = {}
     for name in campaign.assemblies:
         true = campaign.assemblies[name].replace(JOINT).natural_frequencies(40e3)[:4]
-        one = campaign.measurements["short"]
-        record = MeasuredFrequencies(
+        measured[name] = Observation.from_modes(
             assembly=campaign.assemblies[name], frequency_hz=true * (1.0 + 0.01 * rng.standard_normal(4)),
             standard_deviation_hz=2e-4 * true, label=name,
         )  # fmt: skip
-        measured[name] = replace(
-            one, name=name, assembly=name, observation=record, tolerances=campaign.tolerances[name]
-        )
-    found = replace(campaign, measurements=measured).identify()
+    found = replace(campaign, measurements=measured, errors=campaign.tolerances).identify()
     assert 15.0 < found.noise_factor < 90.0
     assert found.rms == pytest.approx(found.noise_factor, rel=0.5)
     assert max(abs(found.values[name]) for name in found.errors) < 2.5
@@ -254,17 +250,17 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     rng = np.random.default_rng(SEED)
     found = {}
     for name, one in campaign.measurements.items():
-        true = campaign.assemblies[one.assembly].replace(JOINT).replace(DAMPED)
+        true = campaign.assemblies[one.configuration].replace(JOINT).replace(DAMPED)
         noise = 0.002 * (rng.standard_normal(LINES.size) + 1j * rng.standard_normal(LINES.size))
-        record = MeasuredFRF(
-            assembly=campaign.assemblies[one.assembly].replace(DAMPED), frequency_hz=LINES,
+        found[name] = Observation(
+            assembly=campaign.assemblies[one.configuration].replace(DAMPED), frequency_hz=LINES,
             receptance=true.receptance(LINES) * np.exp(noise), standard_deviation=0.002, label=name,
+            configuration=one.configuration, conditions=one.conditions,
         )  # fmt: skip
-        found[name] = replace(one, observation=record)
     measured = replace(campaign, measurements=found)
     identified = measured.identify()
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
-    place = replace(campaign.site("long"), assembly=found["long"].observation.assembly)
+    place = replace(campaign.site("long"), assembly=found["long"].assembly)
     forecast = forecast_of(campaign, identified, place, campaign.tolerances["long"], "long", [])
     drawn = [one for one in forecast.drawn(700, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])

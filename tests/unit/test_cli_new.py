@@ -63,14 +63,18 @@ def test_a_campaign_from_options(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert max(map(len, text.splitlines())) <= 80
     found = campaign.load("a/b")
     (measured,) = found.measurements.values()
-    assert (measured.name, measured.sensor, measured.files) == ("tool_60mm", "accelerometer", ("../../tool_60mm.csv",))
+    assert (measured.label, found.table.measurements["tool_60mm"].sensor, found.files_of("tool_60mm")) == (
+        "tool_60mm",
+        "accelerometer",
+        ("../../tool_60mm.csv",),
+    )
     assembly = found.assemblies["tool_60mm"]
     assert list(assembly.elements) == ["tool", "joint", "holder"]
     assert assembly.get("tool.segment[0].length") == pytest.approx(0.06)
     assert assembly.get("tool.segment[0].youngs_modulus") == CARBIDE.youngs_modulus
     assert assembly.get("holder.segment[0].core.density") == CARBIDE.density
     assert assembly.get("holder.segment[0].inner_diameter") == pytest.approx(0.02)
-    assert measured.observation.assembly.get("accelerometer.mass") == pytest.approx(0.002)
+    assert measured.assembly.get("accelerometer.mass") == pytest.approx(0.002)
     assert [unknown.name for unknown in found.unknowns] == [f"joint.{n}" for n in ("k_y", "k_theta", "c_y", "c_theta")]
     assert campaign.CampaignCheck(found).missing["diagnose"] == ""
     assert left() == BEFORE | {"a/b/campaign.toml"}
@@ -125,7 +129,7 @@ def test_all_missing_options_are_listed(monkeypatch: pytest.MonkeyPatch, capsys:
     listed = dict(re.findall(r"^  (--[a-z-]+) ('[^']*'|\S+)", error, re.MULTILINE))
     answers = [word for pair in listed.items() for word in (pair[0], pair[1].strip("'"))]
     assert call(monkeypatch, "new", "made", "bare.csv", *columns, *answers) == 0
-    assert campaign.load("made").measurements["bare"].observation.weighted
+    assert campaign.load("made").measurements["bare"].weighted
 
 
 def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,8 +15,7 @@ from receptance import (
     Assembly,
     ColletJoint,
     Coordinate,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -146,7 +145,7 @@ def test_springs_are_undetermined_from_one_massless_assembly() -> None:
     inner, outer = PointJoint(k_y=1e10, k_theta=3e5), PointJoint(k_y=1e10, k_theta=2e5)
     light = make(inner=inner, outer=outer, mass=0.0, inertia=0.0)
     modes = light.natural_frequencies(10e3)[:2]
-    measured = MeasuredFrequencies(assembly=light, frequency_hz=modes, standard_deviation_hz=1e-3 * modes)
+    measured = Observation.from_modes(assembly=light, frequency_hz=modes, standard_deviation_hz=1e-3 * modes)
     names = ["joint.inner.k_theta", "joint.outer.k_theta"]
     found = identify(measured, [Unknown(address=name, lower=1e3, upper=1e9) for name in names], starts=3)
     series = 1.0 / sum(1.0 / found.values[name] for name in names)
@@ -167,7 +166,7 @@ def test_collet_stiffnesses_are_identified_with_mass_effect() -> None:
     lines = np.linspace(300.0, 16000.0, 500)
     rng = np.random.default_rng(11)
     noise = 0.02 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
-    measured = MeasuredFRF(
+    measured = Observation(
         assembly=true, frequency_hz=lines, receptance=true.receptance(lines) * np.exp(noise), standard_deviation=0.02
     )
     names = {f"joint.{w}.{k}": true.get(f"joint.{w}.{k}") for w in ("inner", "outer") for k in ("k_y", "k_theta")}

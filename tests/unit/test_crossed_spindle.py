@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from machine_spindle import LINES, make_blank, make_spindle, seen_at_the_plane, with_spindle
-from receptance import Assembly, Coordinate, MeasuredFRF
+from receptance import Assembly, Coordinate, Observation
 from receptance.spindle import identify_crossed_spindle
 
 SPARSE = LINES[::8]
@@ -26,10 +26,10 @@ def truth() -> np.ndarray:
     return np.moveaxis(parts, 2, 0).transpose(0, 1, 3, 2, 4).reshape(SPARSE.size, 4, 4)
 
 
-def measure(sd: float, rng: np.random.Generator | None = None, cross: str = "xy") -> dict[str, list[MeasuredFRF]]:
+def measure(sd: float, rng: np.random.Generator | None = None, cross: str = "xy") -> dict[str, list[Observation]]:
     blank = make_blank()
     h = rotate([with_spindle(blank, one).receptance(SPARSE, response=PLACES, excitation=PLACES) for one in SPINDLES])
-    found: dict[str, list[MeasuredFRF]] = {}
+    found: dict[str, list[Observation]] = {}
     for axes in ("xx", "yy", cross):
         for i, response in enumerate(PLACES):
             for j, excitation in enumerate(PLACES):
@@ -38,7 +38,7 @@ def measure(sd: float, rng: np.random.Generator | None = None, cross: str = "xy"
                 values = h["xy".index(axes[0]), "xy".index(axes[1]), :, i, j]
                 if rng is not None:
                     values = values * np.exp(sd * (rng.normal(size=SPARSE.size) + 1j * rng.normal(size=SPARSE.size)))
-                one = MeasuredFRF(
+                one = Observation(
                     assembly=blank,
                     frequency_hz=SPARSE,
                     receptance=values,
@@ -96,7 +96,7 @@ def test_missing_data_are_reported() -> None:
         identify_crossed_spindle({**whole, "xx": [whole["xx"][0]] * 3})
     other = make_blank(0.12)
     strange = [
-        MeasuredFRF(
+        Observation(
             assembly=Assembly(other.elements.values()),
             frequency_hz=SPARSE,
             receptance=one.receptance,

@@ -20,8 +20,7 @@ from receptance import (
     Assembly,
     Coordinate,
     Material,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -56,10 +55,10 @@ def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
 
 def make_observations(
     *masses: PointMass, factor: np.ndarray | float = 1.0, overhangs: tuple[float, ...] = (0.05, 0.07, 0.09)
-) -> list[MeasuredFRF]:
+) -> list[Observation]:
     rng = np.random.default_rng(11)
     return [
-        MeasuredFRF(
+        Observation(
             assembly=make_assembly(x),
             frequency_hz=LINES,
             receptance=make_assembly(x, *masses).receptance(LINES)
@@ -96,7 +95,7 @@ def test_unequally_correlated_lines_are_adequate() -> None:
         noise = 0.01 * (correlated_noise(correlated, rng) + 1j * correlated_noise(correlated, rng))
         values = make_assembly(x).receptance(LINES) * np.exp(noise)
         frf = FRF(frequency_hz=LINES, values=values, log_variance=1e-4, correlated_lines=correlated)
-        data.append(MeasuredFRF.from_frf(make_assembly(x), frf, label=f"{x}"))
+        data.append(Observation.from_frf(make_assembly(x), frf, label=f"{x}"))
     assert [one.independent_values for one in data] == pytest.approx([2.0 * (200.0 + 100.0 / 24.0)] * 3)
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=FEW, most=1)
     assert verdict.verdict == "adequate"
@@ -111,17 +110,17 @@ def test_no_verdict_from_too_few_numbers() -> None:
     true = make_assembly(0.07)
     found = true.natural_frequencies(60e3)
     for count, answer in ((2, "undecided"), (4, "adequate")):
-        data = MeasuredFrequencies(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
+        data = Observation.from_modes(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
         verdict = diagnose(data, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], most=1)
         assert verdict.verdict == answer
-    data = MeasuredFrequencies(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
+    data = Observation.from_modes(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
     verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.adequacy.misfit < 1e-3
     assert "1 degree of freedom is left, expected at least 3" in verdict.summary(1000)
     assert "the model cannot be judged" in verdict.summary(1000)
     assert verdict.next_measurement is not None
     # One degree of freedom can refute the model, but no cause is named.
-    data = MeasuredFrequencies(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
+    data = Observation.from_modes(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
     verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
     assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
 
@@ -156,7 +155,7 @@ def test_a_fast_diagnosis_names_no_cause() -> None:
 
 def test_causes_of_the_chain_apply_to_frfs_only() -> None:
     frequencies = [
-        MeasuredFrequencies(
+        Observation.from_modes(
             assembly=make_assembly(x),
             frequency_hz=make_assembly(x).natural_frequencies(6000.0),
             standard_deviation_hz=2.0,
@@ -178,10 +177,10 @@ def test_hit_offsets_are_found_at_tip_and_nose() -> None:
     rng = np.random.default_rng(2)
     nose = Coordinate("holder", 0.0)
 
-    def measured_at(overhang: float, place: Coordinate, hit: Coordinate) -> MeasuredFRF:
+    def measured_at(overhang: float, place: Coordinate, hit: Coordinate) -> Observation:
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
         values = make_assembly(overhang).receptance(LINES, response=place, excitation=hit) * np.exp(noise)
-        return MeasuredFRF(
+        return Observation(
             assembly=make_assembly(overhang),
             frequency_hz=LINES,
             receptance=values,
@@ -205,7 +204,7 @@ def test_hit_offsets_are_found_at_tip_and_nose() -> None:
 def test_no_cause_is_named_from_one_configuration() -> None:
     # The same blank has another modulus than any tolerance would allow, and only one overhang was measured.
     stiffer = [
-        MeasuredFRF(
+        Observation(
             assembly=one.assembly,
             frequency_hz=LINES,
             receptance=one.assembly.replace(
@@ -229,7 +228,7 @@ def test_notes_on_one_configuration_mention_a_joint_only_if_there_is_one() -> No
     bar = Assembly([Part([Segment(length=0.3, outer_diameter=0.02, material=STEEL)], name="bar")])
     noise = np.random.default_rng(7).normal(size=(2, LINES.size))
     heavier = bar.replace({"bar.segment[0].density": 1.1 * STEEL.density}).receptance(LINES)
-    measured = MeasuredFRF(
+    measured = Observation(
         assembly=bar,
         frequency_hz=LINES,
         receptance=heavier * np.exp(0.01 * (noise[0] + 1j * noise[1])),
@@ -249,7 +248,7 @@ def test_notes_on_one_configuration_mention_a_joint_only_if_there_is_one() -> No
 def test_no_cause_is_named_from_one_mode(listed: bool) -> None:
     """Of each overhang only the first mode was measured: lines around it, or its frequency alone."""
     rng = np.random.default_rng(6)
-    data: list[MeasuredFRF | MeasuredFrequencies] = []
+    data: list[Observation] = []
     for x in (0.05, 0.06, 0.07, 0.08, 0.09):
         true = make_assembly(x).replace({"tool.segment[0].density": 1.1 * CARBIDE.density})
         first, second = true.natural_frequencies(12000.0)[:2]
@@ -257,14 +256,14 @@ def test_no_cause_is_named_from_one_mode(listed: bool) -> None:
             own = first * (1.0 + 3e-4 * rng.normal())
             spread = 3e-4 * own
             data.append(
-                MeasuredFrequencies(assembly=make_assembly(x), frequency_hz=[own], standard_deviation_hz=spread)
+                Observation.from_modes(assembly=make_assembly(x), frequency_hz=[own], standard_deviation_hz=spread)
             )
             continue
         lines = np.linspace(0.6 * first, min(1.4 * first, 0.9 * second), 120)
         noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
         values = true.receptance(lines) * np.exp(noise)
         data.append(
-            MeasuredFRF(assembly=make_assembly(x), frequency_hz=lines, receptance=values, standard_deviation=0.0105)
+            Observation(assembly=make_assembly(x), frequency_hz=lines, receptance=values, standard_deviation=0.0105)
         )
     data = [altered(one, label=f"{i}") for i, one in enumerate(data)]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
@@ -312,7 +311,7 @@ GRADE = Material(youngs_modulus=610e9, density=14300.0, poisson_ratio=0.22)
 MATERIALS = ("tool_material", "tool_modulus", "tool_density", "fluted_part")
 
 
-def of_material(stated: Material, true: Material) -> list[MeasuredFRF]:
+def of_material(stated: Material, true: Material) -> list[Observation]:
     """Tools of one material in models of another one; 1 % of noise, seed 5."""
     rng = np.random.default_rng(5)
 
@@ -322,7 +321,7 @@ def of_material(stated: Material, true: Material) -> list[MeasuredFRF]:
         return Assembly([tool, plain.elements["joint"], plain.elements["holder"]])
 
     return [
-        MeasuredFRF(
+        Observation(
             assembly=with_tool(x, stated),
             frequency_hz=LINES,
             receptance=with_tool(x, true).receptance(LINES)
@@ -476,7 +475,7 @@ def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
 def test_invalid_input_is_an_error() -> None:
     with pytest.raises(ValueError, match='no cause "gremlins"'):
         diagnose(make_observations(), JOINT, causes=["gremlins"])
-    bare = MeasuredFRF(
+    bare = Observation(
         assembly=make_assembly(0.05), frequency_hz=LINES, receptance=make_assembly(0.05).receptance(LINES)
     )
     with pytest.raises(ValueError, match="no standard deviation"):
@@ -567,14 +566,14 @@ def make_stepped_assembly(
     return Assembly([Part(blank, name="tool"), point, Part(sections, name="holder")], masses)
 
 
-def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut: float = 0.0) -> MeasuredFRF:
+def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut: float = 0.0) -> Observation:
     """Return an FRF of a truth whose holder begins later by `cut`, stated as of the plain assembly of 50 mm."""
 
     def shifted(place: Coordinate) -> Coordinate:
         fixed = place.part != "holder" or place.position == "end"
         return place if fixed else replace(place, position=place.position - cut)
 
-    return MeasuredFRF(
+    return Observation(
         assembly=make_stepped_assembly(0.05),
         frequency_hz=DECAYING,
         receptance=truth.receptance(DECAYING, response=shifted(response), excitation=shifted(excitation)),
@@ -706,7 +705,7 @@ def test_only_hits_move(part: str, position: float, moved: float) -> None:
     assert np.abs(relative_error(chosen.model, {"hammer_offset.distance": moved - small})).max() < 1e-4
 
 
-def replace_excitation(one: MeasuredFRF, place: Coordinate) -> MeasuredFRF:
+def replace_excitation(one: Observation, place: Coordinate) -> Observation:
     return altered(one, excitation=place)
 
 
@@ -732,11 +731,11 @@ def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
     rng = np.random.default_rng(3)
     far, lines = Coordinate("holder", 0.1), LINES[::2]
 
-    def measured_at(overhang: float, response: Coordinate) -> MeasuredFRF:
+    def measured_at(overhang: float, response: Coordinate) -> Observation:
         truth = make_stepped_assembly(overhang, joint=replace(LAYER, k_theta=1e4), cut=0.02)
         there = response if response.part == "tool" else replace(response, position=0.08)
         noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
-        return MeasuredFRF(
+        return Observation(
             assembly=make_stepped_assembly(overhang),
             frequency_hz=lines,
             receptance=truth.receptance(lines, response=there, excitation=PLACES[0]) * np.exp(noise),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
 from receptance.diagnosis.advice import (
     MENU,
@@ -52,7 +52,7 @@ def make_observations(mass: float, overhangs: tuple[float, ...] = (0.06, 0.09)) 
     for x in overhangs:
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
         values = make_assembly(x, PointMass(mass=mass)).receptance(LINES) * np.exp(noise)
-        one = MeasuredFRF(
+        one = Observation(
             assembly=make_assembly(x), frequency_hz=LINES, receptance=values, standard_deviation=0.01, label=f"{x}"
         )
         data.append(one)
@@ -91,7 +91,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
     """Growth of chi-square of the wrong explanation with noise, against the expectation without noise."""
     truth, other = of(selection, "sensor_mass"), of(selection, "fluted_part")
     model = selection.base.model
-    requested = describe(model, ()).candidate  # type: ignore[operator]
+    requested = describe(model, ()).candidate.observation  # type: ignore[operator]
     hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "fluted_part"))
     expected = SimulatedMeasurement("", 1.0, describe).discriminate(*hypotheses)  # type: ignore[arg-type]
     # The sensor is at the response, with the fitted mass.
@@ -110,7 +110,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
     for seed in range(3):
         rng = np.random.default_rng(seed)
         noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-        new = altered(requested.observation(clean * np.exp(noise)), standard_deviation=np.full(LINES.size, 0.0105))
+        new = altered(requested.with_values(clean * np.exp(noise)), standard_deviation=np.full(LINES.size, 0.0105))
         growth = []
         for one in (truth, other):
             whole = transfer(replace(model, observations=(*model.observations, new)), one.steps)

@@ -13,7 +13,7 @@ from receptance import (
     Assembly,
     Coordinate,
     Material,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -55,11 +55,11 @@ def swinging(overhang: float, *, at_tip: bool) -> Assembly:
     return Assembly([SWINGING, SPRING, *parts] if at_tip else [*parts, SPRING, SWINGING])
 
 
-def make_observations(true: Assembly, overhang: float, seed: int = 1) -> MeasuredFRF:
+def make_observations(true: Assembly, overhang: float, seed: int = 1) -> Observation:
     rng = np.random.default_rng([seed, round(1e4 * overhang)])
     tip = Coordinate("tool", 0.0)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=chain(overhang),
         frequency_hz=LINES,
         receptance=true.receptance(LINES, excitation=tip, response=tip) * np.exp(noise),

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.fitting import refit
@@ -35,7 +35,7 @@ def base(rng: np.random.Generator | None) -> Model:
     for overhang in (0.05, 0.07, 0.09):
         noise = np.zeros((2, LINES.size)) if rng is None else 0.01 * rng.normal(size=(2, LINES.size))
         truth = make_assembly(overhang).replace({"tool.segment[0].youngs_modulus": modulus * CARBIDE.youngs_modulus})
-        one = MeasuredFRF(
+        one = Observation(
             assembly=make_assembly(overhang),
             frequency_hz=LINES,
             receptance=truth.receptance(LINES, threads=1),

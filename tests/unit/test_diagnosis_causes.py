@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from limits import LIMIT_S
-from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Material, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Material, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
@@ -22,6 +22,7 @@ from receptance.diagnosis.screening import Direction, directions, rank
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START, SAME_END
 from receptance.identification import Law, Move, Tolerance
+from receptance.identification.observations import altered
 from receptance.identification.problem import Problem
 
 LINES = np.linspace(200.0, 6000.0, 120)
@@ -33,9 +34,9 @@ def make_assembly(overhang: float, material: Material = CARBIDE) -> Assembly:
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
 
 
-def make_observations(overhang: float) -> MeasuredFRF:
+def make_observations(overhang: float) -> Observation:
     assembly = make_assembly(overhang)
-    return MeasuredFRF(
+    return Observation(
         assembly=assembly,
         frequency_hz=LINES,
         receptance=assembly.receptance(LINES),
@@ -101,9 +102,9 @@ def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
 
 
 def test_a_structure_without_a_joint_has_a_suspension_and_a_sensor_in_proportion() -> None:
-    def observed(diameter: float) -> MeasuredFRF:
+    def observed(diameter: float) -> Observation:
         bar = Assembly([Part([Segment(length=1.0, outer_diameter=diameter, material=STEEL)], name="bar")])
-        return MeasuredFRF(
+        return Observation(
             assembly=bar, frequency_hz=LINES, receptance=bar.receptance(LINES), standard_deviation=0.01, label="bar"
         )
 
@@ -154,11 +155,13 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
     """One radius of gyration for all collets leaves a misfit far beyond the noise where a collet of 70 g differs."""
     inertia = 0.07 * (0.75 * 0.012) ** 2
 
-    def observe(overhang: float) -> MeasuredFRF:
+    def observe(overhang: float) -> Observation:
         tool, _, holder = make_assembly(overhang).elements.values()
         half = PointJoint(k_y=1.2e9, k_theta=2e5, c_y=600.0, c_theta=2.0)
         true = Assembly([tool, ColletJoint(inner=half, outer=half, mass=0.07, inertia=inertia, name="joint"), holder])
-        return replace(make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=1e-3)
+        return altered(
+            make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-3)
+        )
 
     (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
     few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
@@ -222,23 +225,23 @@ def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
     assert selection.best.fit.values["joint_spread.slope"] == pytest.approx(-0.6, abs=0.01)
 
 
-def observe_uneven(overhang: float) -> MeasuredFRF:
+def observe_uneven(overhang: float) -> Observation:
     nominal = observe_insertion(overhang)
     true = spread_along_all(nominal).replace({"joint.slope": -0.6})
-    return replace(nominal, receptance=true.receptance(LINES), standard_deviation=1e-4)
+    return altered(nominal, receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-4))
 
 
-def spread_along_all(one: MeasuredFRF) -> Assembly:
+def spread_along_all(one: Observation) -> Assembly:
     variants = CATALOGUE["joint_spread"].variants(Model((one,), JOINT))
     whole = next(each for each in variants if each.name == "4 points, uneven over the whole insertion")
     return whole.model.observations[0].assembly
 
 
-def observe_insertion(overhang: float) -> MeasuredFRF:
+def observe_insertion(overhang: float) -> Observation:
     tool, joint, _ = make_assembly(overhang).elements.values()
     mouth = Segment(length=0.04, outer_diameter=0.03, inner_diameter=0.012, core=CARBIDE, material=STEEL)
     holder = Part([mouth, Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
-    return replace(make_observations(overhang), assembly=Assembly([tool, joint, holder]))
+    return altered(make_observations(overhang), assembly=Assembly([tool, joint, holder]))
 
 
 def explanation(evidence: float, *ids: str) -> Explanation:
@@ -575,7 +578,7 @@ def fit_of_right_model() -> Any:
     rng = np.random.default_rng(5)
     noise = 0.01 * (rng.normal(size=(2, LINES.size)) + 1j * rng.normal(size=(2, LINES.size)))
     observations = [
-        replace(one, receptance=one.receptance * np.exp(own))
+        altered(one, receptance=one.receptance * np.exp(own))
         for one, own in zip(MODEL.observations, noise, strict=True)
     ]
     return fit_base(replace(MODEL, observations=tuple(observations)))
@@ -610,7 +613,7 @@ def test_variants_of_little_effect_are_fitted_only_where_effects_are_not_small(
         factor: Any = 1.03
         if effect == "another material":
             factor = make_assembly(overhang, STEEL).receptance(LINES) / one.assembly.receptance(LINES)
-        observations.append(replace(one, receptance=factor * one.receptance))
+        observations.append(altered(one, receptance=factor * one.receptance))
     calls: list[list[Direction]] = []
     monkeypatch.setattr(Search, "_fit", lambda self, steps, root, some: iter(calls.append(list(some)) or ()))
     selection = Selection(fit_base(replace(MODEL, observations=tuple(observations))), 6.0)

@@ -14,10 +14,10 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
-    MeasuredFRF,
     MeasuredPart,
     ModalPart,
     Mode,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -73,7 +73,7 @@ def machine(overhang: float, end: Part | MeasuredPart | ModalPart, *points: Poin
 
 def measured(
     end: MeasuredPart | ModalPart, rng: np.random.Generator, *points: PointMass, lines: NDArray | None = None
-) -> list[MeasuredFRF]:
+) -> list[Observation]:
     """Return tips at three overhangs and two levels with 1 % noise; the model ends with the data `end`."""
     found = []
     for overhang in (0.06, 0.08, 0.1):
@@ -81,7 +81,7 @@ def measured(
             normal = rng.normal(size=(2, LINES.size))
             exact = machine(overhang, HOLDER, *points).receptance(LINES if lines is None else lines)
             found.append(
-                MeasuredFRF(
+                Observation(
                     assembly=machine(overhang, end),
                     frequency_hz=LINES,
                     receptance=exact * np.exp(0.01 * (normal[0] + 1j * normal[1])),
@@ -157,7 +157,7 @@ def test_causes_in_the_holder_are_not_tried_where_modes_describe_it() -> None:
     lines = np.arange(300.0, 3000.0, 20.0)
     exact = machine(0.08, end).receptance(lines)
     noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
-    data = MeasuredFRF(
+    data = Observation(
         assembly=machine(0.08, end), frequency_hz=lines, receptance=exact * np.exp(noise), standard_deviation=0.01
     )
     deviation = 1e-3 * np.array([data.assembly.get(f"holder.{address}") for address in end.addresses])
@@ -210,7 +210,7 @@ def test_lines_outside_a_table_are_told_with_file_and_band(tmp_path: Path) -> No
     end = read_spindle(tmp_path / "holder.npz", name="holder")
     assembly = machine(0.08, end)
     with pytest.raises(ValueError, match=r"holder.npz\) is known from 160 to 4980 Hz.*`low_hz=160, high_hz=4980` of"):
-        MeasuredFRF(assembly=assembly, frequency_hz=[100.0, 200.0, 6000.0], receptance=[1e-8, 1e-8, 1e-8])
+        Observation(assembly=assembly, frequency_hz=[100.0, 200.0, 6000.0], receptance=[1e-8, 1e-8, 1e-8])
 
 
 def test_lines_that_a_table_covers() -> None:

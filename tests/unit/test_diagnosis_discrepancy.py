@@ -17,8 +17,7 @@ from receptance import (
     STEEL,
     Assembly,
     Material,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -50,6 +49,7 @@ from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.identification import Tolerance, Unknown
+from receptance.identification.observations import altered
 
 LINES = np.linspace(200.0, 8000.0, 600)
 OVERHANGS = (0.05, 0.065, 0.08, 0.095)
@@ -89,7 +89,7 @@ def observed(frequency: float, level: float, *masses: PointMass, seed: int = SEE
         data *= np.exp(noise * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size)))
         name = f"{1e3 * overhang:.0f} mm"
         found.append(
-            MeasuredFRF(
+            Observation(
                 assembly=assembled(overhang),
                 frequency_hz=LINES,
                 receptance=data,
@@ -129,7 +129,7 @@ def test_the_estimate_is_close_to_the_errors_that_were_made(frequency, level):
 def test_errors_within_a_mode_are_no_errors_of_natural_frequencies():
     """Ripples of 900 Hz: level and frequency of each mode do not describe them, and must not take them either."""
     observations = [
-        replace(one, receptance=one.receptance * np.exp(0.2 * (np.sin(phase + k) + 1j * np.cos(phase + 2 * k))))
+        altered(one, receptance=one.receptance * np.exp(0.2 * (np.sin(phase + k) + 1j * np.cos(phase + 2 * k))))
         for phase in [2.0 * np.pi * LINES / 900.0]
         for k, one in enumerate(observed(0.001, 0.01))
     ]
@@ -195,7 +195,7 @@ def test_lines_of_a_mode_have_the_weight_of_one_error_of_level():
 
 def test_records_of_a_configuration_share_the_error_of_frequency():
     one = observed(0.005, 0.05)[0]
-    records = [replace(one, label=name, configuration="the same") for name in ("first", "second")]
+    records = [altered(one, label=name, configuration="the same") for name in ("first", "second")]
     large = Discrepancy(0.01, 0.05).allow(Model(tuple(records), JOINT, TOLERANCES, threads=1))
     for few in large.observations:
         assert few.independent_values == pytest.approx(2.5, rel=0.01)
@@ -205,7 +205,7 @@ def test_the_deviance_includes_the_errors_of_tolerances():
     """The stated modulus is 6 % too high, at a tolerance of 3 %: two standard deviations, none if it were unknown."""
     stiff = replace(CARBIDE, youngs_modulus=1.06 * CARBIDE.youngs_modulus)
     stated = tuple(
-        replace(one, assembly=assembled(overhang, carbide=stiff))
+        altered(one, assembly=assembled(overhang, carbide=stiff))
         for one, overhang in zip(observed(0.001, 0.01), OVERHANGS, strict=True)
     )
     modulus, size = "tool.segment[0].youngs_modulus", stiff.youngs_modulus
@@ -427,7 +427,7 @@ def test_errors_below_the_noise_are_not_evidence():
     signs = np.array([1, -1, -1, 1, 1, -1, 1, -1])
     found = []
     for times in (0.5, 1.0, 1.5):
-        one = MeasuredFrequencies(
+        one = Observation.from_modes(
             assembly=bar, frequency_hz=true * (1.0 + 1e-3 * times * signs), standard_deviation_hz=1e-3 * true
         )
         model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2.1e11),))
@@ -504,10 +504,10 @@ def test_a_size_is_plausible_beside_a_discrepancy_if_a_part_of_its_interval_is()
 def test_natural_frequencies_have_the_relative_error():
     bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     measured = bar.natural_frequencies(2e4)
-    one = MeasuredFrequencies(assembly=bar, frequency_hz=measured, standard_deviation_hz=3.0, label="bar")
+    one = Observation.from_modes(assembly=bar, frequency_hz=measured, standard_deviation_hz=3.0, label="bar")
     model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2e11),))
     changed = Discrepancy(0.004, None).allow(model).observations[0]
-    np.testing.assert_allclose(changed.standard_deviation_hz, np.hypot(3.0, 0.004 * measured))
+    np.testing.assert_allclose(changed.standard_deviation, np.hypot(3.0, 0.004 * measured))
     assert str(Discrepancy(0.004, None)) == "0.4 % in natural frequencies"
 
 
@@ -519,7 +519,7 @@ def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
         frequencies = assembled(overhang).natural_frequencies(8e3)
         ratios = np.full(frequencies.size, 0.01)
         observations.append(
-            MeasuredFrequencies(
+            Observation.from_modes(
                 assembly=assembled(overhang),
                 frequency_hz=frequencies * (1.0 + 0.005 * rng.normal(size=frequencies.size)),
                 standard_deviation_hz=1.0,
@@ -563,7 +563,7 @@ def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
     shares = np.array([3.0, 2.0, 4.0])[:, None] / (modes**2 - LINES**2 + 0.02j * modes**2)
     wrong = 1.0 + 0.01 * (rng.normal(size=(4000, 3)) + 1j * rng.normal(size=(4000, 3)))
     error = (wrong @ shares) / shares.sum(axis=0) - 1.0
-    one = replace(observed(0.0, 0.0)[0], receptance=1e-3 * shares.sum(axis=0))
+    one = altered(observed(0.0, 0.0)[0], receptance=1e-3 * shares.sum(axis=0))
     growth = growth_beside_peaks(one)
     made = np.mean(np.square(np.abs(error)), axis=0) / (2.0 * 0.01**2)
     # At the peaks, between them and in dips, up to a growth of the variance of some hundreds.

@@ -11,11 +11,10 @@ from receptance import (
     Assembly,
     Coordinate,
     GroundSpring,
-    MeasuredFrequencies,
-    MeasuredFRF,
     MeasuredPart,
     ModalPart,
     Mode,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -69,14 +68,14 @@ def of_all_kinds() -> list[Assembly]:
     return [Assembly([tool, joint, holder], points), Assembly([tool, joint, spindle]), Assembly([tool, spread, holder])]
 
 
-def frf(assembly: Assembly, scale: float = 0.0, order: int = 0, seed: int | None = None, **more: object) -> MeasuredFRF:
+def frf(assembly: Assembly, scale: float = 0.0, order: int = 0, seed: int | None = None, **more: object) -> Observation:
     """The FRF at the true frequencies (1 + scale) f as if it were at f; of the motion differentiated `order` times."""
     place = more.pop("place", TIP)
     true = assembly.receptance((1.0 + scale) * LINES, response=place, excitation=place) * (1.0 + scale) ** order
     if seed is not None:
         real, imaginary = np.random.default_rng(seed).normal(size=(2, LINES.size))
         true = true * np.exp(0.01 * (real + 1j * imaginary))
-    return MeasuredFRF(
+    return Observation(
         assembly=assembly,
         frequency_hz=LINES,
         receptance=true,
@@ -105,7 +104,7 @@ def test_the_model_is_the_receptance_at_scaled_frequencies(kind: int, order: int
 def test_natural_frequencies_are_divided_by_the_scale() -> None:
     assembly = of_all_kinds()[0]
     true = assembly.natural_frequencies(9000.0)
-    data = MeasuredFrequencies(assembly=assembly, frequency_hz=true / 1.008, standard_deviation_hz=1e-3 * true)
+    data = Observation.from_modes(assembly=assembly, frequency_hz=true / 1.008, standard_deviation_hz=1e-3 * true)
     (variant,) = CATALOGUE["frequency_scale"].variants(Model((data,), tuple(JOINT[:1])))
     x = variant.model.task.variables.start.copy()
     x[-1] = np.log1p(0.008)

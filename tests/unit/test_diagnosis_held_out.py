@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+from receptance import STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.causes import Parameter, transfer
 from receptance.diagnosis.explanation import Selection
@@ -36,6 +36,7 @@ from receptance.diagnosis.judgement import conclude, doubt_prediction
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.wording import sizes
 from receptance.identification import Move, Tolerance
+from receptance.identification.observations import altered
 
 LINES = np.linspace(200.0, 6000.0, 300)
 LENGTH = "tool.segment[0].length"
@@ -57,10 +58,10 @@ def make_assembly(overhang: float, density: float = 1.0, masses: Sequence[PointM
 
 def make_observations(
     overhang: float, density: float = 1.0, seed: int = 1, factor: float | np.ndarray = 1.0
-) -> MeasuredFRF:
+) -> Observation:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=make_assembly(overhang),
         frequency_hz=LINES,
         receptance=factor * make_assembly(overhang, density).receptance(LINES) * np.exp(noise),
@@ -116,14 +117,14 @@ def test_gains_in_all_metrics_and_a_custom_metric() -> None:
 def test_the_log_score_is_the_density_of_a_linear_model() -> None:
     """Against the Gaussian of the data themselves, where the model is so nearly linear that there is one."""
     tolerances = (Tolerance(name="blank", moves={"tool.segment[*].density": 1e-4}, relative=True),)
-    data = MeasuredFrequencies(
+    data = Observation.from_modes(
         assembly=make_assembly(0.06),
         frequency_hz=make_assembly(0.06).natural_frequencies(9000.0)[:2],
         standard_deviation_hz=0.2,
         label="0.06",
     )
     fit = refit(Model((data,), tuple(JOINT[:2]), tolerances), {"joint.k_y": 6e8, "joint.k_theta": 1e5})
-    other = MeasuredFrequencies(
+    other = Observation.from_modes(
         assembly=make_assembly(0.08),
         frequency_hz=make_assembly(0.08).natural_frequencies(9000.0)[:2] * np.array([1.0001, 0.9999]),
         standard_deviation_hz=[0.3, 0.4],
@@ -146,7 +147,7 @@ def test_individual_errors_are_fitted_before_and_after() -> None:
     model = Model((make_observations(0.06), make_observations(0.08, seed=2)), tuple(JOINT))
     fit = refit(model, {})
     off = make_observations(0.1001, seed=3)
-    off = MeasuredFRF(
+    off = Observation(
         assembly=make_assembly(0.1), frequency_hz=LINES, receptance=off.receptance, standard_deviation=0.01, label="0.1"
     )
     without, _ = metrics_of(fit, Model((off,), tuple(JOINT)))
@@ -290,7 +291,7 @@ def test_a_cause_that_predicts_no_better_is_suspected_only() -> None:
     rng = np.random.default_rng(1)
     overhangs = (0.05, 0.07, 0.09)
     data = [
-        MeasuredFRF(
+        Observation(
             assembly=make_assembly(x),
             frequency_hz=LINES,
             receptance=make_assembly(x).receptance(1.008 * LINES)
@@ -334,7 +335,7 @@ def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(wher
     """A gain in one configuration cannot improve the prediction of another one."""
     data = [make_observations(x, seed=i) for i, x in enumerate((0.06, 0.08, 0.1))]
     data = [
-        replace(one, receptance=one.receptance * (1.06 if where in (None, i) else 1.0)) for i, one in enumerate(data)
+        altered(one, receptance=one.receptance * (1.06 if where in (None, i) else 1.0)) for i, one in enumerate(data)
     ]
     tolerances = [*materials(0.01, 0.005), *clamping(0.06, 0.08, 0.1)]
     verdict = diagnose(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.adequacy import _strain, judge, misfit_limit
 from receptance.diagnosis.averaging import Ensemble, Target
@@ -39,10 +39,10 @@ def make_assembly(overhang: float, joint: PointJoint = TRUE) -> Assembly:
     return Assembly([tool, joint, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
 
 
-def make_observations(overhang: float, factor: Any = 1.0, joint: PointJoint = TRUE, sd: float = 0.01) -> MeasuredFRF:
+def make_observations(overhang: float, factor: Any = 1.0, joint: PointJoint = TRUE, sd: float = 0.01) -> Observation:
     rng = np.random.default_rng([SEED, int(1e3 * overhang)])
     noise = sd * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=make_assembly(overhang),
         frequency_hz=LINES,
         receptance=factor * make_assembly(overhang, joint).receptance(LINES) * np.exp(noise),

@@ -12,7 +12,7 @@ from receptance import (
     STEEL,
     Assembly,
     GroundSpring,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -54,10 +54,10 @@ def make_assembly(
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=k_theta, c_y=300.0, c_theta=1.0, name="joint"), holder], points)
 
 
-def measure(described: Assembly, true: Assembly, label: str, seed: int) -> MeasuredFRF:
+def measure(described: Assembly, true: Assembly, label: str, seed: int) -> Observation:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=described,
         frequency_hz=LINES,
         receptance=true.receptance(LINES) * np.exp(noise),
@@ -66,7 +66,7 @@ def measure(described: Assembly, true: Assembly, label: str, seed: int) -> Measu
     )
 
 
-def noisy(one: MeasuredFRF, lines: slice) -> MeasuredFRF:
+def noisy(one: Observation, lines: slice) -> Observation:
     spread = one.standard_deviation.copy()
     spread[lines] = 0.3
     values = one.receptance.copy()

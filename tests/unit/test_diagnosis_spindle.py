@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, ModalPart, Mode, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, ModalPart, Mode, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import diagnose
 from receptance.identification import Tolerance
 
@@ -41,7 +41,7 @@ def test_a_mode_that_moved_is_named() -> None:
     for overhang in (0.0623, 0.09):
         noise = 0.02 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
         observed.append(
-            MeasuredFRF(
+            Observation(
                 assembly=machine(overhang, described),
                 frequency_hz=LINES,
                 receptance=machine(overhang, SPINDLE).receptance(LINES) * np.exp(noise),
@@ -63,7 +63,7 @@ def test_model_without_spindle_modes_is_undecidable() -> None:
     tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
     holder = Part([Segment(length=0.08, outer_diameter=0.05, material=STEEL)], name="holder")
     free = Assembly([tool, replace(PointJoint(k_y=6.3e8, k_theta=1e5, loss_factor=0.02), name="joint"), holder])
-    data = MeasuredFRF(
+    data = Observation(
         assembly=free, frequency_hz=LINES, receptance=free.receptance(LINES) * 1.3, standard_deviation=0.02
     )
     verdict = diagnose(data, JOINT, causes=["spindle_mode", "calibration_gain"], most=1)

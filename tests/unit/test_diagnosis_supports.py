@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from receptance import STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment, Unknown
+from receptance import STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.diagnosis.fitting import fit_base, with_null
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
@@ -23,7 +23,7 @@ HOLDER = Holder(
 )
 
 
-def make_observations(motion: str, modelled: str = "spread", noise: float = 0.005) -> list[MeasuredFRF]:
+def make_observations(motion: str, modelled: str = "spread", noise: float = 0.005) -> list[Observation]:
     """Return an elastic holder at three forces, seen as a rigid one."""
     rng = np.random.default_rng(3)
     found = []
@@ -41,7 +41,7 @@ def make_observations(motion: str, modelled: str = "spread", noise: float = 0.00
             scatter = rng.normal(size=(2, lines.size)) * noise
             values = truth.receptance(lines, response=place, excitation=hit)
             found.append(
-                MeasuredFRF(
+                Observation(
                     assembly=model,
                     frequency_hz=lines,
                     receptance=values * np.exp(scatter[0] + 1j * scatter[1]),
@@ -154,7 +154,7 @@ def problem_motion(motion: str) -> str:
 
 def test_contact_of_undetermined_position_is_undecidable() -> None:
     (one, *_) = make_observations("radial")
-    bare = MeasuredFRF(
+    bare = Observation(
         assembly=Assembly([HOLDER.part]),
         frequency_hz=one.frequency_hz,
         receptance=one.receptance,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.screening import (
@@ -39,7 +39,7 @@ def make_assembly(overhang: float) -> Assembly:
 def make_model() -> Model:
     rng = np.random.default_rng(5)
     observations = tuple(
-        MeasuredFRF(
+        Observation(
             assembly=(own := make_assembly(overhang)),
             frequency_hz=LINES,
             receptance=own.receptance(LINES) * np.exp(0.02 * rng.normal(size=LINES.size) + 0.01j),

@@ -12,8 +12,7 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointMass,
     ReceptanceWarning,
@@ -398,9 +397,9 @@ def test_masked_values_are_refused_by_all_functions():
     data = {"assembly": bar, "frequency_hz": lines, "receptance": np.ones(100), "standard_deviation": 0.01}
     for name in ("frequency_hz", "receptance", "standard_deviation", "force"):
         with pytest.raises(ValueError, match=f"{name} has 1 masked value"):
-            MeasuredFRF(**(data | {name: MASKED}))
+            Observation(**(data | {name: MASKED}))
     with pytest.raises(ValueError, match="frequency_hz has 1 masked value"):
-        MeasuredFrequencies(assembly=bar, frequency_hz=MASKED[[0, 7]])
+        Observation.from_modes(assembly=bar, frequency_hz=MASKED[[0, 7]])
     for call in (
         lambda: bar.receptance(MASKED),
         lambda: HammerRecords(

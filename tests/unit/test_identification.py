@@ -16,7 +16,7 @@ from receptance import (
     ReceptanceWarning,
     Segment,
 )
-from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, find_bands, identify
+from receptance.identification import Observation, Unknown, find_bands, identify
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly, simulate, simulate_modes
 
@@ -103,7 +103,7 @@ def test_percentages_ignore_a_few_wild_lines():
     frf = simulate(make_assembly())
     wild = frf.receptance.copy()
     wild[::40] *= 3.0
-    spoilt = MeasuredFRF(assembly=frf.assembly, frequency_hz=LINES, receptance=wild)
+    spoilt = Observation(assembly=frf.assembly, frequency_hz=LINES, receptance=wild)
     bands = [(2000.0, 3000.0), (8000.0, 12000.0)]
     error = {}
     for objective in ("log", "percentage"):
@@ -168,7 +168,7 @@ def test_modes_that_only_a_higher_limit_shows_are_counted_up_to():
     soft = make_assembly(k_y=1e6, k_theta=1e3)
     modes = soft.natural_frequencies(20e3)[:3]
     unknowns = [replace(unknown, start=unknown.upper) for unknown in STIFFNESSES]
-    result = identify(MeasuredFrequencies(assembly=soft, frequency_hz=modes), unknowns)
+    result = identify(Observation.from_modes(assembly=soft, frequency_hz=modes), unknowns)
     assert_found(result, {"joint.k_y": 1e6, "joint.k_theta": 1e3})
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Assembly, Part, PointJoint
-from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, identify
+from receptance.identification import Observation, Unknown, identify
 from receptance.identification.covariance import confidence_multiplier, covariance_of, square_root
 from tool_in_holder import LINES, STIFFNESSES, TRUE, make_assembly, simulate, simulate_modes
 
@@ -37,7 +37,7 @@ def test_errors_from_known_scatter_of_frequencies():
 
     def draw():
         values = exact + 5.0 * rng.standard_normal(exact.size)
-        return MeasuredFrequencies(assembly=assembly, frequency_hz=values, standard_deviation_hz=5.0)
+        return Observation.from_modes(assembly=assembly, frequency_hz=values, standard_deviation_hz=5.0)
 
     ratio, coverage = repeat(draw, near_truth(["joint.k_y", "joint.k_theta"]), 300)
     assert np.all(np.abs(ratio - 1.0) < 0.15)
@@ -64,7 +64,7 @@ def test_errors_from_scatter_of_receptances(known, scatter, options):
         noise = rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)
         spread = scatter if known else None
         values = exact * np.exp(scatter * noise)
-        return MeasuredFRF(assembly=assembly, frequency_hz=lines, receptance=values, standard_deviation=spread)
+        return Observation(assembly=assembly, frequency_hz=lines, receptance=values, standard_deviation=spread)
 
     ratio, coverage = repeat(draw, near_truth(TRUE), 120, **options)
     assert np.all(np.abs(ratio - 1.0) < 0.3)
@@ -113,14 +113,14 @@ def test_quantiles():
 
 def test_as_many_unknowns_as_numbers_leave_no_scatter():
     exact = make_assembly().natural_frequencies(20e3)[:2]
-    result = identify(MeasuredFrequencies(assembly=make_assembly(), frequency_hz=exact), STIFFNESSES, starts=2)
+    result = identify(Observation.from_modes(assembly=make_assembly(), frequency_hz=exact), STIFFNESSES, starts=2)
     assert result.degrees_of_freedom == 0
     assert set(result.standard_errors.values()) == {np.inf}
     assert result.interval("joint.k_y") == (0.0, np.inf)
     assert any("as many unknowns" in note for note in result.notes)
     assert result.correlation[0, 1] == pytest.approx(result.correlation[1, 0])
     assert 0.0 < abs(result.correlation[0, 1]) < 1.0
-    known = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=exact, standard_deviation_hz=5.0)
+    known = Observation.from_modes(assembly=make_assembly(), frequency_hz=exact, standard_deviation_hz=5.0)
     assert np.isfinite(list(identify(known, STIFFNESSES, starts=2).standard_errors.values())).all()
 
 
@@ -146,7 +146,7 @@ def test_two_springs_in_series_are_tied():
     joints = [PointJoint(k_y=2e8, k_theta=1e5, name=name) for name in ("front", "back")]
     assembly = Assembly([chain["tool"], joints[0], washer, joints[1], chain["holder"]])
     unknowns = [Unknown(address=f"{name}.k_theta", lower=1e4, upper=1e6) for name in ("front", "back")]
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=assembly, frequency_hz=assembly.natural_frequencies(20e3)[:3], standard_deviation_hz=1.0
     )
     result = identify(modes, unknowns, starts=4)
@@ -170,9 +170,9 @@ def test_duplicate_data_are_noted():
     values = true.receptance(LINES) * np.exp(noise)
     frfs = [FRF(frequency_hz=LINES, values=v, log_variance=1e-4) for v in (values[0], values[0], values[1])]
     first, again, other = (
-        MeasuredFRF.from_frf(true, f, label=name) for f, name in zip(frfs, ("first", "again", "other"), strict=True)
+        Observation.from_frf(true, f, label=name) for f, name in zip(frfs, ("first", "again", "other"), strict=True)
     )
-    part = MeasuredFRF.from_frf(true, frfs[0], high_hz=2000.0, label="part")
+    part = Observation.from_frf(true, frfs[0], high_hz=2000.0, label="part")
     for two, names in (([first, again], "first and again"), ([first, part], "first and part"), ([first, other], "")):
         advice = [text for text in identify(two, STIFFNESSES, starts=1).advice if "counts twice" in text]
         assert [text.split(" have")[0] for text in advice] == ([names] if names else [])
@@ -190,7 +190,7 @@ def test_wrong_standard_deviations_are_noted(correlated):
     values = true.receptance(LINES) * np.exp(noise[0] + 1j * noise[1])
     for stated, words in ((0.01, ""), (1.0, "residuals is only 0.0"), (0.003, "residuals is 3.")):
         frf = FRF(frequency_hz=LINES, values=values, log_variance=stated**2, correlated_lines=correlated)
-        found = identify(MeasuredFRF.from_frf(true, frf), STIFFNESSES, starts=1)
+        found = identify(Observation.from_frf(true, frf), STIFFNESSES, starts=1)
         advice = [text for text in found.advice if "the rms of the residuals is" in text]
         assert len(advice) == bool(words), advice
         assert words in "".join(advice)

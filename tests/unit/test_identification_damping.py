@@ -14,7 +14,7 @@ from receptance import (
     STEEL,
     Assembly,
     GroundSpring,
-    MeasuredFrequencies,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -47,11 +47,11 @@ def make_assembly(overhang: float = 0.08, **joint: float) -> Assembly:
 
 def measure(
     overhang: float, rng: np.random.Generator | None = None, upper: float = 20e3, **joint: float
-) -> MeasuredFrequencies:
+) -> Observation:
     true = make_assembly(overhang, **joint)
     poles, _ = true.complex_frequencies(true.natural_frequencies(upper))
     noise = np.zeros((2, poles.size)) if rng is None else rng.normal(size=(2, poles.size))
-    return MeasuredFrequencies(
+    return Observation.from_modes(
         assembly=make_assembly(overhang),
         frequency_hz=np.abs(poles) * (1.0 + 1e-4 * noise[0]),
         standard_deviation_hz=1e-4 * np.abs(poles),
@@ -152,7 +152,7 @@ def test_some_ratios_may_be_missing() -> None:
     whole = measure(0.08)
     ratios = np.array(whole.damping_ratio)
     ratios[1:] = np.nan
-    some = MeasuredFrequencies(
+    some = Observation.from_modes(
         assembly=whole.assembly,
         frequency_hz=whole.frequency_hz,
         standard_deviation_hz=1.0,
@@ -176,7 +176,7 @@ def test_some_ratios_may_be_missing() -> None:
 )
 def test_bad_input(fields: dict[str, object], output: str) -> None:
     with pytest.raises(ValueError, match=output):
-        MeasuredFrequencies(assembly=make_assembly(), frequency_hz=[1700.0], **fields)  # type: ignore[arg-type]
+        Observation.from_modes(assembly=make_assembly(), frequency_hz=[1700.0], **fields)  # type: ignore[arg-type]
 
 
 DAMPED = (
@@ -187,7 +187,7 @@ DAMPED = (
 
 
 def test_a_campaign_has_them(tmp_path: Path) -> None:
-    one = load(tmp_path, changed(DAMPED)).measurements["short"].observation
+    one = load(tmp_path, changed(DAMPED)).measurements["short"]
     assert one.damping_ratio[0] == pytest.approx(0.012)
     assert np.isnan(one.damping_ratio[1])
     assert one.standard_deviation_damping[0] == pytest.approx(6e-4)
@@ -195,7 +195,7 @@ def test_a_campaign_has_them(tmp_path: Path) -> None:
         "mode,frequency [Hz],standard_deviation [Hz],damping_ratio [%],damping_deviation [%]\n"
         "1,2500,2,1.2,5\n2,10000,2,,5\n"
     )
-    again = load(tmp_path, changed((DAMPED[0], 'file = "m.csv"'))).measurements["short"].observation
+    again = load(tmp_path, changed((DAMPED[0], 'file = "m.csv"'))).measurements["short"]
     np.testing.assert_allclose(again.damping_ratio, one.damping_ratio)
     np.testing.assert_allclose(again.standard_deviation_damping, one.standard_deviation_damping)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scipy_fits
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.screening import directions
@@ -16,6 +16,7 @@ from receptance.diagnosis.starts import starts_of
 from receptance.diagnosis.truncation import truncation_time
 from receptance.identification import Tolerance
 from receptance.identification.mapping import END, Parameters
+from receptance.identification.observations import altered
 from receptance.identification.problem import Problem, Task, Unit
 
 RECORD = 0.08
@@ -53,10 +54,10 @@ def cut_off(assembly: Assembly, end: float = END_AT) -> np.ndarray:
     return (waves @ signal[kept]) * (long / size) / (2j * np.pi * LINES) ** 2
 
 
-def measure(overhang: float, seed: int) -> MeasuredFRF:
+def measure(overhang: float, seed: int) -> Observation:
     rng = np.random.default_rng(seed)
     noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return MeasuredFRF(
+    return Observation(
         assembly=make_assembly(overhang),
         frequency_hz=LINES,
         receptance=cut_off(make_assembly(overhang)) * np.exp(noise),
@@ -66,11 +67,11 @@ def measure(overhang: float, seed: int) -> MeasuredFRF:
 
 
 @pytest.fixture(scope="module")
-def records() -> list[MeasuredFRF]:
+def records() -> list[Observation]:
     return [measure(overhang, i) for i, overhang in enumerate((0.06, 0.075, 0.09))]
 
 
-def logarithms(observation: MeasuredFRF, *more: Unknown) -> Problem:
+def logarithms(observation: Observation, *more: Unknown) -> Problem:
     parameters = Parameters([*JOINT, *more], (), [observation.site(0)])
     return Task((observation,), parameters, ("logarithm",), threads=1).problem()
 
@@ -81,7 +82,7 @@ def test_truncated_record_equals_the_truncated_time_signal() -> None:
     # It is significant, and both agree on it; a late end has no effect.
     assert np.max(np.abs(np.log(assembly.receptance(LINES) / reference))) > 0.1
     for ends, values, tolerance in ((END_AT, reference, 5e-3), (0.45, assembly.receptance(LINES), 2e-3)):
-        one = MeasuredFRF(assembly=assembly, frequency_hz=LINES, receptance=values, ends=ends)
+        one = Observation(assembly=assembly, frequency_hz=LINES, receptance=values, ends=ends)
         problem = logarithms(one)
         np.testing.assert_allclose(problem.residual(problem.variables.start), 0.0, atol=tolerance)
 
@@ -97,7 +98,7 @@ FACTORS = [
 @pytest.mark.parametrize("lines", [LINES, LINES - 2j])
 @pytest.mark.parametrize("unit", ["standard deviations", "percent"])
 def test_residuals_of_truncated_records_are_those_of_the_plain_sum(lines: np.ndarray, unit: Unit) -> None:
-    one = MeasuredFRF(
+    one = Observation(
         assembly=make_assembly(0.09),
         frequency_hz=lines,
         receptance=make_assembly(0.088).receptance(lines),
@@ -121,7 +122,7 @@ def test_residuals_of_truncated_records_are_those_of_the_plain_sum(lines: np.nda
         )
 
 
-def test_early_end_is_detected_and_named(records: list[MeasuredFRF]) -> None:
+def test_early_end_is_detected_and_named(records: list[Observation]) -> None:
     end = truncation_time(records)
     print(f"{1e3 * (end - END_AT):+.3f} ms")
     # A start that is late may end in another optimum.
@@ -137,7 +138,7 @@ def test_early_end_is_detected_and_named(records: list[MeasuredFRF]) -> None:
     np.testing.assert_allclose(found, make_assembly(0.08).natural_frequencies(5000.0), rtol=2e-3)
 
 
-def test_early_end_is_kept_where_lines_are_left_out(records: list[MeasuredFRF]) -> None:
+def test_early_end_is_kept_where_lines_are_left_out(records: list[Observation]) -> None:
     """A third of the lines does not show it."""
     model = Model(tuple(records), tuple(JOINT), threads=1).with_witnesses()
     few = replace(model, observations=tuple(one.select(np.arange(0, LINES.size, 3)) for one in records))
@@ -146,7 +147,7 @@ def test_early_end_is_kept_where_lines_are_left_out(records: list[MeasuredFRF]) 
     assert [one.name for one in CATALOGUE["coarse_resolution"].variants(few)] == ["records end too early"]
 
 
-def test_early_end_that_is_detected_late_is_found(records: list[MeasuredFRF]) -> None:
+def test_early_end_that_is_detected_late_is_found(records: list[Observation]) -> None:
     """Between the detected end, 2 ms late, and the true one are a dozen local minima."""
     model = replace(Model(tuple(records), tuple(JOINT), threads=1), truncation=END_AT + 2e-3)
     cause = CATALOGUE["coarse_resolution"]
@@ -163,8 +164,8 @@ def test_early_end_that_is_detected_late_is_found(records: list[MeasuredFRF]) ->
     assert late.chi_square > 2.0 * found.chi_square
 
 
-def test_stepped_sines_have_no_early_end(records: list[MeasuredFRF]) -> None:
-    stepped = [replace(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
+def test_stepped_sines_have_no_early_end(records: list[Observation]) -> None:
+    stepped = [altered(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
     assert truncation_time(stepped) is None
     for lines in (1, 10):
         narrow = stepped[0].select(np.arange(LINES.size) < lines)
@@ -176,7 +177,7 @@ def test_stepped_sines_have_no_early_end(records: list[MeasuredFRF]) -> None:
 
 def test_decayed_response_has_no_early_end() -> None:
     lines = np.arange(100, 2500) / 0.5
-    one = MeasuredFRF(
+    one = Observation(
         assembly=make_assembly(0.09), frequency_hz=lines, receptance=make_assembly(0.09).receptance(lines)
     )
     assert truncation_time([one]) is None
@@ -189,6 +190,6 @@ def test_invalid_ends_are_errors() -> None:
         "receptance": make_assembly(0.09).receptance(LINES),
     }
     with pytest.raises(ValueError, match="ends"):
-        MeasuredFRF(**given, ends=-1.0)
+        Observation(**given, ends=-1.0)
     with pytest.raises(ValueError, match="stepped sine"):
-        MeasuredFRF(**given, ends=0.1, force=1.0)
+        Observation(**given, ends=0.1, force=1.0)

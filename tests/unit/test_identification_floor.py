@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from receptance import FRF, STEEL, Assembly, MeasuredFRF, Part, Segment
+from receptance import FRF, STEEL, Assembly, Observation, Part, Segment
 from receptance.identification import Floor
 
 LINES = np.arange(900.0, 1100.0, 0.5)
@@ -42,8 +42,8 @@ def test_observation_has_and_reports_the_floor():
     bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     lines = np.linspace(100.0, 4000.0, 400)
     frf = FRF(frequency_hz=lines, values=bar.receptance(lines), log_variance=1e-4, correlated_lines=2.0)
-    data = MeasuredFRF.from_frf(bar, frf, floor=Floor(), configuration="blank")
-    plain = MeasuredFRF.from_frf(bar, frf, floor=0.003)
+    data = Observation.from_frf(bar, frf, floor=Floor(), configuration="blank")
+    plain = Observation.from_frf(bar, frf, floor=0.003)
     assert plain.standard_deviation == pytest.approx(np.sqrt(2e-4 + 9e-6))
     assert np.all(data.standard_deviation >= plain.standard_deviation)
     assert data.independent_values == pytest.approx(400.0)

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from receptance import FRF, Assembly, Coordinate, GroundSpring, MeasuredFRF, ReceptanceWarning, identify
+from receptance import FRF, Assembly, Coordinate, GroundSpring, Observation, ReceptanceWarning, identify
 from receptance.diagnosis import diagnose
 from receptance.model.coordinates import UnknownPosition
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
@@ -27,7 +27,7 @@ def test_entries_by_coordinate_number_and_label(response):
     index = frf.responses.index(response)
     expected = ASSEMBLY.receptance(LINES, response=response, excitation=TIP)
     for requested in (response, index, str(index + 1)):
-        observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=requested)
+        observed = Observation.from_frf(ASSEMBLY, frf, response=requested)
         np.testing.assert_array_equal(observed.receptance, expected)
         assert (observed.response, observed.excitation) == (response, TIP)
         assert (observed.label, observed.notes, observed.standard_deviation) == ("bench", (), None)
@@ -39,7 +39,7 @@ def test_a_joint_from_several_responses_of_one_frf():
     noise = sd * (rng.normal(size=(LINES.size, 3, 1)) + 1j * rng.normal(size=(LINES.size, 3, 1)))
     exact = make(log_variance=sd**2, degrees_of_freedom=60.0).to("accelerance")
     frf = exact.with_(values=exact.values * np.exp(noise))
-    observed = [MeasuredFRF.from_frf(ASSEMBLY, frf, response=i) for i in range(3)]
+    observed = [Observation.from_frf(ASSEMBLY, frf, response=i) for i in range(3)]
     together = identify(observed, STIFFNESSES + DASHPOTS, starts=4)
     alone = identify(observed[:1], STIFFNESSES + DASHPOTS, starts=4)
     assert together.converged
@@ -49,12 +49,12 @@ def test_a_joint_from_several_responses_of_one_frf():
         assert abs(together.values[address] - value) < 4.0 * error, address
         # More responses, smaller errors: three times the lines at least if each has as much information as the first.
         assert error < alone.standard_errors[address]
-    clean = [MeasuredFRF.from_frf(ASSEMBLY, exact, response=i) for i in range(3)]
+    clean = [Observation.from_frf(ASSEMBLY, exact, response=i) for i in range(3)]
     assert_found(identify(clean, STIFFNESSES + DASHPOTS, starts=4), TRUE)
 
 
 def test_a_rotation_per_force_alone_finds_the_joint():
-    observed = MeasuredFRF.from_frf(ASSEMBLY, make().to("mobility"), response=SLOPE)
+    observed = Observation.from_frf(ASSEMBLY, make().to("mobility"), response=SLOPE)
     assert_found(identify(observed, STIFFNESSES + DASHPOTS), TRUE)
 
 
@@ -64,9 +64,9 @@ def test_lines_band_mask_and_zero():
     frf = make(frequency_hz=lines, values=values, usable=lines < 9e3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=TIP, low_hz=0.0, high_hz=12e3)
+        observed = Observation.from_frf(ASSEMBLY, frf, response=TIP, low_hz=0.0, high_hz=12e3)
     np.testing.assert_array_equal(observed.frequency_hz, LINES[LINES < 9e3])
-    observed = MeasuredFRF.from_frf(ASSEMBLY, frf.to("accelerance").with_(usable=None), response=TIP)
+    observed = Observation.from_frf(ASSEMBLY, frf.to("accelerance").with_(usable=None), response=TIP)
     np.testing.assert_array_equal(observed.frequency_hz, LINES)
     assert any("0 Hz is dropped" in note for note in observed.notes)
 
@@ -82,13 +82,13 @@ def test_spread():
         (frf.with_(degrees_of_freedom=np.inf), 1.0),
         (frf.to("accelerance"), 1.0),
     ):
-        observed = MeasuredFRF.from_frf(ASSEMBLY, one, response=0)
+        observed = Observation.from_frf(ASSEMBLY, one, response=0)
         np.testing.assert_allclose(observed.standard_deviation, np.sqrt(1e-4 * factor))
-    floor = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(degrees_of_freedom=18), response=0, floor=0.003)
+    floor = Observation.from_frf(ASSEMBLY, frf.with_(degrees_of_freedom=18), response=0, floor=0.003)
     np.testing.assert_allclose(floor.standard_deviation, np.sqrt(1e-4 * 18.0 / 14.0 + 9e-6))
     # A variance that follows the receptance is smoothed_variance, by less than the noise itself.
     variance = 1e-4 * np.exp(np.sin(LINES / 1e3))
-    observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
+    observed = Observation.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
     np.testing.assert_allclose(observed.standard_deviation, np.sqrt(variance), rtol=0.02)
 
 
@@ -107,7 +107,7 @@ def test_weights_are_independent_of_the_noise_of_their_line(correlated, left):
             noise = level * ((parts[0] + 1j * parts[1])[correlated:] - (parts[0] + 1j * parts[1])[:-correlated])
         measured = clean + (-1.0) ** draw * noise
         frf = FRF(frequency_hz=LINES, values=measured, log_variance=(level / np.abs(measured)) ** 2)
-        data = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(correlated_lines=correlated))
+        data = Observation.from_frf(ASSEMBLY, frf.with_(correlated_lines=correlated))
         error = np.log(np.abs(measured / clean))
         biases.append(np.mean((error / (level / np.abs(measured)) ** 2)[quiet]))
         smoothed_variance.append(correlated * np.mean((error / data.standard_deviation**2)[quiet]))
@@ -121,7 +121,7 @@ def test_weights_are_independent_of_the_noise_of_their_line(correlated, left):
 def test_a_variance_of_zero_among_others_is_a_rounded_one():
     variance = np.full(LINES.size, 3e-4)
     variance[::3] = 0.0
-    observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
+    observed = Observation.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
     np.testing.assert_allclose(observed.standard_deviation[::3], np.sqrt(0.5e-4), rtol=0.3)
     assert any("zero on 400 of 1200 lines: half a unit of its last digit, 5e-05" in note for note in observed.notes)
 
@@ -139,11 +139,11 @@ def test_a_coherence_of_two_decimals_gives_an_interval_with_the_truth(seed):
     rounded = exact.with_(coherence=coherence.round(2))
     assert 0.95 < np.mean(rounded.coherence == 1.0) < 1.0
     full, few = (
-        identify(MeasuredFRF.from_frf(assembly, frf), STIFFNESSES + DASHPOTS, starts=2) for frf in (exact, rounded)
+        identify(Observation.from_frf(assembly, frf), STIFFNESSES + DASHPOTS, starts=2) for frf in (exact, rounded)
     )
     assert abs(few.values["joint.k_y"] - 4.2e8) < 3.0 * few.standard_errors["joint.k_y"]
     assert 1.0 < few.standard_errors["joint.k_y"] / full.standard_errors["joint.k_y"] < 4.0
-    deviation = MeasuredFRF.from_frf(assembly, rounded).standard_deviation
+    deviation = Observation.from_frf(assembly, rounded).standard_deviation
     assert deviation.min() > np.sqrt(0.005 / 18.0) * 0.99
 
 
@@ -152,12 +152,12 @@ def test_coherence_needs_averages_for_the_variance():
     hits = ASSEMBLY.receptance(LINES) * (1.0 + 0.03 * (rng.normal(size=(8, 1200)) + 1j * rng.normal(size=(8, 1200))))
     coherence = np.abs(hits.mean(axis=0)) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
     frf = FRF(frequency_hz=LINES, values=hits.mean(axis=0), coherence=coherence)
-    data = MeasuredFRF.from_frf(ASSEMBLY, frf.with_(averages=8))
+    data = Observation.from_frf(ASSEMBLY, frf.with_(averages=8))
     assert np.median(data.standard_deviation) == pytest.approx(0.03 / np.sqrt(8.0), rel=0.1)
     with pytest.warns(
         ReceptanceWarning, match="the coherence is not used, because the number of averaged records is unknown"
     ):
-        without = MeasuredFRF.from_frf(ASSEMBLY, frf)
+        without = Observation.from_frf(ASSEMBLY, frf)
     assert without.standard_deviation is None
     assert any("`averages = 10` for" in note for note in without.notes)
     with pytest.raises(ValueError, match=r"has no standard deviation.*`averages = 10` for"):
@@ -173,7 +173,7 @@ def test_correlated_lines_enlarge_standard_errors():
     values = ASSEMBLY.receptance(lines) * noise
     once = FRF(frequency_hz=lines, values=values, log_variance=4e-4)
     thrice = FRF(frequency_hz=copies, values=np.repeat(values, 3), log_variance=4e-4, correlated_lines=3.0)
-    first, second = (identify(MeasuredFRF.from_frf(ASSEMBLY, f), STIFFNESSES, starts=2) for f in (once, thrice))
+    first, second = (identify(Observation.from_frf(ASSEMBLY, f), STIFFNESSES, starts=2) for f in (once, thrice))
     for address in first.values:
         assert second.values[address] == pytest.approx(first.values[address], rel=1e-6)
         assert second.standard_errors[address] == pytest.approx(first.standard_errors[address], rel=1e-3)
@@ -182,25 +182,25 @@ def test_correlated_lines_enlarge_standard_errors():
 def test_infinite_variance_excludes_lines_and_zero_needs_a_floor():
     variance = np.full(LINES.size, 1e-4)
     variance[[5, 9]] = np.inf
-    observed = MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
+    observed = Observation.from_frf(ASSEMBLY, make(log_variance=variance), response=0)
     assert observed.frequency_hz.size == LINES.size - 2
     assert "2 lines of infinite variance are left out" in observed.notes
     exact = make(log_variance=0.0)
     with pytest.raises(ValueError, match=r"the variance is zero on all lines.*give a floor"):
-        MeasuredFRF.from_frf(ASSEMBLY, exact, response=0)
+        _ = Observation.from_frf(ASSEMBLY, exact, response=0).standard_deviation
     with pytest.warns(ReceptanceWarning, match=r"zero on all lines.*the floor of 0.002 is the only standard deviation"):
-        observed = MeasuredFRF.from_frf(ASSEMBLY, exact, response=0, floor=0.002)
-    np.testing.assert_allclose(observed.standard_deviation, 0.002, rtol=1e-12)
-    without = MeasuredFRF.from_frf(ASSEMBLY, make(), response=0, floor=0.01)
+        deviation = Observation.from_frf(ASSEMBLY, exact, response=0, floor=0.002).standard_deviation
+    np.testing.assert_allclose(deviation, 0.002, rtol=1e-12)
+    without = Observation.from_frf(ASSEMBLY, make(), response=0, floor=0.01)
     assert without.standard_deviation[0] == 0.01
     assert any("floor of 0.01 is its standard deviation" in note for note in without.notes)
     with pytest.raises(ValueError, match="no line is left for bench"):
-        MeasuredFRF.from_frf(ASSEMBLY, make(log_variance=np.inf), response=0)
+        Observation.from_frf(ASSEMBLY, make(log_variance=np.inf), response=0)
 
 
 def test_few_degrees_of_freedom_are_noted_in_the_result():
     frf = make(log_variance=1e-4, degrees_of_freedom=4, notes=["hit 3 dropped"])
-    observed = MeasuredFRF.from_frf(ASSEMBLY, frf, response=0)
+    observed = Observation.from_frf(ASSEMBLY, frf, response=0)
     assert observed.notes[0] == "hit 3 dropped"
     assert "from 4 degrees of freedom are uncertain" in observed.notes[1]
     result = identify(observed, STIFFNESSES, starts=1)
@@ -210,13 +210,13 @@ def test_few_degrees_of_freedom_are_noted_in_the_result():
 def test_unknown_and_inconsistent_positions():
     values = ASSEMBLY.receptance(LINES)
     unplaced = FRF(frequency_hz=LINES, values=values)
-    observed = MeasuredFRF.from_frf(ASSEMBLY, unplaced)
+    observed = Observation.from_frf(ASSEMBLY, unplaced)
     assert observed.response == observed.excitation == Coordinate()
     assert not isinstance(observed.response, UnknownPosition)
     assert sum("taken at the tip" in note for note in observed.notes) == 2
-    reported = MeasuredFRF.from_frf(ASSEMBLY, unplaced, response=NOSE, excitation=TIP)
+    reported = Observation.from_frf(ASSEMBLY, unplaced, response=NOSE, excitation=TIP)
     assert (reported.response, reported.excitation, reported.notes) == (NOSE, TIP, ())
-    other = MeasuredFRF.from_frf(ASSEMBLY, make(responses=(TIP,)), response=NOSE)
+    other = Observation.from_frf(ASSEMBLY, make(responses=(TIP,)), response=NOSE)
     assert other.response == NOSE
     assert any("is taken at" in note and "the FRF has" in note for note in other.notes)
 
@@ -235,16 +235,16 @@ def test_unknown_and_inconsistent_positions():
 )
 def test_bad_requests(options, error, words):
     with pytest.raises(error, match=words):
-        MeasuredFRF.from_frf(ASSEMBLY, make(), **options)
+        Observation.from_frf(ASSEMBLY, make(), **options)
 
 
 def test_input_other_than_an_frf():
     with pytest.raises(TypeError, match="frf is None, expected an FRF"):
-        MeasuredFRF.from_frf(ASSEMBLY, None)
+        Observation.from_frf(ASSEMBLY, None)
     with pytest.raises(TypeError, match="assembly is None"):
-        MeasuredFRF.from_frf(None, make(), response=0)
+        Observation.from_frf(None, make(), response=0)
     with pytest.raises(TypeError, match="notes is 'one'"):
-        MeasuredFRF(assembly=ASSEMBLY, frequency_hz=[1.0], receptance=[1.0], notes="one")
+        Observation(assembly=ASSEMBLY, frequency_hz=[1.0], receptance=[1.0], notes="one")
 
 
 def test_integrated_noise_at_low_frequencies_is_noted_and_a_floating_body_is_not():
@@ -256,7 +256,7 @@ def test_integrated_noise_at_low_frequencies_is_noted_and_a_floating_body_is_not
         """Return the notes for white noise of the accelerometer, relative to the accelerance of a mass."""
         accelerance = -((2.0 * np.pi * lines) ** 2) * assembly.receptance(lines) + noise * inertia * scatter
         frf = FRF(frequency_hz=lines, values=accelerance, form="accelerance", responses=TIP, excitations=TIP, **changes)
-        return [one for one in MeasuredFRF.from_frf(assembly, frf).notes if "1/f^2" in one]
+        return [one for one in Observation.from_frf(assembly, frf).notes if "1/f^2" in one]
 
     inertia = (2.0 * np.pi * 2.0) ** 2 * abs(ASSEMBLY.receptance([2.0])[0])
     assert not notes(ASSEMBLY, 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, Part, PointJoint, ReceptanceWarning, Segment
-from receptance.identification import MeasuredFrequencies, MeasuredFRF, Unknown, find_bands, identify
+from receptance.identification import Observation, Unknown, find_bands, identify
 
 BAR = [Segment(length=0.1, outer_diameter=0.02, material=STEEL)]
 PAIR = Assembly([Part(BAR, name="tool"), PointJoint(k_y=1e8, k_theta=1e5, name="joint"), Part(BAR, name="holder")])
@@ -15,7 +15,7 @@ K_THETA = Unknown(address="joint.k_theta", lower=1e3, upper=1e7)
 
 
 def measure(**changes):
-    return MeasuredFRF(**({"assembly": PAIR, "frequency_hz": LINES, "receptance": VALUES} | changes))
+    return Observation(**({"assembly": PAIR, "frequency_hz": LINES, "receptance": VALUES} | changes))
 
 
 def with_value(index, value):
@@ -61,7 +61,7 @@ def test_measured_frf(changes, error, words):
 
 
 def test_label_names_the_measurement():
-    with pytest.raises(ValueError, match="MeasuredFRF 'bench 3': frequency_hz is empty"):
+    with pytest.raises(ValueError, match="Observation 'bench 3': frequency_hz is empty"):
         measure(frequency_hz=[], receptance=[], label="bench 3")
 
 
@@ -104,7 +104,7 @@ def test_measurements_copy_their_arrays():
 )
 def test_measured_frequencies(changes, error, words):
     with pytest.raises(error, match=words):
-        MeasuredFrequencies(**({"assembly": PAIR, "frequency_hz": [500.0, 900.0]} | changes))
+        Observation.from_modes(**({"assembly": PAIR, "frequency_hz": [500.0, 900.0]} | changes))
 
 
 @pytest.mark.parametrize(
@@ -194,14 +194,14 @@ def test_observations(observations, words):
 
 
 def test_more_unknowns_than_frequencies():
-    modes = MeasuredFrequencies(assembly=PAIR, frequency_hz=[1000.0])
+    modes = Observation.from_modes(assembly=PAIR, frequency_hz=[1000.0])
     with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
         identify(modes, [K_Y, K_THETA])
 
 
 def test_standard_deviations_for_some_only():
-    modes = MeasuredFrequencies(assembly=PAIR, frequency_hz=[1000.0], label="taps")
-    with pytest.raises(ValueError, match=r"has a standard deviation but MeasuredFrequencies.'taps'.* has none"):
+    modes = Observation.from_modes(assembly=PAIR, frequency_hz=[1000.0], label="taps")
+    with pytest.raises(ValueError, match=r"has a standard deviation but Observation.'taps'.* has none"):
         identify([measure(standard_deviation=0.1), modes], K_Y)
 
 

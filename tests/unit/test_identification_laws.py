@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Prior, Tolerance, identify
 from receptance.identification.mapping import Parameters, Site
 from receptance.identification.unknowns import covered
@@ -26,12 +26,12 @@ def make_assembly(
 
 def measure(
     truth: Assembly, nominal: Assembly, name: str, seed: int | None, sd: float = 0.01, **conditions: float
-) -> MeasuredFRF:
+) -> Observation:
     values = truth.receptance(LINES)
     if seed is not None:
         noise = np.random.default_rng(seed).normal(scale=sd, size=(2, LINES.size))
         values = values * np.exp(noise[0] + 1j * noise[1])
-    return MeasuredFRF(
+    return Observation(
         assembly=nominal,
         frequency_hz=LINES,
         receptance=values,
@@ -141,7 +141,7 @@ def test_an_unknown_reaches_assemblies_that_were_not_observed():
         Part([Segment(length=0.1, outer_diameter=0.0127, material=CARBIDE)], name="spare"),
     )
     held_out = Assembly([spare, PointJoint(k_y=6.3e8, k_theta=1e5, name="other"), true.elements["holder"]])
-    data = MeasuredFrequencies(
+    data = Observation.from_modes(
         assembly=make_assembly(), frequency_hz=true.natural_frequencies(8e3), standard_deviation_hz=1.0
     )
     unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7, also={"other.k_theta": 0.5})
@@ -240,7 +240,7 @@ def test_one_error_shared_by_two_observations_and_one_of_each():
 
 def test_prior_determines_an_unobservable_parameter():
     frequency = make_assembly().natural_frequencies(5e3)[:1]
-    mode = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
+    mode = Observation.from_modes(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
     prior = Prior(mean=1e9, standard_deviation=0.3)
     found = identify(
         mode,
@@ -315,7 +315,7 @@ def _fit(tolerances: object = (), powers: object = ()) -> None:
 
 
 def test_priors_need_standard_deviations():
-    bare = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(15e3)[:2])
+    bare = Observation.from_modes(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(15e3)[:2])
     with pytest.raises(ValueError, match="can only be weighed"):
         identify(
             bare,

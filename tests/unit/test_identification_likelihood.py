@@ -13,8 +13,7 @@ from receptance import (
     STEEL,
     Assembly,
     GroundSpring,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -31,8 +30,8 @@ UNKNOWNS = [
 ]
 
 
-def modes(pair: Assembly = PAIR, spread: float = 2.0, **more: object) -> MeasuredFrequencies:
-    return MeasuredFrequencies(
+def modes(pair: Assembly = PAIR, spread: float = 2.0, **more: object) -> Observation:
+    return Observation.from_modes(
         assembly=PAIR, frequency_hz=pair.natural_frequencies(3e4)[:4], standard_deviation_hz=spread, **more
     )
 
@@ -72,7 +71,7 @@ def test_a_rejected_truth_is_as_rare_as_it_should_be() -> None:
     rng = np.random.default_rng(11)
     p_values = []
     for _ in range(80):
-        noisy = MeasuredFrequencies(
+        noisy = Observation.from_modes(
             assembly=PAIR,
             frequency_hz=PAIR.natural_frequencies(3e4)[:4] + 2.0 * rng.standard_normal(4),
             standard_deviation_hz=2.0,
@@ -91,7 +90,7 @@ def test_held_values_are_checked() -> None:
     with pytest.raises(ValueError, match="values is empty"):
         constrained_fit(found, {})
     lines = np.linspace(200.0, 9e3, 200)
-    frf = MeasuredFRF(assembly=PAIR, frequency_hz=lines, receptance=PAIR.receptance(lines))
+    frf = Observation(assembly=PAIR, frequency_hz=lines, receptance=PAIR.receptance(lines))
     percentage = identify(frf, UNKNOWNS[1], objective="percentage", starts=1)
     with pytest.raises(ValueError, match="no likelihood"):
         constrained_fit(percentage, {"joint.k_theta": 1e5})
@@ -119,7 +118,7 @@ def test_evidence_of_one_parameter_is_the_integral() -> None:
 
 
 def test_evidence_prefers_the_law_that_made_the_data() -> None:
-    def measured(exponent: float) -> list[MeasuredFrequencies]:
+    def measured(exponent: float) -> list[Observation]:
         return [
             modes(
                 PAIR.replace({"joint.k_theta": 1e5 * (torque / 40.0) ** exponent}),
@@ -140,7 +139,7 @@ def test_evidence_prefers_the_law_that_made_the_data() -> None:
 
 
 def test_evidence_needs_standard_deviations() -> None:
-    bare = MeasuredFrequencies(assembly=PAIR, frequency_hz=PAIR.natural_frequencies(3e4)[:4])
+    bare = Observation.from_modes(assembly=PAIR, frequency_hz=PAIR.natural_frequencies(3e4)[:4])
     with pytest.raises(ValueError, match="needs standard deviations"):
         log_evidence(identify(bare, UNKNOWNS[1], starts=1))
 
@@ -149,7 +148,7 @@ def test_evidence_is_compared_at_the_stated_noise() -> None:
     """Data that no joint fits: by default their scatter is estimated, "stated" leaves the standard deviations alone."""
     rng = np.random.default_rng(7)
     true = PAIR.natural_frequencies(3e4)[:4]
-    data = MeasuredFrequencies(
+    data = Observation.from_modes(
         assembly=PAIR, frequency_hz=true * (1.0 + 0.02 * rng.standard_normal(4)), standard_deviation_hz=1.0
     )
     length = Tolerance(name="length", moves={"tool.segment[0].length": 5e-5})
@@ -167,7 +166,9 @@ def test_a_start_on_a_bound_where_the_model_jumps_is_kept() -> None:
     """A free bar: any stiffness to ground turns its rigid-body motion into the lowest modes, zero does not."""
     free = Assembly([Part([BAR], name="bar")], attachments=[GroundSpring(k_y=1e3, position="end", name="support")])
     none = free.replace({"support.k_y": 0.0})
-    data = MeasuredFrequencies(assembly=free, frequency_hz=none.natural_frequencies(6e4)[:3], standard_deviation_hz=1.0)
+    data = Observation.from_modes(
+        assembly=free, frequency_hz=none.natural_frequencies(6e4)[:3], standard_deviation_hz=1.0
+    )
     support = Unknown(address="support.k_y", lower=0.0, upper=1e8, start=0.0, scale="linear")
     found = identify(data, support, starts=1)
     assert found.values["support.k_y"] == 0.0

@@ -17,8 +17,7 @@ from receptance import (
     ColletJoint,
     Coordinate,
     GroundSpring,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -52,10 +51,10 @@ def make_assembly(overhang: float = 0.06) -> Assembly:
     return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_theta=2.0, name="joint"), holder], masses)
 
 
-def measured(overhang: float, lines: np.ndarray = LINES, **places: Coordinate) -> MeasuredFRF:
+def measured(overhang: float, lines: np.ndarray = LINES, **places: Coordinate) -> Observation:
     noise = RNG.normal(scale=0.01, size=(2, lines.size))
     values = make_assembly(overhang + 5e-5).receptance(lines, **places) * np.exp(noise[0] + 1j * noise[1])
-    return MeasuredFRF(
+    return Observation(
         assembly=make_assembly(overhang),
         frequency_hz=lines,
         receptance=values,
@@ -98,7 +97,7 @@ def everything() -> Task:
         measured(0.05),
         measured(0.06, response=Coordinate(part="tool", position=0.02), excitation=Coordinate(part="tool")),
         measured(0.08, LINES - 3j, excitation=Coordinate(part="tool", position=0.08, direction="theta")),
-        MeasuredFrequencies(
+        Observation.from_modes(
             assembly=make_assembly(0.07),
             frequency_hz=modes[[0, 2]],
             modes=[1, 3],
@@ -243,7 +242,7 @@ def damped() -> Task:
     """Return a task of natural frequencies with damping ratios."""
     assembly = make_assembly(0.07)
     poles, _ = assembly.complex_frequencies(assembly.natural_frequencies(9e3)[:3])
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=assembly,
         frequency_hz=np.abs(poles) * [1.001, 0.999, 1.0005],
         standard_deviation_hz=2.0,
@@ -278,7 +277,7 @@ def test_fits_end_where_those_of_scipy_do(made):
 def test_the_optimum_of_percentages_is_that_of_scipy():
     """Sums of smoothed absolute values, against SciPy's `soft_l1`."""
     frfs = [measured(0.05), measured(0.08)]
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=make_assembly(0.07), frequency_hz=make_assembly(0.07).natural_frequencies(9e3)[:2]
     )
     unknowns = [replace(UNKNOWNS[0], prior=None), UNKNOWNS[3]]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.identification import Law, Power, Profiles, Tolerance, identify
 from receptance.identification.likelihood import interval_statement
+from receptance.identification.observations import altered
 from simulated_campaigns import confidence, simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 400)
@@ -20,10 +21,10 @@ def make_assembly(k_y: float = 6.3e8, k_theta: float = 1.0e5, overhang: float = 
     return Assembly([tool, PointJoint(k_y=k_y, k_theta=k_theta, c_theta=2.0, name="joint"), holder])
 
 
-def measure(truth: Assembly, nominal: Assembly | None = None, sd: float = 0.01, seed: int = 1) -> MeasuredFRF:
+def measure(truth: Assembly, nominal: Assembly | None = None, sd: float = 0.01, seed: int = 1) -> Observation:
     noise = np.random.default_rng(seed).normal(scale=sd, size=(2, LINES.size))
     values = truth.receptance(LINES) * np.exp(noise[0] + 1j * noise[1])
-    return MeasuredFRF(
+    return Observation(
         assembly=nominal or make_assembly(), frequency_hz=LINES, receptance=values, standard_deviation=sd, label="a"
     )
 
@@ -117,7 +118,7 @@ def test_a_stiff_joint_has_only_a_lower_bound():
 
 def test_one_mode_ties_the_two_stiffnesses():
     frequency = make_assembly().natural_frequencies(5e3)[:1]
-    mode = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
+    mode = Observation.from_modes(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
     with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
         identify(mode, STIFFNESSES)
     # The same mode seen twice is no second mode.
@@ -132,7 +133,7 @@ def test_one_mode_ties_the_two_stiffnesses():
 def test_flat_receptance_leaves_the_joint_undetermined():
     # Far below all resonances the assembly moves as a rigid body.
     lines = np.linspace(1.0, 3.0, 40)
-    flat = MeasuredFRF(
+    flat = Observation(
         assembly=make_assembly(),
         frequency_hz=lines,
         receptance=make_assembly().receptance(lines),
@@ -147,7 +148,7 @@ def test_flat_receptance_leaves_the_joint_undetermined():
 
 def test_more_parameters_than_information_is_noted():
     tolerances = [BLANK, Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.02}, relative=True)]
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(9e3)[:1], standard_deviation_hz=5.0
     )
     with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
@@ -158,7 +159,7 @@ def test_more_parameters_than_information_is_noted():
 
 def test_one_configuration_leaves_a_law_undetermined():
     law = Law(address="joint.k_theta", lower=1e2, upper=1e8, powers=Power(of="torque", reference=20.0))
-    one = measure(make_assembly()).configured("40 Nm", {"torque": 40.0})
+    one = altered(measure(make_assembly()), configuration="40 Nm", conditions={"torque": 40.0})
     found = identify(one, [STIFFNESSES[0], law], tolerances=BLANK, starts=3)
     profiles = found.profiles()
     for name in ("joint.k_theta", "joint.k_theta ~ torque"):
@@ -168,7 +169,7 @@ def test_one_configuration_leaves_a_law_undetermined():
     assert profiles["joint.k_y"].statement.startswith("determined")
     assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
     # The exponent at the torque itself is no parameter of the measurement at all.
-    at = measure(make_assembly()).configured("20 Nm", {"torque": 20.0})
+    at = altered(measure(make_assembly()), configuration="20 Nm", conditions={"torque": 20.0})
     blind = identify(at, [STIFFNESSES[0], law], tolerances=BLANK, starts=2)
     assert "do not determine joint.k_theta ~ torque" in " ".join(blind.advice)
     assert blind.standard_errors["joint.k_theta ~ torque"] == np.inf
@@ -213,7 +214,7 @@ def test_the_staged_fit_reaches_the_optimum_from_three_decades_off():
 
 
 def test_staged_fit_without_receptances():
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(15e3)[:2], standard_deviation_hz=5.0
     )
     found = identify(modes, STIFFNESSES, starts=1, strategy="staged")

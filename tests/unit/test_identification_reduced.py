@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scipy_fits
-from receptance import Coordinate, GroundSpring, MeasuredFRF, PointMass, Unknown, identify
+from receptance import Coordinate, GroundSpring, Observation, PointMass, Unknown, identify
 from receptance.identification import Prior
 from receptance.identification.problem import InfeasibleError, Observed, only_joint
 from receptance.identification.search import fit_direct
@@ -110,7 +110,7 @@ def test_the_curvature_at_the_best_end_is_the_one_evaluated_there():
     frf = simulate(make_assembly())
     rng = np.random.default_rng(7)
     noisy = frf.receptance * np.exp(0.01 * rng.standard_normal(LINES.size))
-    frf = MeasuredFRF(assembly=frf.assembly, frequency_hz=LINES, receptance=noisy)
+    frf = Observation(assembly=frf.assembly, frequency_hz=LINES, receptance=noisy)
     problem = task_of(frf, [*STIFFNESSES, *DASHPOTS]).problem()
     run = min(fit_direct(problem, problem.variables.draw(3, 1), 200, 1e-8), key=lambda run: run.cost)
     before = problem.evaluations
@@ -155,7 +155,7 @@ def test_the_core_ends_where_scipy_ends(lines):
     for overhang in (0.05, 0.0623):
         clean = simulate(make_assembly(overhang=overhang), lines)
         noise = np.exp(0.05 * (rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)))
-        frfs.append(MeasuredFRF(assembly=clean.assembly, frequency_hz=lines, receptance=clean.receptance * noise))
+        frfs.append(Observation(assembly=clean.assembly, frequency_hz=lines, receptance=clean.receptance * noise))
     task = task_of(frfs, [*STIFFNESSES, *DASHPOTS])
     problem = task.problem()
     starts = problem.variables.draw(6, seed)

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.errors import ReceptanceError
 from receptance.identification import Identification, Prior, Tolerance, identify
 
@@ -22,7 +22,7 @@ def make_assembly(k_theta: float = 1e5) -> Assembly:
 
 def fitted(sd: float = 0.05) -> Identification:
     noise = np.random.default_rng(1).normal(scale=sd, size=(2, LINES.size))
-    frf = MeasuredFRF(
+    frf = Observation(
         assembly=make_assembly(),
         frequency_hz=LINES,
         receptance=make_assembly().receptance(LINES) * np.exp(noise[0] + 1j * noise[1]),
@@ -65,8 +65,8 @@ def test_short_chains_are_noted():
 
 def test_a_gaussian_posterior_is_found_in_closed_form():
     """Without information in the data the posterior is the prior, cut off at the bounds."""
-    far = MeasuredFrequencies(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(5e3)[:1])
-    mode = MeasuredFrequencies(assembly=far.assembly, frequency_hz=far.frequency_hz, standard_deviation_hz=1e6)
+    far = Observation.from_modes(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(5e3)[:1])
+    mode = Observation.from_modes(assembly=far.assembly, frequency_hz=far.frequency_hz, standard_deviation_hz=1e6)
     known = Prior(mean=2e5, standard_deviation=0.3)
     found = identify(mode, Unknown(address="joint.k_theta", lower=1e3, upper=2e5, prior=known), starts=1)
     draws = np.log(found.sample(steps=1000).of("joint.k_theta"))

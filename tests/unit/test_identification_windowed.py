@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from receptance import FRF, STEEL, Assembly, Coordinate, GroundSpring, MeasuredFRF, Part, Segment, Unknown, identify
+from receptance import FRF, STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment, Unknown, identify
 from receptance.identification import find_bands
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
@@ -50,25 +50,25 @@ def test_complex_lines_equal_a_window_in_time():
 
 @pytest.mark.parametrize("form", ["receptance", "mobility", "accelerance"])
 def test_the_joint_is_found_exactly_on_complex_lines(form):
-    observed = MeasuredFRF.from_frf(make_assembly(), windowed().to(form))
+    observed = Observation.from_frf(make_assembly(), windowed().to(form))
     np.testing.assert_allclose(observed.frequency_hz, complex_lines(), rtol=1e-15)
     assert_found(identify(observed, STIFFNESSES + DASHPOTS), TRUE)
 
 
 def test_ignoring_the_window_puts_its_damping_into_the_joint():
     ignored = windowed().with_(decay_rate=0.0)
-    result = identify(MeasuredFRF.from_frf(make_assembly(), ignored), STIFFNESSES + DASHPOTS)
+    result = identify(Observation.from_frf(make_assembly(), ignored), STIFFNESSES + DASHPOTS)
     error = {address: result.values[address] / TRUE[address] - 1.0 for address in TRUE}
     # The decay of the window is more than a quarter of the damping by the rotation of the joint in this band.
     assert error["joint.c_theta"] > 0.25
-    right = identify(MeasuredFRF.from_frf(make_assembly(), windowed()), STIFFNESSES + DASHPOTS)
+    right = identify(Observation.from_frf(make_assembly(), windowed()), STIFFNESSES + DASHPOTS)
     assert np.abs(result.residuals[0]).max() > 0.05
     assert np.abs(right.residuals[0]).max() < 1e-6
 
 
 def test_wrong_window_rate_is_not_exact():
     result = identify(
-        MeasuredFRF.from_frf(make_assembly(), windowed().with_(decay_rate=0.5 * SIGMA)), STIFFNESSES + DASHPOTS
+        Observation.from_frf(make_assembly(), windowed().with_(decay_rate=0.5 * SIGMA)), STIFFNESSES + DASHPOTS
     )
     assert abs(result.values["joint.c_theta"] / TRUE["joint.c_theta"] - 1.0) > 0.1
 
@@ -77,15 +77,15 @@ def test_wrong_window_rate_is_not_exact():
 def test_any_parameter_and_objective_on_complex_lines(objective):
     # The modulus is no joint parameter: the fit then takes the whole model, not the reduced one.
     unknowns = [*STIFFNESSES, Unknown(address="tool.segment[*].youngs_modulus", lower=5e11, upper=7e11, start=6.4e11)]
-    observed = MeasuredFRF.from_frf(make_assembly(), windowed())
+    observed = Observation.from_frf(make_assembly(), windowed())
     result = identify(observed, unknowns, objective=objective, starts=4)
     modulus = make_assembly().get("tool.segment[0].youngs_modulus")
     assert_found(result, {a: TRUE[a] for a in list(TRUE)[:2]} | {"tool.segment[*].youngs_modulus": modulus}, 1e-5)
 
 
 def test_bands_and_band_limits_are_those_of_the_real_parts():
-    plain = MeasuredFRF.from_frf(make_assembly(), windowed(sigma=0.0))
-    observed = MeasuredFRF.from_frf(make_assembly(), windowed())
+    plain = Observation.from_frf(make_assembly(), windowed(sigma=0.0))
+    observed = Observation.from_frf(make_assembly(), windowed())
     assert plain.frequency_hz.dtype == np.float64
     for (low, high), (expected, _) in zip(find_bands(observed), find_bands(plain), strict=True):
         assert isinstance(low, float)
@@ -99,7 +99,7 @@ def test_bands_and_band_limits_are_those_of_the_real_parts():
 
 @pytest.mark.parametrize("unit", ["logarithm", "standard deviations", "percent"])
 def test_derivatives_on_complex_lines_against_differences(unit):
-    observed = MeasuredFRF.from_frf(make_assembly(), windowed(log_variance=1e-4), high_hz=9e3)
+    observed = Observation.from_frf(make_assembly(), windowed(log_variance=1e-4), high_hz=9e3)
     unknowns = (*STIFFNESSES, *DASHPOTS, Unknown(address="tool.segment[0].length", lower=0.06, upper=0.065))
     problem = task_of(observed, unknowns, unit, bands=[(0.0, 1e9)]).problem()
     x = np.array([8.3, 5.4, 2.2, -1.4, np.log10(0.0611)])
@@ -117,8 +117,8 @@ def test_derivatives_on_complex_lines_against_differences(unit):
 
 def test_windowed_and_plain_measurements_share_a_joint():
     observed = [
-        MeasuredFRF.from_frf(make_assembly(0.0623), windowed(log_variance=1e-4), label="windowed"),
-        MeasuredFRF.from_frf(
+        Observation.from_frf(make_assembly(0.0623), windowed(log_variance=1e-4), label="windowed"),
+        Observation.from_frf(
             make_assembly(0.114), windowed(make_assembly(0.114), 0.0, log_variance=1e-4), label="plain"
         ),
     ]
@@ -135,11 +135,11 @@ def test_windowed_and_plain_measurements_share_a_joint():
 )
 def test_invalid_complex_lines(lines, words):
     with pytest.raises(ValueError, match=words):
-        MeasuredFRF(assembly=make_assembly(), frequency_hz=lines, receptance=np.ones(LINES.size))
+        Observation(assembly=make_assembly(), frequency_hz=lines, receptance=np.ones(LINES.size))
 
 
 def test_complex_lines_without_an_imaginary_part_are_real():
-    frf = MeasuredFRF(assembly=make_assembly(), frequency_hz=LINES + 0j, receptance=np.ones(LINES.size))
+    frf = Observation(assembly=make_assembly(), frequency_hz=LINES + 0j, receptance=np.ones(LINES.size))
     assert frf.frequency_hz.dtype == np.float64
-    shifted = MeasuredFRF(assembly=make_assembly(), frequency_hz=complex_lines(), receptance=np.ones(LINES.size))
-    assert repr(shifted) == "MeasuredFRF('', 1200 lines from 100 to 15000 Hz)"
+    shifted = Observation(assembly=make_assembly(), frequency_hz=complex_lines(), receptance=np.ones(LINES.size))
+    assert repr(shifted) == "Observation('', 1200 lines from 100 to 15000 Hz)"

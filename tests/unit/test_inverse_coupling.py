@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from receptance import Coordinate, MeasuredFRF, identify
+from receptance import Coordinate, Observation, identify
 from receptance.identification import InverseCoupling, Tolerance, invert_coupling
 from tool_in_holder import TRUE, make_assembly
 
@@ -28,7 +28,7 @@ def measure(true, response, excitation=TIP, *, described=None, noise=None, sd=0.
     h = true.receptance(lines, response=response, excitation=excitation)
     if noise is not None:
         h = h * np.exp(sd * (noise.normal(size=h.size) + 1j * noise.normal(size=h.size)))
-    return MeasuredFRF(
+    return Observation(
         assembly=described or true,
         frequency_hz=lines,
         receptance=h,
@@ -127,7 +127,7 @@ def test_condition_number_bounds_error_growth(rng):
     for _ in range(100):
         error = 1e-8 * np.exp(2j * np.pi * rng.random(3)) * rng.dirichlet([1.0, 1.0, 1.0]) ** 0.5
         obs = [
-            MeasuredFRF(
+            Observation(
                 assembly=true,
                 frequency_hz=lines,
                 receptance=true.receptance(lines, response=r, excitation=e) * (1.0 + err),
@@ -203,7 +203,7 @@ def test_lines_without_a_solution_are_masked_and_named():
     values, deviations = whole[1].receptance.copy(), np.full(LINES.size, 1e-4)
     values[[40, 200]] = 1e150, 1e-160
     deviations[300] = 1e-300
-    odd = MeasuredFRF(
+    odd = Observation(
         assembly=true,
         frequency_hz=LINES,
         receptance=values,
@@ -246,7 +246,7 @@ def test_too_few_equations():
 def test_mistakes_give_messages():
     true = make_assembly()
     tip = measure(true, TIP)
-    bare = MeasuredFRF(assembly=true, frequency_hz=LINES, receptance=tip.receptance)
+    bare = Observation(assembly=true, frequency_hz=LINES, receptance=tip.receptance)
     with pytest.raises(ValueError, match="no standard deviation"):
         invert_coupling(bare)
     with pytest.raises(ValueError, match="no point joint 'taper'"):
@@ -257,7 +257,7 @@ def test_mistakes_give_messages():
         invert_coupling([tip, measure(true, NOSE, lines=LINES + LINES[-1])])
     with pytest.raises(ValueError, match="expected the same joint"):
         invert_coupling([tip, measure(make_assembly(0.08, k_y=1e9), TIP)], terms=("k_theta",))
-    with pytest.raises(TypeError, match="expected a MeasuredFRF"):
+    with pytest.raises(TypeError, match="expected an Observation"):
         invert_coupling([3])
     with pytest.raises(ValueError, match="'k_y' was not solved for, only k_theta"):
         invert_coupling(tip).term("k_y")

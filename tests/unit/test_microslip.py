@@ -15,9 +15,8 @@ from receptance import (
     Assembly,
     Coordinate,
     GrossSlipError,
-    MeasuredFrequencies,
-    MeasuredFRF,
     MicroslipJoint,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -217,7 +216,7 @@ def test_errors_name_the_mistake() -> None:
     with pytest.raises(ValueError, match="expected real lines for a stepped sine"):
         make().receptance(LINES - 1j, force=0.01)
     with pytest.raises(ValueError, match="complex lines to a decaying window"):
-        MeasuredFRF(assembly=make(), frequency_hz=LINES - 1j, receptance=make().receptance(LINES), force=1.0)
+        Observation(assembly=make(), frequency_hz=LINES - 1j, receptance=make().receptance(LINES), force=1.0)
     with pytest.raises(ValueError, match=r"no parameter 'joint.slip'; MicroslipJoint has .*, slip_y, slip_theta"):
         make().get("joint.slip")
     with pytest.raises(ValueError, match="level is 0, expected more than zero: with an exponent below 1"):
@@ -234,12 +233,12 @@ TRUE: dict[str, Any] = {"slip_y": 0.0, "exponent": 1.0, "c_y": 0.0, "c_theta": 0
 BAND = np.linspace(1500.0, 2400.0, 200)
 
 
-def hit(level: float, seed: int, *, scatter: float = 0.01, k_y: float = 2e8) -> MeasuredFRF:
+def hit(level: float, seed: int, *, scatter: float = 0.01, k_y: float = 2e8) -> Observation:
     true = make(**{**TRUE, "level": level, "k_y": k_y})
     rng = np.random.default_rng(seed)
     noise = scatter * (rng.normal(size=BAND.size) + 1j * rng.normal(size=BAND.size))
     values = true.receptance(BAND) * np.exp(noise)
-    return MeasuredFRF(
+    return Observation(
         assembly=true, frequency_hz=BAND, receptance=values, standard_deviation=scatter, label=f"level {level:g}"
     )
 
@@ -263,7 +262,7 @@ def test_slip_at_one_level_is_noted_as_indistinguishable() -> None:
 def test_natural_frequencies_at_one_level_leave_slip_undetermined() -> None:
     true = make(**{**TRUE, "level": 1.0})
     modes = true.natural_frequencies(12e3)[:2]
-    data = MeasuredFrequencies(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2)
+    data = Observation.from_modes(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2)
     for name, profile in identify([data, data], [STIFFNESS, SLIP], starts=4).profiles().items():
         assert not profile.statement.startswith("determined") or name == "joint.k_theta", profile.statement
         assert not profile.bounded or profile.upper / profile.lower > 1.5
@@ -285,7 +284,9 @@ def test_levels_are_laws_of_a_condition_as_well() -> None:
     for level in (0.3, 1.0, 2.0):
         true = make(**{**TRUE, "level": level})
         modes = true.natural_frequencies(12e3)[:2]
-        data.append(MeasuredFrequencies(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2, label=f"{level}"))
+        data.append(
+            Observation.from_modes(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2, label=f"{level}")
+        )
     exponent = Unknown(address="joint.exponent", lower=0.2, upper=2.0)
     found = identify(data, [STIFFNESS, SLIP, exponent], starts=4)
     assert found.values["joint.exponent"] == pytest.approx(1.0, abs=1e-5)
@@ -300,7 +301,7 @@ def test_stepped_sines_at_two_forces_are_identified() -> None:
         noise = 0.01 * (rng.normal(size=BAND.size) + 1j * rng.normal(size=BAND.size))
         values = true.receptance(BAND, force=force) * np.exp(noise)
         data.append(
-            MeasuredFRF(
+            Observation(
                 assembly=true,
                 frequency_hz=BAND,
                 receptance=values,

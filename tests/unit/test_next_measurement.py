@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pytest
 
-from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, Segment, identify
+from receptance import STEEL, Assembly, Coordinate, Observation, Part, Segment, identify
 from receptance.identification import (
     Candidate,
     Floor,
@@ -18,6 +18,7 @@ from receptance.identification import (
     Unknown,
     next_measurement,
 )
+from receptance.identification.observations import altered
 from tool_in_holder import LINES, STIFFNESSES, make_assembly
 from tool_in_holder import simulate_modes as modes_of
 from tool_in_machine import clamped, make_machine, measure, tolerances, unknowns
@@ -26,6 +27,11 @@ STIFF = ["joint.k_y", "joint.k_theta"]
 WIDE = np.linspace(200.0, 8000.0, 300)
 IN_BAND = np.linspace(200.0, 3000.0, 400)
 NOSE = Coordinate("holder", 0.0)
+
+
+def hypothetical(*, tolerances=(), cost=1.0, **fields):
+    make = Observation.from_modes if "modes" in fields else Observation
+    return Candidate(observation=make(**fields), tolerances=tolerances, cost=cost)
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +48,14 @@ def in_the_machine(rng):
 
 def menu():
     return {
-        "tip again": Candidate(
+        "tip again": hypothetical(
             label="tip again",
             assembly=make_machine(),
             frequency_hz=IN_BAND,
             standard_deviation=0.02,
             configuration="machine",
         ),
-        "nose": Candidate(
+        "nose": hypothetical(
             label="nose",
             assembly=make_machine(),
             frequency_hz=WIDE,
@@ -57,14 +63,14 @@ def menu():
             response=NOSE,
             configuration="machine",
         ),
-        "short": Candidate(
+        "short": hypothetical(
             label="short",
             assembly=make_machine(0.045),
             frequency_hz=WIDE,
             standard_deviation=0.03,
             tolerances=clamped("short"),
         ),
-        "free": Candidate(
+        "free": hypothetical(
             label="free",
             assembly=make_machine(free=True),
             frequency_hz=WIDE,
@@ -94,14 +100,10 @@ def test_the_interval_is_that_of_a_refit(in_the_machine, rng, label):
     extra = [t for t in candidate.tolerances if t.name not in fit.errors]
     refits = []
     for _ in range(3):
-        again = measure(
-            candidate.assembly,
-            candidate.frequency_hz,
-            float(candidate.standard_deviation[0]),
-            rng,
-            label,
-            response=candidate.response,
-        ).configured(candidate.configuration, {})
+        new = candidate.observation
+        deviation = float(new.standard_deviation[0])
+        again = measure(new.assembly, new.frequency_hz, deviation, rng, label, response=new.response)
+        again = altered(again, configuration=new.configuration)
         both = identify([data, again], unknowns(fit.values), tolerances=[*tolerances(), *extra], starts=1)
         refits.append([np.sqrt(both.covariance[i, i]) for i in range(2)])
     for spread, name in zip(np.mean(refits, axis=0), STIFF, strict=True):
@@ -114,7 +116,7 @@ def test_repeated_measurement_reduces_deviation_by_root_two(rng):
     true = make_assembly()
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
-    again = Candidate(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
+    again = hypothetical(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
     expected = next_measurement(fit, again).best.expected
     for name in STIFF:
         i = fit.addresses.index(name)
@@ -124,22 +126,26 @@ def test_repeated_measurement_reduces_deviation_by_root_two(rng):
         assert expected[name].now == pytest.approx(fit.interval(name), rel=1e-6)
 
 
-def test_a_candidate_is_an_observation_without_data():
-    """With data it is the observation that `MeasuredFRF` or `MeasuredFrequencies` makes of them."""
+def test_a_hypothetical_measurement_is_an_observation_without_values():
+    """With values it has the floor of these, and only then it can be fitted."""
     assembly = make_assembly()
     floor = Floor(relative=0.01, frequency=1e-3)
     h = assembly.receptance(LINES)
-    frf = Candidate(label="tip", assembly=assembly, frequency_hz=LINES, standard_deviation=0.02, floor=floor)
-    measured_data = frf.observation(h)
-    assert isinstance(measured_data, MeasuredFRF)
-    assert np.array_equal(measured_data.receptance, h)
-    assert measured_data.standard_deviation**2 == pytest.approx(0.02**2 + floor.variance(LINES, h), rel=1e-12)
-    assert (measured_data.label, measured_data.configuration, frf.observation().receptance[0]) == ("tip", "tip", 1.0)
-    modes = Candidate(label="modes", assembly=assembly, modes=(1, 3), standard_deviation_hz=[2.0, 3.0])
-    again = modes.observation([500.0, 4000.0])
+    blank = Observation(label="tip", assembly=assembly, frequency_hz=LINES, standard_deviation=0.02, floor=floor)
+    assert not blank.has_values
+    with pytest.raises(ValueError, match=r"Observation\('tip'.*has no values"):
+        identify(blank, STIFFNESSES)
+    measured = blank.with_values(h)
+    assert measured.has_values
+    assert np.array_equal(measured.receptance, h)
+    assert measured.standard_deviation**2 == pytest.approx(0.02**2 + floor.variance(LINES, h), rel=1e-12)
+    assert (measured.label, measured.configuration) == ("tip", "tip")
+    modes = Observation.from_modes(label="modes", assembly=assembly, modes=(1, 3), standard_deviation_hz=[2.0, 3.0])
+    assert repr(modes) == "Observation('modes', natural frequencies of modes 1, 3)"
+    again = modes.with_values([500.0, 4000.0])
     assert again.modes == (1, 3)
     assert again.frequency_hz.tolist() == [500.0, 4000.0]
-    assert again.standard_deviation_hz.tolist() == [2.0, 3.0]
+    assert again.standard_deviation.tolist() == [2.0, 3.0]
 
 
 def test_a_candidate_has_the_measuring_chain_of_the_fit(rng):
@@ -148,7 +154,7 @@ def test_a_candidate_has_the_measuring_chain_of_the_fit(rng):
     data = measure(true, LINES, 0.01, rng, "tip")
     gain = Unknown(address="observation.log_gain", lower=-0.5, upper=0.5)
     fit = identify(data, [*STIFFNESSES, gain], starts=1)
-    again = Candidate(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
+    again = hypothetical(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
     expected = next_measurement(fit, again).best.expected
     for name in (*STIFF, "observation.log_gain"):
         assert expected[name].shrink == pytest.approx(np.sqrt(0.5), rel=2e-3)
@@ -165,9 +171,9 @@ def test_an_error_of_one_name_is_one_error(rng):
     data = modes_of(true, 4e3, standard_deviation_hz=0.01)
     fit = identify(data, k_theta, tolerances=error("this clamping"), starts=1)
     options = {"assembly": true, "modes": (1,), "standard_deviation_hz": 0.01}
-    same = Candidate(label="same", tolerances=error("this clamping"), **options)
-    other = Candidate(label="other", tolerances=error("other clamping"), **options)
-    silent = Candidate(label="silent", configuration="elsewhere", **options)
+    same = hypothetical(label="same", tolerances=error("this clamping"), **options)
+    other = hypothetical(label="other", tolerances=error("other clamping"), **options)
+    silent = hypothetical(label="silent", configuration="elsewhere", **options)
     found = {one.label: one for one in next_measurement(fit, [same, other, silent]).ranking}
     # The fit's own error belongs to all that it does not exclude.
     assert found["same"].shrink == pytest.approx(found["silent"].shrink, rel=1e-9)
@@ -183,8 +189,8 @@ def test_estimated_scatter(rng):
     """Without standard deviations the residuals give the information of the measurements."""
     true = make_assembly()
     data = measure(true, LINES, 0.01, rng, "tip")
-    bare = MeasuredFRF(assembly=true, frequency_hz=LINES, receptance=data.receptance)
-    again = Candidate(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
+    bare = Observation(assembly=true, frequency_hz=LINES, receptance=data.receptance)
+    again = hypothetical(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
     expected = next_measurement(identify(bare, STIFFNESSES, starts=1), again).best.expected
     known = next_measurement(identify(data, STIFFNESSES, starts=1), again).best.expected
     for name in STIFF:
@@ -197,7 +203,7 @@ def test_dimension_errors_limit_the_gain_of_data(rng):
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
     error = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.01}, relative=True)
-    candidate = Candidate(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
+    candidate = hypothetical(label="again", assembly=true, frequency_hz=LINES, standard_deviation=0.01)
     exact = next_measurement(fit, candidate).best.expected["joint.k_theta"]
     fitted = identify(data, STIFFNESSES, tolerances=error, starts=1)
     less = next_measurement(fitted, candidate).best.expected["joint.k_theta"]
@@ -208,10 +214,10 @@ def test_predictions_as_targets(rng):
     true, other = make_assembly(), make_assembly(0.09)
     data = measure(true, LINES, 0.01, rng, "tip")
     fit = identify(data, STIFFNESSES, starts=1)
-    modes = Candidate(label="90 mm", assembly=other, modes=(1, 2))
+    modes = hypothetical(label="90 mm", assembly=other, modes=(1, 2))
     lines = np.linspace(500.0, 5000.0, 50)
-    curve = Candidate(label="90 mm", assembly=other, frequency_hz=lines)
-    candidate = Candidate(label="90 mm", assembly=other, frequency_hz=lines, standard_deviation=0.001)
+    curve = hypothetical(label="90 mm", assembly=other, frequency_hz=lines)
+    candidate = hypothetical(label="90 mm", assembly=other, frequency_hz=lines, standard_deviation=0.001)
     found = next_measurement(fit, candidate, targets=[modes, curve, "joint.k_y"])
     assert found.targets == ("90 mm: mode 1 [Hz]", "90 mm: mode 2 [Hz]", "90 mm: log receptance", "joint.k_y")
     frequencies, spreads = fit.predict_natural_frequencies(other, 10e3)
@@ -233,8 +239,8 @@ def test_open_parameters_are_evaluated_at_several_points(rng):
     mode = modes_of(true, 4e3, standard_deviation_hz=5.0)
     fit = identify([mode, mode], STIFFNESSES, starts=2)
     candidates = [
-        Candidate(label="all modes", assembly=true, modes=(1, 2, 3), standard_deviation_hz=5.0),
-        Candidate(label="nearly nothing", assembly=true, modes=(1,), standard_deviation_hz=500.0),
+        hypothetical(label="all modes", assembly=true, modes=(1, 2, 3), standard_deviation_hz=5.0),
+        hypothetical(label="nearly nothing", assembly=true, modes=(1,), standard_deviation_hz=500.0),
     ]
     found = next_measurement(fit, candidates)
     assert found.best.label == "all modes"
@@ -260,15 +266,13 @@ def test_a_law_and_the_conditions_of_a_candidate(rng):
         individual=0.05,
     )
     measured_data = [
-        measure(make_assembly(), LINES[::4], 0.01, rng, f"{insertion}").configured(
-            f"{insertion}", {"insertion": insertion}
-        )
+        altered(measure(make_assembly(), LINES[::4], 0.01, rng, f"{insertion}"), conditions={"insertion": insertion})
         for insertion in (0.04, 0.035)
     ]
     fit = identify(measured_data, law, starts=1)
-    options = {"assembly": make_assembly(), "frequency_hz": LINES[::4]}
+    options = {"assembly": make_assembly(), "frequency_hz": LINES[::4], "standard_deviation": 0.01}
     candidates = [
-        Candidate(label=f"{insertion}", conditions={"insertion": insertion}, **options)
+        hypothetical(label=f"{insertion}", conditions={"insertion": insertion}, **options)
         for insertion in (0.035, 0.03, 0.02)
     ]
     exponent = "joint.k_theta ~ insertion"
@@ -283,14 +287,14 @@ def test_a_law_and_the_conditions_of_a_candidate(rng):
     spread = 0.05 / np.sqrt(np.sum((x - x.mean()) ** 2))
     assert found.best.expected[exponent].deviation == pytest.approx(spread, rel=0.05)
     with pytest.raises(ValueError, match="has no condition 'insertion'"):
-        next_measurement(fit, Candidate(label="unknown", **options))
+        next_measurement(fit, hypothetical(label="unknown", **options))
 
 
 def test_the_cost_decides(in_the_machine):
     options = menu()
-    dear = Candidate(
+    dear = hypothetical(
         label="free",
-        assembly=options["free"].assembly,
+        assembly=options["free"].observation.assembly,
         frequency_hz=WIDE,
         standard_deviation=0.01,
         tolerances=clamped("free"),
@@ -305,9 +309,9 @@ def test_floor_limits_the_gain(in_the_machine):
     """A tenth of the noise on the same lines has ten times the benefit, but not with a floor of the previous noise."""
     fit = in_the_machine[1]
     options = {"assembly": make_machine(free=True), "frequency_hz": WIDE, "tolerances": clamped("free")}
-    noisy = Candidate(label="noisy", standard_deviation=0.01, **options)
-    floored = Candidate(label="floored", standard_deviation=1e-6, floor=0.01, **options)
-    clean = Candidate(label="clean", standard_deviation=1e-3, **options)
+    noisy = hypothetical(label="noisy", standard_deviation=0.01, **options)
+    floored = hypothetical(label="floored", standard_deviation=1e-6, floor=0.01, **options)
+    clean = hypothetical(label="clean", standard_deviation=1e-3, **options)
     found = {one.label: one.shrink for one in next_measurement(fit, [noisy, floored, clean], targets=STIFF).ranking}
     assert found["floored"] == pytest.approx(found["noisy"], rel=1e-3)
     assert found["clean"] < 0.5 * found["noisy"]
@@ -336,19 +340,19 @@ def test_mistakes_give_messages(in_the_machine):
         next_measurement(fit, options["nose"], targets="joint.k_x")
     bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
     with pytest.raises(ValueError, match="has none of the identified parameters"):
-        next_measurement(fit, Candidate(label="x", assembly=bar, frequency_hz=WIDE))
+        next_measurement(fit, hypothetical(label="x", assembly=bar, frequency_hz=WIDE, standard_deviation=0.01))
     with pytest.raises(ValueError, match="neither frequency_hz nor modes"):
-        Candidate(label="x", assembly=make_assembly())
-    with pytest.raises(ValueError, match="standard_deviation_hz is missing"):
-        next_measurement(fit, Candidate(label="x", assembly=make_assembly(), modes=(1,)))
+        Observation.from_modes(label="x", assembly=make_assembly())
+    with pytest.raises(ValueError, match="has no standard deviation"):
+        next_measurement(fit, hypothetical(label="x", assembly=make_assembly(), modes=(1,)))
     with pytest.raises(ValueError, match=r"modes is \(2, 1\), expected ascending numbers"):
-        Candidate(label="x", assembly=make_assembly(), modes=(2, 1))
+        hypothetical(label="x", assembly=make_assembly(), modes=(2, 1))
     with pytest.raises(ValueError, match=r"standard_deviation\[0\] is 0, expected a finite number above zero"):
-        Candidate(label="x", assembly=make_assembly(), frequency_hz=WIDE, standard_deviation=0.0)
-    with pytest.raises(ValueError, match=r"Candidate 'x': frequency_hz\[0\]"):
-        Candidate(label="x", assembly=make_assembly(), frequency_hz=[0.0, 10.0])
-    with pytest.raises(TypeError, match="label is ''"):
-        Candidate(label="", assembly=make_assembly(), frequency_hz=WIDE)
+        hypothetical(label="x", assembly=make_assembly(), frequency_hz=WIDE, standard_deviation=0.0)
+    with pytest.raises(ValueError, match=r"Observation 'x': frequency_hz\[1\]"):
+        hypothetical(label="x", assembly=make_assembly(), frequency_hz=[10.0, np.inf])
+    with pytest.raises(ValueError, match="has no label"):
+        hypothetical(label="", assembly=make_assembly(), frequency_hz=WIDE)
     data = measure(make_assembly(), LINES, 0.01, np.random.default_rng(0), "tip")
     percent = identify(data, STIFFNESSES, objective="percentage", starts=1)
     with pytest.raises(ValueError, match="no likelihood"):
@@ -365,13 +369,13 @@ def test_interval_of_an_open_parameter_equals_that_of_refits():
     found = next_measurement(fit, candidate, targets="joint.k_y")
     expected = found.best.expected["joint.k_y"]
     assert expected.now[1] == np.inf
-    modulus = candidate.assembly.get("tool.segment[0].youngs_modulus")
+    modulus = candidate.observation.assembly.get("tool.segment[0].youngs_modulus")
     refits = []
     for likely in found.points:
         values = {name: value for name, value in likely.items() if name.startswith("joint.")}
         values["tool.segment[0].youngs_modulus"] = modulus * np.exp(0.015 * likely["carbide"])
-        true = candidate.assembly.replace(values)
-        again = measure(true, WIDE, 0.01, rng, "free", described=candidate.assembly)
+        true = candidate.observation.assembly.replace(values)
+        again = measure(true, WIDE, 0.01, rng, "free", described=candidate.observation.assembly)
         both = identify([data, again], unknowns(values), tolerances=[*tolerances(), clamped("free")], starts=1)
         refits.append(np.sqrt(both.covariance[0, 0]))
     assert expected.deviations[:4] == pytest.approx(refits[:4], rel=0.3)

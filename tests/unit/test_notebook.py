@@ -18,7 +18,7 @@ joint = rc.PointJoint(k_y=1e8, k_theta=1e5)
 pair = rc.Assembly([rc.Part([bar], name="tool"), joint, rc.Part([bar], name="holder")])
 lines = np.linspace(500.0, 5000.0, 91)
 frf = rc.FRF(frequency_hz=lines, values=pair.receptance(lines), label="tip")
-measured = rc.MeasuredFrequencies(
+measured = rc.Observation.from_modes(
     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
 )
 errors = [rc.Tolerance(name=f"length {i}", moves={"tool.segment[0].length": 1e-5 * i}) for i in range(1, 41)]

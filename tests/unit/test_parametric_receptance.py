@@ -13,9 +13,9 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
-    MeasuredFRF,
     ModalPart,
     Mode,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -174,7 +174,7 @@ def test_invalid_candidates_are_nan_and_leave_others_unchanged() -> None:
 def test_the_misfit_is_twice_the_cost_of_a_fit() -> None:
     rows = joints(1, "viscous")[:, :2]
     h = one_by_one(plain(), JOINT[:2], rows, LINES)[0] * np.exp(0.01 * np.sin(LINES))
-    frf = MeasuredFRF(assembly=plain(), frequency_hz=LINES, receptance=h, standard_deviation=0.02)
+    frf = Observation(assembly=plain(), frequency_hz=LINES, receptance=h, standard_deviation=0.02)
     fit = identify(
         frf,
         [Unknown(address="joint.k_y", lower=1e6, upper=1e10), Unknown(address="joint.k_theta", lower=1e3, upper=1e7)],

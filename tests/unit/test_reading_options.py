@@ -127,11 +127,11 @@ def test_new_takes_a_coherence_for_each_file(
     assert "1 --coherence is given for 2 files, expected one for each" in capsys.readouterr().err
     assert call(monkeypatch, *words, "--coherence=bare.csv") == 0
     made = campaign.load("made")
-    assert [one.files for one in made.measurements.values()] == [
+    assert [made.files_of(name) for name in made.measurements] == [
         ("../a.npz", "../named.csv"),
         ("../b.npz", "../bare.csv"),
     ]
-    frf = made.measurements["a"].frf
+    frf = made.measurements["a"]
     assert frf is not None
     assert np.allclose(frf.receptance, RIGHT.values[:, 0, 0])
 
@@ -163,6 +163,6 @@ def test_a_measured_frf() -> None:
     write("tip.npz", RIGHT.conjugated())
     keys = 'kind = "frf"\nassembly = "d11_long"\nfile = "tip.npz"\nconjugate = true\nstandard_deviation = "2 %"\n'
     found = er32_with(f"\n[measurements.tip]\n{keys}")
-    frf = found.measurements["tip"].frf
+    frf = found.measurements["tip"]
     assert frf is not None
     assert np.array_equal(frf.receptance, RIGHT.values[:, 0, 0])

@@ -13,7 +13,7 @@ from receptance.campaign import Campaign
 from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue, tool_lobes
 from receptance.catalogue.figure import draw_tool
 from receptance.catalogue.results import summaries
-from receptance.identification import Candidate, next_measurement
+from receptance.identification import Candidate, Observation, next_measurement
 from receptance.report import Result
 
 HEADING = "Rejected: do not use these numbers"
@@ -69,8 +69,9 @@ def test_a_rejected_fit_states_misfit_and_bound(fit: Any) -> None:
 def test_predictions_and_candidates_begin_with_it(machine: Campaign, fit: Any) -> None:
     require_rejection(machine.predict(fit), fit.rejection)
     assembly = machine.assemblies["short"]
+    again = Observation.from_modes(label="again", assembly=assembly, modes=[1], standard_deviation_hz=2.0)
     require_rejection(
-        next_measurement(fit, Candidate(label="again", assembly=assembly, modes=(1,), standard_deviation_hz=2.0)),
+        next_measurement(fit, Candidate(observation=again)),
         fit.rejection,
     )
 

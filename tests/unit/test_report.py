@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import receptance
-from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
 from receptance.identification import Identification
 from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
 from receptance.report.figure import finished, surface
@@ -65,7 +65,7 @@ class FoundThings(Results[Found]):
 def fit() -> Identification:
     bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=pair,
         frequency_hz=pair.natural_frequencies(2e4)[:3] + np.array([3.0, -4.0, 2.0]),
         standard_deviation_hz=2.0,

@@ -17,8 +17,7 @@ from receptance import (
     CARBIDE,
     STEEL,
     Assembly,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -54,7 +53,7 @@ def verdict() -> Any:
     """A sensor of one gram that is not in the model."""
     rng = np.random.default_rng(SEED)
     observations = [
-        MeasuredFRF(
+        Observation(
             assembly=make_assembly(overhang),
             frequency_hz=LINES,
             receptance=make_assembly(overhang, PointMass(mass=1e-3)).receptance(LINES)
@@ -66,7 +65,9 @@ def verdict() -> Any:
     ]
     sensed = make_assembly(0.08, PointMass(mass=1e-3)).natural_frequencies(6000.0)[:1]
     observations.append(
-        MeasuredFrequencies(assembly=make_assembly(0.08), frequency_hz=sensed, standard_deviation_hz=2.0, label="peak")
+        Observation.from_modes(
+            assembly=make_assembly(0.08), frequency_hz=sensed, standard_deviation_hz=2.0, label="peak"
+        )
     )
     bounds = {"k_y": (1e6, 1e11), "k_theta": (1e2, 1e8), "c_y": (1e-1, 1e6), "c_theta": (1e-4, 1e3)}
     unknowns = [Unknown(address=f"joint.{name}", lower=low, upper=high) for name, (low, high) in bounds.items()]
@@ -109,7 +110,7 @@ def test_noise_in_an_antiresonance_is_no_mode() -> None:
     noisy[dip] *= 30.0
     deviation = 0.002 * np.median(np.abs(clean)) / np.abs(clean)
     for values, spread in ((noisy, 0.05), (noisy, 1.0), (clean, 0.05)):
-        one = MeasuredFRF(
+        one = Observation(
             assembly=bar,
             frequency_hz=lines,
             receptance=values,
@@ -127,7 +128,7 @@ def test_modes_are_listed_beside_a_discrepancy() -> None:
     """A discrepancy enlarges the deviations of lines at resonances, which are modes nevertheless."""
     lines = np.arange(200.0, 6400.0, 4.0)
     bar = Assembly([Part([Segment(length=0.15, outer_diameter=0.012, material=CARBIDE)], name="bar")])
-    one = MeasuredFRF(
+    one = Observation(
         assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines), standard_deviation=0.01, label="bar"
     )
     loss = Unknown(address="bar.segment[0].loss_factor", lower=1e-6, upper=0.3, start=1e-3)
@@ -265,7 +266,7 @@ def _luminance(colour: str) -> float:
 def test_natural_frequencies_without_an_explanation(tmp_path: Path) -> None:
     """Overhangs that deviate from the stated ones with alternating sign: no cause of the list explains it."""
     observations = [
-        MeasuredFrequencies(
+        Observation.from_modes(
             assembly=make_assembly(overhang),
             frequency_hz=make_assembly(overhang + off).natural_frequencies(9000.0)[:2],
             standard_deviation_hz=0.3,

@@ -12,7 +12,7 @@ from receptance import (
     STEEL,
     Assembly,
     Coordinate,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     Resonator,
@@ -97,7 +97,7 @@ def test_axial_motion_includes_the_resonator() -> None:
 def test_mass_and_stiffness_are_identified() -> None:
     truth = Assembly([TOOL, JOINT, HOLDER], [absorber("holder", 0.04)])
     start = truth.replace({"absorber.mass": 0.02, "absorber.k_y": 2e6})
-    measured = MeasuredFRF(
+    measured = Observation(
         assembly=start, frequency_hz=LINES, receptance=truth.receptance(LINES), standard_deviation=0.01
     )
     unknowns = [

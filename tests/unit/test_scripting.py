@@ -18,7 +18,7 @@ from receptance.report import Result
 TOOL = rc.Part([rc.Segment(length=0.0623, outer_diameter=0.0127, material=rc.CARBIDE)], name="tool")
 HOLDER = rc.Part([rc.Segment(length=0.129, outer_diameter=0.045, material=rc.STEEL)], name="holder")
 PAIR = rc.Assembly([TOOL, rc.PointJoint(k_y=6.3e8, k_theta=1.0e5, name="joint"), HOLDER])
-MEASURED = rc.MeasuredFrequencies(
+MEASURED = rc.Observation.from_modes(
     assembly=PAIR, frequency_hz=PAIR.natural_frequencies(15e3)[:2], standard_deviation_hz=2.0
 )
 

@@ -20,7 +20,7 @@ from machine_spindle import (
     seen_at_the_plane,
     with_spindle,
 )
-from receptance import Assembly, Coordinate, GroundSpring, MeasuredFRF, PointMass, ReceptanceWarning
+from receptance import Assembly, Coordinate, GroundSpring, Observation, PointMass, ReceptanceWarning
 from receptance.spindle import fit_spindle, identify_spindle, rotations
 
 SPARSE = LINES[::6]
@@ -70,7 +70,7 @@ def test_lines_of_an_exponential_window() -> None:
     whole = with_spindle(blank, make_spindle())
     tip, near = Coordinate("blank", 0.0), Coordinate("blank", 0.07)
     observed = [
-        MeasuredFRF(
+        Observation(
             assembly=blank,
             frequency_hz=lines,
             receptance=whole.receptance(lines, response=a, excitation=b),
@@ -117,7 +117,7 @@ def test_undetermined_lines_are_masked() -> None:
         nothing.part()
 
 
-def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -> tuple[MeasuredFRF, ...]:
+def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -> tuple[Observation, ...]:
     """Return rotations from evenly spaced points, `count` of them."""
     places = [spacing * i for i in range(count)]
     return rotations([measure(blank, b, a, sd=sd, lines=LOW) for i, a in enumerate(places) for b in places[i:]])
@@ -126,7 +126,7 @@ def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -
 LOW = LINES[:100:3]
 
 
-def errors(blank: Assembly, rotations: tuple[MeasuredFRF, ...]) -> list[float]:
+def errors(blank: Assembly, rotations: tuple[Observation, ...]) -> list[float]:
     """Return the median relative errors after comparing them with the stated deviations."""
     machine, found = with_spindle(blank, make_spindle()), []
     for one in rotations:
@@ -205,9 +205,9 @@ def test_modes_are_fitted_to_the_responses() -> None:
     assert fit.covariance.shape == (len(fit.addresses),) * 2
 
 
-def changed(one: MeasuredFRF, **changes: Any) -> MeasuredFRF:
+def changed(one: Observation, **changes: Any) -> Observation:
     names = ("assembly", "frequency_hz", "receptance", "response", "excitation", "standard_deviation", "label")
-    return MeasuredFRF(**{name: getattr(one, name) for name in names} | changes)
+    return Observation(**{name: getattr(one, name) for name in names} | changes)
 
 
 class TestErrors:
@@ -238,7 +238,7 @@ class TestErrors:
             changed(one, frequency_hz=SPARSE[rows], receptance=one.receptance[rows], standard_deviation=0.003)
             for one, rows in zip(self.good, (early, early, late), strict=True)
         ]
-        with pytest.raises(ValueError, match=r"no line that all of MeasuredFRF\(.*from 100 to 9\d\d Hz\)"):
+        with pytest.raises(ValueError, match=r"no line that all of Observation\(.*from 100 to 9\d\d Hz\)"):
             identify_spindle(cut)
 
     def test_insufficient_measurements(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, MeasuredFrequencies, MeasuredFRF, Part, PointJoint, Segment, damped_modes
+from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, damped_modes
 from receptance.campaign.comparison import expected_misfit
 from receptance.stability import Milling, stability_lobes
 from receptance.sweep import (
@@ -97,13 +97,13 @@ def test_misfit_is_twice_the_cost_of_identify() -> None:
     truth = pair()
     rng = np.random.default_rng(5)
     noise = 0.01 * (rng.standard_normal(60) + 1j * rng.standard_normal(60))
-    frf = MeasuredFRF(
+    frf = Observation(
         assembly=pair(),
         frequency_hz=LINES,
         receptance=truth.receptance(LINES) * np.exp(noise),
         standard_deviation=np.linspace(0.01, 0.02, 60),
     )
-    modes = MeasuredFrequencies(
+    modes = Observation.from_modes(
         assembly=pair(0.12), frequency_hz=pair(0.12).natural_frequencies(6000.0)[:2] * 1.001, standard_deviation_hz=2.0
     )
     values = Listed({"joint.k_theta": [5e4, 1e5], "joint.k_y": [2e8, 1e8]})
@@ -121,8 +121,8 @@ def test_misfit_is_twice_the_cost_of_identify() -> None:
 def test_damping_ratios_count_in_the_misfit_and_in_its_expectation() -> None:
     """The misfit of noise is the number of measured values, and other damping ratios are another sweep."""
 
-    def measured(ratio: float) -> MeasuredFrequencies:
-        return MeasuredFrequencies(
+    def measured(ratio: float) -> Observation:
+        return Observation.from_modes(
             assembly=pair(), frequency_hz=pair().natural_frequencies(2e4)[:2], standard_deviation_hz=1.0,
             damping_ratio=[ratio, np.nan], standard_deviation_damping=1e-3,
         )  # fmt: skip
@@ -246,7 +246,7 @@ def test_progress_is_reported_after_each_block() -> None:
 
 def test_block_duration_is_limited() -> None:
     speeds = np.linspace(5000.0, 20000.0, 200)
-    measured = MeasuredFRF(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES))
+    measured = Observation(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES))
     cut = Milling(teeth=2, k_t=6e8, k_n=2e8)
     blocks = []
     for output in (

@@ -21,7 +21,7 @@ import xarray as xr
 from scipy import stats
 
 from limits import LIMIT_S
-from receptance import STEEL, Assembly, MeasuredFRF, Part, PointJoint, ReceptanceWarning, Segment
+from receptance import STEEL, Assembly, Observation, Part, PointJoint, ReceptanceWarning, Segment
 from receptance.sweep import (
     FrequencyResponse,
     Grid,
@@ -50,7 +50,7 @@ def pair() -> Assembly:
 
 def measure() -> Misfit:
     return Misfit(
-        MeasuredFRF(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES), standard_deviation=0.01)
+        Observation(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES), standard_deviation=0.01)
     )
 
 

@@ -17,11 +17,11 @@ from receptance import (
     Assembly,
     Coordinate,
     GroundSpring,
-    MeasuredFRF,
     MeasuredPart,
     MicroslipJoint,
     ModalPart,
     Mode,
+    Observation,
     Part,
     PointJoint,
     PointMass,
@@ -142,7 +142,7 @@ def test_modes_are_identified() -> None:
     lines = np.linspace(200.0, 3000.0, 500)
     true = Assembly([TOOL, JOINT, HOLDER, TAPER, MODAL])
     data = [
-        MeasuredFRF(assembly=true, frequency_hz=lines, receptance=true.receptance(lines, response=p), response=p)
+        Observation(assembly=true, frequency_hz=lines, receptance=true.receptance(lines, response=p), response=p)
         for p in (Coordinate(), Coordinate("holder", 0.0))
     ]
     unknowns = [
@@ -189,7 +189,7 @@ def test_modes_and_tables_are_fitted() -> None:
     lines = LINES[100:380:4]
     for spindle, name in ((MODAL, "spindle.mode[1].damping_ratio"), (table(), "spindle.residual_y")):
         true = Assembly([TOOL, JOINT, HOLDER, TAPER, spindle])
-        data = MeasuredFRF(assembly=true, frequency_hz=lines, receptance=true.receptance(lines))
+        data = Observation(assembly=true, frequency_hz=lines, receptance=true.receptance(lines))
         value = true.get(name)
         unknowns = [
             Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=1.05e5),
@@ -208,7 +208,7 @@ def test_a_window_on_a_structure_with_modes() -> None:
     true = Assembly([TOOL, JOINT, HOLDER, MODAL])
     s = 2j * np.pi * lines
     recorded = true.receptance(lines - 1j * rate / (2.0 * np.pi)) * (1.0 + rate / s) ** 2
-    data = MeasuredFRF(assembly=true, frequency_hz=lines, receptance=recorded)
+    data = Observation(assembly=true, frequency_hz=lines, receptance=recorded)
     unknowns = [
         Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=1.2e5),
         Unknown(address="observation.decay_rate", lower=0.0, upper=100.0, start=10.0, scale="linear"),

@@ -13,8 +13,7 @@ from receptance import (
     CARBIDE,
     STEEL,
     Assembly,
-    MeasuredFrequencies,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -37,10 +36,10 @@ def make_assembly(length: float, **joint: float) -> Assembly:
     return Assembly([tool, PointJoint(**values, name="joint"), Part(sections, name="holder")])
 
 
-def frequencies(length: float, spread: float | None = 1.0, **joint: float) -> MeasuredFrequencies:
+def frequencies(length: float, spread: float | None = 1.0, **joint: float) -> Observation:
     """Return exact natural frequencies, rounded."""
     modes = make_assembly(length, **joint).natural_frequencies(2e4)[:2]
-    return MeasuredFrequencies(
+    return Observation.from_modes(
         assembly=make_assembly(length),
         frequency_hz=modes,
         standard_deviation_hz=spread,
@@ -48,14 +47,14 @@ def frequencies(length: float, spread: float | None = 1.0, **joint: float) -> Me
     )
 
 
-def responses(seed: int = 0, noise: float = 0.01) -> list[MeasuredFRF]:
+def responses(seed: int = 0, noise: float = 0.01) -> list[Observation]:
     """Return noisy receptances."""
     rng = np.random.default_rng(seed)
     found = []
     for length in LENGTHS:
         scatter = noise * (rng.standard_normal(LINES.size) + 1j * rng.standard_normal(LINES.size))
         found.append(
-            MeasuredFRF(
+            Observation(
                 assembly=make_assembly(length),
                 frequency_hz=LINES,
                 receptance=make_assembly(length).receptance(LINES) * np.exp(scatter),
@@ -156,7 +155,7 @@ def test_drawn_and_linear_bands_agree_for_small_uncertainty() -> None:
 
 def test_receptance_of_undetermined_parameters_has_an_open_band() -> None:
     rigid = make_assembly(0.06, k_theta=1e9)
-    mode = MeasuredFrequencies(
+    mode = Observation.from_modes(
         assembly=rigid, frequency_hz=rigid.natural_frequencies(5e3)[:1], standard_deviation_hz=5.0
     )
     fit = identify([mode, mode], STIFFNESSES, starts=1)
@@ -168,7 +167,7 @@ def test_missing_scatter_is_estimated() -> None:
     rng = np.random.default_rng(3)
     measured = [frequencies(length, spread=None) for length in (0.04, 0.05, 0.06, 0.07, 0.08)]
     measured = [
-        MeasuredFrequencies(
+        Observation.from_modes(
             assembly=o.assembly,
             frequency_hz=o.frequency_hz * (1.0 + 1e-3 * rng.standard_normal(2)),
             configuration=o.configuration,
@@ -184,7 +183,7 @@ def test_missing_scatter_is_estimated() -> None:
 
 def test_laws_are_extrapolated_and_individual_parts_widen() -> None:
     measured = [
-        MeasuredFrequencies(
+        Observation.from_modes(
             assembly=make_assembly(0.06),
             frequency_hz=make_assembly(0.06, k_theta=8e4 * (torque / 40.0) ** 0.5).natural_frequencies(2e4)[:2],
             standard_deviation_hz=0.5,
@@ -207,7 +206,7 @@ def test_laws_are_extrapolated_and_individual_parts_widen() -> None:
 def test_unpredictable_quantities_are_reported() -> None:
     other = Part([Segment(length=0.05, outer_diameter=0.01, material=CARBIDE)], name="tool")
     lonely = Assembly([other, PointJoint(k_y=1e8, k_theta=1e4, name="other"), make_assembly(0.05).elements["holder"]])
-    alone = MeasuredFrequencies(
+    alone = Observation.from_modes(
         assembly=lonely,
         frequency_hz=lonely.natural_frequencies(2e4)[:2],
         standard_deviation_hz=1.0,

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from receptance import Assembly, MeasuredFRF, campaign, examples
+from receptance import Assembly, Observation, campaign, examples
 from receptance.campaign import Campaign
 from receptance.examples.simulated import FREE_FREE_JOINT
 
@@ -80,21 +80,21 @@ def read_campaign() -> Campaign:
 
 def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str, Assembly]]:
     """Return the campaign measured on structures that err, and these structures by measurement."""
-    names = sorted({error.name for measured in read.measurements.values() for error in measured.tolerances})
+    names = sorted({error.name for errors in read.errors.values() for error in errors})
     errs = {name: float(rng.standard_normal()) for name in names}
     measurements, structures = {}, {}
     for name, measured in read.measurements.items():
-        data = measured.observation
-        assert isinstance(data, MeasuredFRF)
+        data = measured
+        assert data.is_receptance
         true = data.assembly.replace(FREE_FREE_JOINT)
         values: dict[str, float] = {}
-        for error in measured.tolerances:
+        for error in read.errors[name]:
             for address, size in error.moves.items():
                 values[address] = values.get(address, true.get(address)) + errs[error.name] * size
         structures[name] = true = true.replace(values)
         h = true.receptance(data.frequency_hz, response=data.response, excitation=data.excitation)
         noise = NOISE * (rng.standard_normal(h.size) + 1j * rng.standard_normal(h.size))
-        again = MeasuredFRF(
+        again = Observation(
             assembly=data.assembly,
             frequency_hz=data.frequency_hz,
             receptance=h * np.exp(noise),
@@ -102,8 +102,10 @@ def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str
             response=data.response,
             excitation=data.excitation,
             label=name,
+            configuration=data.configuration,
+            conditions=data.conditions,
         )
-        measurements[name] = replace(measured, observation=again)
+        measurements[name] = again
     return replace(read, measurements=measurements), structures
 
 
@@ -123,7 +125,7 @@ def measure(seed: int, draws: int) -> Coverage:
         held_out = drawn.measurements["long"]
         true = structures["long"].natural_frequencies(7e3)[: len(MODES)]
         predicted, deviation = identified.predict_natural_frequencies(
-            held_out.observation.assembly, 7e3, configuration="long", tolerances=held_out.tolerances
+            held_out.assembly, 7e3, configuration="long", tolerances=drawn.errors["long"]
         )
         inside = np.abs(predicted[: len(MODES)] - true) <= 1.96 * deviation[: len(MODES)]
         for name, yes in zip(MODES, inside, strict=True):

@@ -22,7 +22,7 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import hammer_joint
-from receptance import FRF, Assembly, Coordinate, Material, MeasuredFRF, Part, PointJoint, Segment, Unknown, identify
+from receptance import FRF, Assembly, Coordinate, Material, Observation, Part, PointJoint, Segment, Unknown, identify
 from receptance.frf.variance import pool_variance, variance_from_coherence
 
 LEVEL = 0.95
@@ -88,7 +88,7 @@ def scores(seed: int, case: int, averages: int = 10) -> NDArray[np.float64]:
     ]
     own = []
     for frf in measure_frfs(rng, joint, averages):
-        found = identify(MeasuredFRF.from_frf(assembly, frf), unknowns, starts=1, threads=1)
+        found = identify(Observation.from_frf(assembly, frf), unknowns, starts=1, threads=1)
         errors = [np.log10(found.values[f"joint.{name}"] / joint[name]) for name in NAMES]
         own.append(np.asarray(errors) / np.sqrt(np.diag(found.covariance)))
     return np.array(own)

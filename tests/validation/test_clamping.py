@@ -11,7 +11,7 @@ import clamping
 import er32_joints
 import er32_tables
 import study_scripts
-from receptance import MeasuredFrequencies
+from receptance import Observation
 
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)
 
@@ -50,7 +50,7 @@ def _law_of(exponent: float, rng: np.random.Generator) -> clamping.FittedLaw:
         true = er32_tables.assembly(9.53, 62.6, k_y, 4e4)
         frequency = true.natural_frequencies(15e3)[:2].round()
         states.append(
-            MeasuredFrequencies(
+            Observation.from_modes(
                 assembly=true,
                 frequency_hz=frequency,
                 standard_deviation_hz=er32_joints.Resolution().standard_deviation(frequency),

@@ -17,7 +17,7 @@ from er32 import overhang_scatter
 from er32_bias import find_slopes, sign_test
 from er32_joints import JOINT, SHARED, follow_joint, joint_of, with_factors
 from er32_tables import Published, assembly, load
-from receptance.identification import MeasuredFrequencies, Unknown, identify
+from receptance.identification import Observation, Unknown, identify
 
 TORQUE = 135.0  # recommended by the manufacturer
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)
@@ -85,7 +85,7 @@ def test_intervals_contain_values_of_equal_printed_digits(form: dict[str, Any], 
             frequency = printed + half * random.uniform(-1.0, 1.0, 2)
             model = assembly(diameter, published.mount(diameter).overhang_mm, 1e9, 1e5)
             found = identify(
-                MeasuredFrequencies(assembly=model, frequency_hz=frequency),
+                Observation.from_modes(assembly=model, frequency_hz=frequency),
                 [Unknown(address=a, lower=low, upper=1e4 * low) for a, low in zip(JOINT, (1e7, 1e3), strict=True)],
                 starts=2,
             )

@@ -11,7 +11,7 @@ from receptance import (
     Assembly,
     Coordinate,
     Material,
-    MeasuredFRF,
+    Observation,
     Part,
     PointJoint,
     Segment,
@@ -90,7 +90,7 @@ def test_joint_is_unbiased_with_a_known_exponential_window(summarise):
             warnings.simplefilter("ignore", ReceptanceWarning)
             ignoring = frf.with_(decay_rate=0.0)
         for name, one in (("with the shift", frf), ("without it", ignoring)):
-            found = identify(MeasuredFRF.from_frf(assembly, one), UNKNOWNS, starts=3)
+            found = identify(Observation.from_frf(assembly, one), UNKNOWNS, starts=3)
             assert found.converged
             errors[name].append([(found.values[a] - TRUE[a]) / found.standard_errors[a] for a in TRUE])
     means = {name: np.mean(rows, axis=0) for name, rows in errors.items()}

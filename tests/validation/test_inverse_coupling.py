@@ -9,7 +9,7 @@ import pytest
 
 from oracle import exact
 from oracle.tables import joint, make, segment
-from receptance import Assembly, Coordinate, Material, MeasuredFRF, Part, PointJoint, Segment, identify
+from receptance import Assembly, Coordinate, Material, Observation, Part, PointJoint, Segment, identify
 from receptance.identification import invert_coupling
 from simulated_campaigns import BOUNDS, simulate_campaign
 
@@ -49,7 +49,7 @@ def test_reference_joint_is_recovered() -> None:
     h = exact.receptance_complex128(tables, w, points, points)
     pairs = [(0, 0), (1, 0), (1, 1)]
     found = invert_coupling([
-        MeasuredFRF(
+        Observation(
             assembly=make_model(),
             frequency_hz=LINES_HZ,
             receptance=h[:, r, e],

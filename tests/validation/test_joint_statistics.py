@@ -15,7 +15,7 @@ import coherence_coverage
 import joint_coverage
 import joint_global_optimum
 
-from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.identification import Identification, Tolerance, identify
 from simulated_campaigns import confidence
 
@@ -40,7 +40,7 @@ def drawn_from_the_prior(
 
     true = assembled(k_theta, 0.0127 * np.exp(0.002 * error))
     noise = 0.05 * rng.standard_normal((2, LINES.size))
-    frf = MeasuredFRF(
+    frf = Observation(
         assembly=assembled(1e5, 0.0127),
         frequency_hz=LINES,
         receptance=true.receptance(LINES) * np.exp(noise[0] + 1j * noise[1]),

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from receptance import FRF, Assembly, Material, MeasuredFrequencies, Part, ReceptanceWarning, Segment, Unknown, identify
+from receptance import FRF, Assembly, Material, Observation, Part, ReceptanceWarning, Segment, Unknown, identify
 from receptance.io import read_frf
 from receptance.modal import circle_fit, find_peaks, fit_modes
 
@@ -76,7 +76,7 @@ def test_natural_frequencies_are_those_of_a_timoshenko_beam(measured):
 
     # Timoshenko is within 0.03 % where Euler and Bernoulli, scaled to the first, miss the fourth by 2.7 %.
     beam = timoshenko()
-    found = identify(MeasuredFrequencies(assembly=beam, frequency_hz=frequency), UNKNOWNS, starts=4)
+    found = identify(Observation.from_modes(assembly=beam, frequency_hz=frequency), UNKNOWNS, starts=4)
     assert found.converged
     left = 100.0 * (found.apply(beam).natural_frequencies(1100.0) / frequency - 1.0)
     beta = np.array([4.730041, 7.853205, 10.995608, 14.137165])
@@ -87,7 +87,7 @@ def test_natural_frequencies_are_those_of_a_timoshenko_beam(measured):
 
     # With a beam six times as stiff in shear the same two parameters leave more than twice as much.
     stiff = beam.replace({"beam.segment[0].poisson_ratio": -0.9})
-    other = identify(MeasuredFrequencies(assembly=stiff, frequency_hz=frequency), UNKNOWNS, starts=4)
+    other = identify(Observation.from_modes(assembly=stiff, frequency_hz=frequency), UNKNOWNS, starts=4)
     print("rms in % with E/(kappa G) of 3.06 and 0.53:", found.rms, other.rms)
     assert other.rms > 2.0 * found.rms
 

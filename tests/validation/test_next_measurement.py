@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from receptance import identify
-from receptance.identification import Candidate, next_measurement
+from receptance.identification import Candidate, Observation, next_measurement
 from simulated_campaigns import PARAMETERS, simulate_campaign
 
 SEED = 20261121
@@ -27,14 +27,15 @@ def compared(seed: int) -> list[tuple[str, float, float]]:
     starts = {name: value for name, value in campaign.truth.items() if name in PARAMETERS or ".c_" in name}
     unknowns = campaign.unknowns({k: v for k, v in starts.items() if k != "joint.c_ytheta"})
     found = identify(first, unknowns, tolerances=shared, starts=1)
-    candidate = Candidate(
+    observation = Observation(
         label="second",
         assembly=second.assembly,
         frequency_hz=second.frequency_hz,
         standard_deviation=campaign.noise,
-        tolerances=tuple(t for t in campaign.tolerances if t.configurations == ("1",)),
         configuration="1",
     )
+    own = tuple(t for t in campaign.tolerances if t.configurations == ("1",))
+    candidate = Candidate(observation=observation, tolerances=own)
     expected = next_measurement(found, candidate, targets=list(PARAMETERS)).best.expected
     both = identify([first, second], unknowns, tolerances=campaign.tolerances, starts=1)
     size = {"joint.k_ytheta": np.sqrt(campaign.truth["joint.k_y"] * campaign.truth["joint.k_theta"])}

@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 
 import finite_elements
 from machine_spindle import LINES, at_two_places, make_blank, make_spindle, seen_at_the_plane, with_spindle
-from receptance import Assembly, Coordinate, Material, MeasuredFRF, ModalPart, Mode, Part, Segment
+from receptance import Assembly, Coordinate, Material, ModalPart, Mode, Observation, Part, Segment
 from receptance.spindle import fit_spindle, identify_spindle
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "21"))
@@ -100,7 +100,7 @@ def test_tips_of_several_lengths_cover(
                     blank = Part([Segment(length=length, outer_diameter=0.05, material=steel)], name="blank")
                     noise = np.exp(sd * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size)))
                     observed.append(
-                        MeasuredFRF(
+                        Observation(
                             assembly=Assembly([blank]),
                             frequency_hz=lines,
                             receptance=h * noise,
@@ -161,7 +161,7 @@ def test_bands_of_a_spindle_as_modes_cover(
             noise = rng.normal(size=measured.size) + 1j * rng.normal(size=measured.size)
             h = machine(blank).receptance(measured, **places) * np.exp(0.01 * noise)
             observed.append(
-                MeasuredFRF(assembly=blank, frequency_hz=measured, receptance=h, standard_deviation=0.01, **places)
+                Observation(assembly=blank, frequency_hz=measured, receptance=h, standard_deviation=0.01, **places)
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

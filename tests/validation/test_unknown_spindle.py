@@ -67,7 +67,7 @@ def test_a_real_machine_is_predicted_better_than_by_interpolation(tmp_path: Path
 @pytest.mark.slow
 def test_modes_are_added_to_those_with_a_peak(tmp_path: Path) -> None:
     loaded = simulated(103).write(tmp_path, 5)
-    observed = [one.observation for one in loaded.to_identify.values()]
+    observed = list(loaded.to_identify.values())
     bounds = bounds_of_modes("spindle", [{}] * 5, {}, observed)
     own = [one for one in loaded.unknowns if not one.address.startswith("spindle.")]
     begun = start_modes(observed, [*own, *bounds], "spindle")

@@ -1,6 +1,5 @@
 from .check import CampaignCheck as CampaignCheck
 from .comparison import Comparison as Comparison
-from .measurements import Measurement as Measurement
 from .prediction import Prediction as Prediction
 from .prediction import forecast_of as forecast_of
 from .problems import CampaignError as CampaignError

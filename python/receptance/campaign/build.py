@@ -22,7 +22,6 @@ from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, P
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 
 if TYPE_CHECKING:
-    from receptance.campaign.measurements import Measurement
     from receptance.campaign.problems import KeyPath, Problems
     from receptance.campaign.schema import (
         AssemblyTable,
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
         MeasurementTable,
         UnknownTable,
     )
+    from receptance.identification.observations import Observation
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
@@ -40,6 +40,7 @@ _KINDS = (
     *(one.element.__name__ for one in (*JOINTS.choices, *ATTACHMENTS.choices)),
     "Section",
     "Candidate",
+    "Observation",
     "Milling",
     "Turning",
 )
@@ -457,7 +458,7 @@ def _without_owner(text: str) -> str:
 
 
 def modal_unknowns(
-    table: CampaignTable, built: Built, measurements: Mapping[str, Measurement], builder: Builder
+    table: CampaignTable, built: Built, measurements: Mapping[str, Observation], builder: Builder
 ) -> dict[str, Unknown]:
     """Return the unknowns of modal parts with `identify = true` that are not listed in `unknowns`."""
     found: dict[str, Unknown] = {}
@@ -466,9 +467,9 @@ def modal_unknowns(
             continue
         path: KeyPath = ("modal_parts", name)
         seen = [
-            measurement.frf
-            for measurement in measurements.values()
-            if not measurement.held_out and measurement.frf is not None and name in measurement.frf.assembly.elements
+            frf
+            for title, frf in measurements.items()
+            if table.measurements[title].role == "identify" and frf.is_receptance and name in frf.assembly.elements
         ]
         if not seen:
             builder.problems.add(

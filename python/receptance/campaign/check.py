@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.campaign.measurements import Measurement
     from receptance.campaign.run import Campaign
+    from receptance.identification.observations import Observation
 
 _MOST_DRAWN = 8
 """Most assemblies in the figure; those of the same shape are drawn once."""
@@ -72,10 +72,10 @@ class CampaignCheck(Result):
             fit = 'no unknowns, expected such as "joint.k_theta" under [unknowns]'
         else:
             fit = _refusal(lambda: observed_unknowns(one, one.to_identify))
-        weights = [name for name, measured in one.to_identify.items() if not measured.observation.weighted]
+        weights = [name for name, observation in one.to_identify.items() if not observation.weighted]
         lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
         identify = fit or _refusal(one.fitted)
-        measured = {measurement.assembly for measurement in one.measurements.values()}
+        measured = {observation.configuration for observation in one.measurements.values()}
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
         tips = [tip for cut in one.cuts.values() for tip in (cut.x, cut.y)]
         predicted = any(tip is not None and tip.assembly for tip in tips)
@@ -116,10 +116,10 @@ class CampaignCheck(Result):
         return [table for table in tables if table.rows]
 
     def _measured(self, assembly: str) -> str:
-        own = [measured for measured in self.campaign.measurements.values() if measured.assembly == assembly]
+        own = [table for table in self.campaign.table.measurements.values() if table.assembly == assembly]
         if not own:
             return "predicted"
-        held = sum(measured.held_out for measured in own)
+        held = sum(table.role == "hold out" for table in own)
         if held == len(own):
             return "held out"
         return "identify" + (f", {held} of {len(own)} held out" if held else "")
@@ -140,8 +140,8 @@ class CampaignCheck(Result):
         """Return what the description lacks, with the keys to write."""
         one = self.campaign
         found = []
-        frfs = {name: measured for name, measured in one.measurements.items() if measured.frf is not None}
-        bare = [name for name, measured in frfs.items() if measured.sensor is None]
+        frfs = {name: observation for name, observation in one.measurements.items() if observation.is_receptance}
+        bare = [name for name in frfs if one.table.measurements[name].sensor is None]
         if bare:
             found.append(
                 f"no sensor is stated for {_listed(bare)}: right for a laser; the mass of an accelerometer belongs to "
@@ -157,7 +157,7 @@ class CampaignCheck(Result):
                 'no measurement is held out, so predictions are not tested by `predict`; write `role = "hold out"` '
                 "in one, or use `transfer`, which holds out each assembly in turn"
             )
-        measured = {measurement.assembly for measurement in one.measurements.values()}
+        measured = {observation.configuration for observation in one.measurements.values()}
         if one.unknowns and len(measured) == 1:
             found.append(
                 "one assembly was measured: several overhangs separate the joint from errors of dimensions and sensors"
@@ -184,13 +184,13 @@ class CampaignCheck(Result):
             },
             "measurements": {
                 name: {
-                    "assembly": measured.assembly,
-                    "data": measured.observation.describe(),
-                    "sensor": measured.sensor,
-                    "role": measured.role,
-                    "files": measured.files,
+                    "assembly": table.assembly,
+                    "data": one.measurements[name].describe(),
+                    "sensor": table.sensor,
+                    "role": table.role,
+                    "files": one.files_of(name),
                 }
-                for name, measured in one.measurements.items()
+                for name, table in one.table.measurements.items()
             },
             "unknowns": {unknown.name: [unknown.lower, unknown.upper] for unknown in one.unknowns},
             "missing": {name: text for name, text in self.missing.items() if text},
@@ -202,9 +202,9 @@ class CampaignCheck(Result):
         groups: dict[Any, list[str]] = {}
         drawings: dict[Any, Drawing] = {}
         for name, assembly in self.campaign.assemblies.items():
-            measured = [m for m in self.campaign.measurements.values() if m.assembly == name]
+            measured = [m for m in self.campaign.measurements.values() if m.configuration == name]
             marks = tuple(dict.fromkeys(mark for one in measured for mark in _marks(one)))
-            shown = measured[0].observation.assembly if measured else assembly
+            shown = measured[0].assembly if measured else assembly
             key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
             groups.setdefault(key, []).append(name)
             drawings.setdefault(key, Drawing(shown, "", marks))
@@ -232,10 +232,10 @@ def _shape(item: tuple[str, Any]) -> Any:
     return name, sizes, getattr(element, "length", 0.0)
 
 
-def _marks(measured: Measurement) -> list[Mark]:
-    if measured.frf is None:
+def _marks(measured: Observation) -> list[Mark]:
+    if not measured.is_receptance:
         return []
-    response, excitation = measured.frf.response, measured.frf.excitation
+    response, excitation = measured.response, measured.excitation
     return [
         Mark(_mark("response", response), response, "response"),
         Mark(_mark("hit", excitation), excitation, "excitation"),

@@ -13,7 +13,7 @@ import numpy as np
 from receptance._text import instead_of
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.values import kind_of
-from receptance.identification import Identification, MeasuredFrequencies, MeasuredFRF
+from receptance.identification import Identification, Observation
 from receptance.identification.mapping import FACTORS
 from receptance.identification.observations import altered
 from receptance.identification.prediction import Forecast
@@ -221,21 +221,21 @@ def compare_candidates(
 
 def _observations(
     campaign: Campaign, varied: Sequence[str], given: Mapping[str, float]
-) -> tuple[tuple[MeasuredFRF | MeasuredFrequencies, ...], Identification | None]:
+) -> tuple[tuple[Observation, ...], Identification | None]:
     """Return the observations with given and identified values of parameters that do not vary, and the fit."""
     measurements = dict(campaign.to_identify)
-    every = [measurement.observation.assembly for measurement in measurements.values()]
+    every = [observation.assembly for observation in measurements.values()]
     for address in (*varied, *given):
         if not any(covered(address, assembly) for assembly in every):
             known = sorted({name for assembly in every for name in assembly.parameters})
             text = f'no measured assembly has the parameter "{address}"{instead_of(address, known)}'
             raise CampaignError.about(campaign.file, text)
     for address, value in given.items():
-        for name, measurement in measurements.items():
-            assembly = measurement.observation.assembly
+        for name, observation in measurements.items():
+            assembly = observation.assembly
             assembly = assembly.replace(dict.fromkeys(covered(address, assembly), value))
-            measurements[name] = replace(measurement, observation=altered(measurement.observation, assembly=assembly))
-    observations = tuple(measurement.observation for measurement in measurements.values())
+            measurements[name] = altered(observation, assembly=assembly)
+    observations = tuple(measurements.values())
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
@@ -249,9 +249,9 @@ def _observations(
     identified = []
     for name, measured, assembly in zip(measurements, observations, fit.assemblies, strict=True):
         observation = altered(measured, assembly=assembly)
-        if isinstance(measured, MeasuredFRF) and any(unknown.address in FACTORS for unknown in fit.unknowns):
+        if measured.is_receptance and any(unknown.address in FACTORS for unknown in fit.unknowns):
             # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(fit, measured.site(0), measurements[name].tolerances)
+            forecast = Forecast(fit, measured.site(0), campaign.errors[name])
             chain = forecast.recorded(measured) / assembly.receptance(
                 measured.frequency_hz, response=measured.response, excitation=measured.excitation
             )
@@ -261,7 +261,7 @@ def _observations(
 
 
 def expected_misfit(
-    observations: Sequence[MeasuredFRF | MeasuredFrequencies],
+    observations: Sequence[Observation],
 ) -> tuple[float, float] | tuple[None, None]:
     """Return the misfit of the true model expected from noise, and the largest misfit that noise explains.
 

@@ -18,7 +18,7 @@ from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.tolerances import with_attachments
 from receptance.campaign.values import Deviation, parse_deviation, parse_share
-from receptance.identification import Candidate, MeasuredFrequencies, MeasuredFRF
+from receptance.identification import Candidate, Observation
 from receptance.identification.observations import altered
 from receptance.units import FORMS
 
@@ -44,52 +44,6 @@ if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
-Observation = MeasuredFRF | MeasuredFrequencies
-
-
-@dataclass(frozen=True, kw_only=True)
-class Measurement:
-    """A measurement of a campaign.
-
-    Attributes
-    ----------
-    name : str
-        Name in the file.
-    assembly : str
-        Name of the assembly that was measured.
-    role : {"identify", "hold out"}
-        Whether it is used in the fit or compared with predictions.
-    observation : MeasuredFRF or MeasuredFrequencies
-        The data, with the assembly including the sensor.
-    sensor : str or None
-        Name of the sensor at the response coordinate.
-    files : tuple of str
-        Names of the data files.
-    tolerances : tuple of Tolerance
-        Errors of the assembly and of what is attached to it.
-    notes : tuple of str
-        Notes on the data.
-    """
-
-    name: str
-    assembly: str
-    role: str
-    observation: Observation
-    sensor: str | None
-    files: tuple[str, ...]
-    tolerances: tuple[Tolerance, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    @property
-    def frf(self) -> MeasuredFRF | None:
-        """The data if they are a receptance, None if they are natural frequencies."""
-        return self.observation if isinstance(self.observation, MeasuredFRF) else None
-
-    @property
-    def held_out(self) -> bool:
-        """Whether it is not used in the fit."""
-        return self.role == "hold out"
-
 
 _MOST_LINES = 100_000
 """Largest number of lines of a candidate."""
@@ -108,10 +62,9 @@ class MeasurementReader:
         self.campaign, self.builder, self.folder = campaign, builder, folder
         self._tolerances = tolerances
 
-    def measurement(self, name: str) -> Measurement | None:
+    def measurement(self, name: str) -> Observation | None:
         """Return a measurement, or None after its mistakes are added."""
         table = self.campaign.measurements[name]
-        before = len(self.builder.notes)
         path: KeyPath = ("measurements", name)
         if table.kind == "frf" and table.force is not None and table.level is not None:
             text = "is given with a force, which determines it, expected one of the two"
@@ -120,23 +73,14 @@ class MeasurementReader:
         if assembled is None:
             return None
         assembly, response = assembled
-        observation: Observation | None
         if table.kind == "natural frequencies":
-            observation = self._frequencies(path, table, assembly)
-        else:
-            observation = self._frf(path, table, assembly, response)
-        if observation is None:
-            return None
-        return Measurement(
-            name=name,
-            assembly=table.assembly,
-            role=table.role,
-            observation=observation.configured(table.assembly, self._conditions(table)),
-            sensor=table.sensor,
-            files=_files(table.file) + _files(table.coherence if table.kind == "frf" else None),
-            tolerances=self._errors(table.assembly, table.sensor, *table.attachments),
-            notes=tuple(self.builder.notes[before:]),
-        )
+            return self._frequencies(path, table, assembly)
+        return self._frf(path, table, assembly, response)
+
+    def errors(self, name: str) -> tuple[Tolerance, ...]:
+        """Return the errors of the assembly of a measurement and of what is attached to it."""
+        table = self.campaign.measurements[name]
+        return self._errors(table.assembly, table.sensor, *table.attachments)
 
     def candidate(self, name: str) -> Candidate | None:
         """Return a candidate, or None after its mistakes are added."""
@@ -149,30 +93,33 @@ class MeasurementReader:
         common = {
             "label": name,
             "assembly": assembly,
-            "tolerances": self._errors(table.assembly, table.sensor),
             "configuration": table.assembly,
             "conditions": self._conditions(table),
-            "cost": table.cost,
         }
         if table.kind == "natural frequencies":
             spread = make((*path, "standard_deviation"), _deviations, table, assembly)
             if spread is None:
                 return None
-            return make(path, Candidate, modes=tuple(table.modes), standard_deviation_hz=spread, **common)
-        excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
-        lines = make(path, _lines, table)
-        if excitation is None or lines is None:
+            observation = make(path, Observation.from_modes, modes=table.modes, standard_deviation_hz=spread, **common)
+        else:
+            excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
+            lines = make(path, _lines, table)
+            if excitation is None or lines is None:
+                return None
+            observation = make(
+                path,
+                Observation,
+                frequency_hz=lines,
+                response=response,
+                excitation=excitation,
+                standard_deviation=table.standard_deviation,
+                floor=table.floor or 0.0,
+                **common,
+            )
+        if observation is None:
             return None
-        return make(
-            path,
-            Candidate,
-            frequency_hz=lines,
-            response=response,
-            excitation=excitation,
-            standard_deviation=table.standard_deviation,
-            floor=table.floor or 0.0,
-            **common,
-        )
+        errors = self._errors(table.assembly, table.sensor)
+        return make(path, Candidate, observation=observation, tolerances=errors, cost=table.cost)
 
     def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
         """Return the conditions of an assembly with those of a measurement."""
@@ -183,7 +130,7 @@ class MeasurementReader:
         known = self._tolerances.get(assembly, ())
         return with_attachments(known, filter(None, points), self.campaign, self.builder.built)
 
-    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> MeasuredFrequencies | None:
+    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> Observation | None:
         make = self.builder.make
         if (table.file is None) == (table.frequencies is None):
             what = "neither frequencies nor a file" if table.file is None else "frequencies and a file"
@@ -199,7 +146,7 @@ class MeasurementReader:
             return None
         return make(
             path if table.modes is None else (*path, "modes"),
-            MeasuredFrequencies,
+            Observation.from_modes,
             assembly=assembly,
             frequency_hz=found.frequency_hz,
             modes=found.modes,
@@ -207,11 +154,13 @@ class MeasurementReader:
             damping_ratio=damping[0],
             standard_deviation_damping=damping[1],
             label=path[-1],
+            configuration=table.assembly,
+            conditions=self._conditions(table),
         )
 
     def _frf(
         self, path: KeyPath, table: FRFTable | HammerTable, assembly: Assembly, response: Coordinate
-    ) -> MeasuredFRF | None:
+    ) -> Observation | None:
         make = self.builder.make
         excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
         there = not any(self.builder.problems.at((*path, key)) for key in ("file", "coherence"))
@@ -223,32 +172,47 @@ class MeasurementReader:
             found = None if records is None else make(path, estimate_hammer_frf, records, table)
         else:
             found = make((*path, "file"), read_entry, table, self.folder)
-            found = None if found is None else with_stated_variance(found, table.standard_deviation)
         if found is None:
             return None
-        for note in found.notes:
-            self.builder.note(path, note)
-        at = make(path, with_coordinates, found, table, response, excitation, str(path[-1]))
-        if at is None:
+        frf = make(path, with_places, found, table, response, excitation, str(path[-1]))
+        if frf is None:
             return None
         place: KeyPath = path if table.bands is None else (*path, "bands")
-        seen = make(place, observed_frf, at, table, assembly, response, excitation, table.floor or 0.0)
-        for note in () if seen is None else seen.notes:
-            if note not in found.notes:
-                self.builder.note(path, note)
-        return seen
+        observation = make(place, self._observed, frf, table, assembly)
+        for note in () if observation is None else observation.notes:
+            self.builder.note(path, note)
+        return observation
+
+    def _observed(self, frf: FRF, table: FRFTable | HammerTable, assembly: Assembly) -> Observation:
+        """Return the observation of an FRF on the lines inside the bands of the campaign, with its weights."""
+        force = table.force if table.kind == "frf" else None
+        if force is not None and table.ends is not None:
+            raise ValueError(
+                "has `force`, a key of stepped sines, and `ends`, a key of hammer hits; expected one of them"
+            )
+        observation = Observation.from_frf(
+            assembly,
+            frf if table.bands is None else restrict_to_bands(frf, table.bands),
+            floor=table.floor or 0.0,
+            configuration=table.assembly,
+            conditions=self._conditions(table),
+            force=force,
+            ends=table.ends,
+        )
+        # `notes` needs the weights, whose mistakes are those of this table.
+        return integrate_motion(altered(observation, notes=observation.notes), table.integrate)
 
 
-def note_repeated(measurements: Mapping[str, Measurement], builder: Builder) -> None:
+def note_repeated(measurements: Mapping[str, Observation], campaign: CampaignTable, builder: Builder) -> None:
     """Add a note on each FRF whose data and places are exactly those of an earlier one, of any assembly."""
     data = {
         name: (frf.frequency_hz.tobytes(), frf.receptance.tobytes(), frf.response, frf.excitation)
-        for name, one in measurements.items()
-        if (frf := one.frf) is not None
+        for name, frf in measurements.items()
+        if frf.is_receptance
     }
     for first, second in equal_pairs(data):
-        one, other = measurements[first], measurements[second]
-        files = ", ".join(dict.fromkeys((*one.files, *other.files)))
+        pair = (campaign.measurements[name] for name in (first, second))
+        files = ", ".join(dict.fromkeys(file for table in pair for file in data_files(table)))
         builder.note(
             ("measurements", second),
             f"its data are exactly those of measurements.{first} ({files}), so that they count twice; remove one of "
@@ -263,8 +227,10 @@ def equal_pairs(data: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(first[value], name) for name, value in data.items() if first.setdefault(value, name) != name]
 
 
-def _files(written: str | list[str] | None) -> tuple[str, ...]:
-    return (written,) if isinstance(written, str) else tuple(written or ())
+def data_files(table: MeasurementTable) -> tuple[str, ...]:
+    """Return the names of the data files of a measurement."""
+    written = [table.file, table.coherence if table.kind == "frf" else None]
+    return tuple(name for names in written if names for name in ([names] if isinstance(names, str) else names))
 
 
 def _lines(table: CandidateFRFTable) -> NDArray[np.float64]:
@@ -345,23 +311,12 @@ def _with_stated_properties(frf: FRF, table: FileFields) -> FRF:
                 f"states {key} {own:g} and the campaign {stated:g}, expected equal values; delete it in the campaign"
             )
         changes[key] = stated
+    if table.standard_deviation is not None:
+        changes |= {"log_variance": table.standard_deviation**2, "degrees_of_freedom": None}
     return frf.with_(**changes) if changes else frf
 
 
-def with_stated_variance(frf: FRF, share: float | None) -> FRF:
-    """Return the FRF with a variance: the stated one, that of the file, or that from coherence and averages.
-
-    `share` is the stated standard deviation, relative to the magnitude. The last variance is
-    (1 - g^2) / (2 (n - 1) g^2), pooled over neighbouring lines, see `receptance.frf.variance`.
-    """
-    if share is not None:
-        return frf.with_(log_variance=share**2, degrees_of_freedom=None)
-    from receptance.frf.variance import with_variance
-
-    return with_variance(frf)
-
-
-def with_coordinates(
+def with_places(
     frf: FRF, table: FRFTable | HammerTable, response: Coordinate, excitation: Coordinate, name: str
 ) -> FRF:
     """Return the FRF with the coordinates and signs that the campaign gives its channels."""
@@ -398,25 +353,7 @@ def restrict_to_bands(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
     return frf.with_(usable=chosen, notes=(*frf.notes, *notes))
 
 
-def observed_frf(
-    frf: FRF,
-    table: FRFTable | HammerTable,
-    assembly: Assembly,
-    response: Coordinate,
-    excitation: Coordinate,
-    floor: float,
-) -> MeasuredFRF:
-    """Return the observation of an FRF on the lines inside the bands of the campaign."""
-    force = table.force if table.kind == "frf" else None
-    if force is not None and table.ends is not None:
-        raise ValueError("has `force`, a key of stepped sines, and `ends`, a key of hammer hits; expected one of them")
-    if table.bands is not None:
-        frf = restrict_to_bands(frf, table.bands)
-    found = MeasuredFRF.from_frf(assembly, frf, response=response, excitation=excitation, floor=floor, force=force)
-    return altered(integrate_motion(found, table.integrate), ends=table.ends)
-
-
-def integrate_motion(observation: MeasuredFRF, times: int) -> MeasuredFRF:
+def integrate_motion(observation: Observation, times: int) -> Observation:
     """Return an FRF with its motion integrated so many times, or differentiated if `times` is negative."""
     if not times:
         return observation

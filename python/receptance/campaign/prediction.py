@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.problems import CampaignError, Issue, errors_about
-from receptance.identification import MeasuredFRF
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.mapping import Site
 from receptance.identification.prediction import Forecast, PredictedFrequencies, PredictedFRF
@@ -264,20 +263,19 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
     frfs: list[PredictedFRF] = []
     reasons: dict[str, str] = {}
     count = len(held_out) + len(unmeasured)
-    for name, measured in held_out.items():
+    for name, seen in held_out.items():
         campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
-        seen = measured.observation
         site = Site(seen.assembly, seen.configuration, "", seen.conditions)
         try:
-            forecast = forecast_of(campaign, identified, site, measured.tolerances, name, notes)
+            forecast = forecast_of(campaign, identified, site, campaign.errors[name], name, notes)
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
         with errors_about(campaign.file, f"{name}: "):
-            if isinstance(seen, MeasuredFRF):
-                frfs.append(replace(forecast.observed(seen), name=name, assembly=measured.assembly))
+            if seen.is_receptance:
+                frfs.append(replace(forecast.observed(seen), name=name, assembly=seen.configuration))
             else:
-                frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=measured.assembly))
+                frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=seen.configuration))
     for name in unmeasured:
         campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
         try:

@@ -15,12 +15,13 @@ from receptance import _checks
 from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
-from receptance.campaign.measurements import Measurement, MeasurementReader, note_repeated
+from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, translate
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.campaign.values import OWNERS, References
 from receptance.errors import warn_user
+from receptance.identification.observations import Observation
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any
@@ -85,13 +86,13 @@ def campaign_fields(
     table, builder, built = _build(data, problems, file.parent)
     tolerances = {name: tolerances_of_assembly(name, table, built, builder) for name in built.assemblies}
     reader = MeasurementReader(table, builder, file.parent, tolerances)
-    measurements: dict[str, Measurement] = {}
+    measurements: dict[str, Observation] = {}
     for name in table.measurements:
         say(f"reading {name}, {len(measurements) + 1} of {len(table.measurements)}")
         measured = reader.measurement(name)
         if measured is not None:
             measurements[name] = measured
-    note_repeated(measurements, builder)
+    note_repeated(measurements, table, builder)
     possible = {name: reader.candidate(name) for name in table.candidates}
     places = _places(table, built, builder)
     cuts: dict[str, CampaignCut | None] = {}
@@ -112,6 +113,7 @@ def campaign_fields(
         "table": table,
         "assemblies": built.assemblies,
         "measurements": measurements,
+        "errors": {name: reader.errors(name) for name in measurements},
         "unknowns": tuple(built.unknowns.values()),
         "tolerances": tolerances,
         "places": places,
@@ -309,11 +311,15 @@ _WEIGHTS = {
 """Source of the standard deviation of each kind of measurement."""
 
 
-def _check_weights(measurements: dict[str, Measurement], table: CampaignTable, problems: Problems) -> None:
+def _check_weights(measurements: dict[str, Observation], table: CampaignTable, problems: Problems) -> None:
     """Check that all fitted measurements have standard deviations, or none."""
     if table.settings.objective == "percentage":
         return
-    weighted = {name: measured.observation.weighted for name, measured in measurements.items() if not measured.held_out}
+    weighted = {
+        name: observation.weighted
+        for name, observation in measurements.items()
+        if table.measurements[name].role == "identify"
+    }
     if not any(weighted.values()):
         return
     for name in (name for name, known in weighted.items() if not known):

@@ -12,15 +12,15 @@ import numpy as np
 
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.build import Built
-from receptance.campaign.measurements import Measurement
+from receptance.campaign.measurements import data_files
 from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.read import campaign_fields, read_campaign, silent
-from receptance.campaign.tolerances import inherited_tolerances, tolerances_of_measurements
+from receptance.campaign.tolerances import inherited_tolerances
 from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
 from receptance.identification import Identification, Unknown, identify
 from receptance.identification.mapping import Site
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import Observation
 from receptance.identification.unknowns import Law
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -83,8 +83,10 @@ class Campaign(Renderable):
         Contents of the file as they are written, with a table for each level of a series.
     assemblies : dict of str to Assembly
         Configurations by name, without sensors. Unknown parameters have their start values.
-    measurements : dict of str to Measurement
-        Measurements by name.
+    measurements : dict of str to Observation
+        Measurements by name, with the assembly including the sensor; their configuration is the assembly's name.
+    errors : dict of str to tuple of Tolerance
+        Errors of each measurement: of its assembly and of what is attached to it.
     unknowns : tuple of Unknown
         Parameters to identify.
     tolerances : dict of str to tuple of Tolerance
@@ -123,9 +125,10 @@ class Campaign(Renderable):
     file: Path
     table: CampaignTable
     assemblies: dict[str, Assembly]
-    measurements: dict[str, Measurement]
+    measurements: dict[str, Observation]
     unknowns: tuple[Unknown, ...]
     tolerances: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
+    errors: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
     candidates: dict[str, Candidate] = field(default_factory=dict)
     cuts: dict[str, CampaignCut] = field(default_factory=dict)
@@ -195,20 +198,20 @@ class Campaign(Renderable):
         """
         return cls(**campaign_fields(file, data, text))
 
-    def base_model(self, seen: Mapping[str, Measurement] | None = None) -> tuple[Model, list[str]]:
+    def base_model(self, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:
         """Return the model for a diagnosis, and notes on unknowns that are left out.
 
         Parameters
         ----------
-        seen : mapping of str to Measurement, optional
+        seen : mapping of str to Observation, optional
             Measurements that are used; by default those that are not held out.
         """
         from receptance.diagnosis.model import Model
 
         seen = self.to_identify if seen is None else seen
         unknowns, left_out = observed_unknowns(self, seen)
-        observations = tuple(one.observation for one in seen.values())
-        tolerances = tuple(tolerances_of_measurements(seen))
+        observations = tuple(seen.values())
+        tolerances = tuple(self.errors_of(seen))
         return Model(observations, tuple(unknowns), tolerances, seed=self.table.settings.seed), left_out
 
     @property
@@ -233,25 +236,35 @@ class Campaign(Renderable):
         )
 
     @property
-    def to_identify(self) -> dict[str, Measurement]:
+    def to_identify(self) -> dict[str, Observation]:
         """Measurements that are used in the fit."""
-        return {name: measured for name, measured in self.measurements.items() if not measured.held_out}
+        held_out = self.held_out
+        return {name: observation for name, observation in self.measurements.items() if name not in held_out}
 
     @property
-    def held_out(self) -> dict[str, Measurement]:
+    def held_out(self) -> dict[str, Observation]:
         """Measurements that predictions are compared with."""
-        return {name: measured for name, measured in self.measurements.items() if measured.held_out}
+        names = {name for name, table in self.table.measurements.items() if table.role == "hold out"}
+        return {name: observation for name, observation in self.measurements.items() if name in names}
+
+    def files_of(self, name: str) -> tuple[str, ...]:
+        """Return the names of the data files of a measurement."""
+        return data_files(self.table.measurements[name])
+
+    def errors_of(self, names: Iterable[str]) -> list[Tolerance]:
+        """Return the errors of measurements, each of its measurement alone; errors of the same name are one error."""
+        return [replace(one, labels=name) for name in names for one in self.errors[name]]
 
     @property
     def unmeasured(self) -> dict[str, Assembly]:
         """Assemblies without any measurement."""
-        measured = {measurement.assembly for measurement in self.measurements.values()}
+        measured = {observation.configuration for observation in self.measurements.values()}
         return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
 
     @property
     def highest_frequency(self) -> float | None:
         """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
-        measured = [float(measurement.observation.frequency_hz[-1].real) for measurement in self.measurements.values()]
+        measured = [float(observation.frequency_hz[-1].real) for observation in self.measurements.values()]
         upper = self.table.prediction.upper
         return max(measured, default=None) if upper is None else upper
 
@@ -317,20 +330,21 @@ class Campaign(Renderable):
 
     def tables(self) -> list[Table]:
         """Return the measurements; those of a series in a table of their own."""
-        groups: dict[str, list[Measurement]] = {}
+        groups: dict[str, list[str]] = {}
         rows = []
-        for name, measurement in self.measurements.items():
+        for name, observation in self.measurements.items():
             if name in self.templates:
-                groups.setdefault(self.templates[name], []).append(measurement)
+                groups.setdefault(self.templates[name], []).append(name)
             else:
-                assembly = measurement.assembly if measurement.assembly != name else ""
-                rows.append((name, assembly, measurement.observation.describe(), measurement.sensor, measurement.role))
+                table = self.table.measurements[name]
+                assembly = table.assembly if table.assembly != name else ""
+                rows.append((name, assembly, observation.describe(), table.sensor, table.role))
         tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
         series = []
         for template, own in groups.items():
-            contents = dict.fromkeys(one.observation.describe() for one in own)
+            contents = dict.fromkeys(self.measurements[name].describe() for name in own)
             data = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
-            series.append((template, len(own), sum(one.held_out for one in own), data))
+            series.append((template, len(own), sum(name in self.held_out for name in own), data))
         counts = (Column("levels", form="d"), Column("held out", form="d"))
         tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
         return [table for table in tables if table.rows]
@@ -363,7 +377,7 @@ class Campaign(Renderable):
         """
         unknowns, left_out, tolerances = self.fitted()
         settings = self.table.settings
-        observations = [measured.observation for measured in self.to_identify.values()]
+        observations = list(self.to_identify.values())
         lines = sum(o.frequency_hz.size for o in observations)
         by_level, unknowns, options = fit_options(self, observations, unknowns)
         self.progress(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
@@ -445,13 +459,12 @@ class Campaign(Renderable):
                 notes.append(
                     f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
                 )
-            seen = [measurement.frf for measurement in measured.values() if measurement.frf is not None]
             with errors_about(self.file, f"{name}: "):
                 one = invert_coupling(
-                    seen,
+                    list(measured.values()),
                     joint=owner,
                     terms=[term for term in TERMS if term in terms],
-                    tolerances=tolerances_of_measurements(measured),
+                    tolerances=self.errors_of(measured),
                     limit=limit,
                     threads=self.threads,
                 )
@@ -567,7 +580,7 @@ class Campaign(Renderable):
     def transferred(self) -> list[Tolerance]:
         """Return the errors of all measurements, whose assemblies `transfer` predicts; raise if it cannot."""
         self._check_unknowns()
-        if len({measurement.assembly for measurement in self.measurements.values()}) < 2:
+        if len({observation.configuration for observation in self.measurements.values()}) < 2:
             text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
             raise CampaignError.about(self.file, text)
         return weighted_tolerances(self, self.measurements)
@@ -596,13 +609,9 @@ class Campaign(Renderable):
 
         tolerances = self.transferred()
         notes = list(self.notes)
-        if any(measurement.held_out for measurement in self.measurements.values()):
+        if self.held_out:
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
-        measured, settings = self.measurements, self.table.settings
-        observations = [
-            measurement.observation.configured(measurement.assembly, measurement.observation.conditions)
-            for measurement in measured.values()
-        ]
+        settings, observations = self.table.settings, list(self.measurements.values())
         _, unknowns, options = fit_options(self, observations, self.unknowns)
         with errors_about(self.file):
             found = transfer(
@@ -653,7 +662,7 @@ class Campaign(Renderable):
             raise CampaignError.about(self.file, "there are no measurements, expected `measurements`")
         notes = list(self.notes)
         seen, held_out = dict(self.to_identify), dict(self.held_out)
-        numbers = sum(one.observation.independent_values for one in seen.values())
+        numbers = sum(one.independent_values for one in seen.values())
         if held_out and numbers - len(self.unknowns) < LEAST_FREEDOM:
             notes.append(
                 f"{numbers:.3g} measured values for {len(self.unknowns)} unknowns are too few to test the model, so "
@@ -684,13 +693,13 @@ class Campaign(Renderable):
                 progress=self.progress,
             )
         if held_out and verdict.final:
-            observations = tuple(one.observation for one in held_out.values())
+            observations = tuple(held_out.values())
             unseen = replace(
                 verdict.selection.base.model,
                 observations=observations,
                 # Held-out records may end at another time, or not at all.
-                truncation=truncation_time([one for one in observations if isinstance(one, MeasuredFRF)]),
-                tolerances=tuple(tolerances_of_measurements(held_out)),
+                truncation=truncation_time([one for one in observations if one.is_receptance]),
+                tolerances=tuple(self.errors_of(held_out)),
             )
             found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
             verdict = replace(verdict.with_improvement(found), held_out=unseen)
@@ -793,9 +802,9 @@ def _notes_on_modes(campaign: Campaign, verdict: Verdict) -> list[str]:
     return notes
 
 
-def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> list[Tolerance]:
+def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Observation]) -> list[Tolerance]:
     """Return the errors of all measurements; the objective must have a likelihood, and measurements weights."""
-    tolerances = tolerances_of_measurements(seen)
+    tolerances = campaign.errors_of(seen)
     if not tolerances:
         return []
     if campaign.table.settings.objective == "percentage":
@@ -809,7 +818,7 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
                 )
             ],
         )
-    unweighted = [name for name, measured in seen.items() if not measured.observation.weighted]
+    unweighted = [name for name, measured in seen.items() if not measured.weighted]
     if unweighted:
         expected = (
             "has no standard deviation, which a fit of errors of dimensions and materials needs; expected "
@@ -819,9 +828,9 @@ def weighted_tolerances(campaign: Campaign, seen: Mapping[str, Measurement]) -> 
     return tolerances
 
 
-def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tuple[list[Unknown], list[str]]:
+def observed_unknowns(campaign: Campaign, seen: Mapping[str, Observation]) -> tuple[list[Unknown], list[str]]:
     """Return the unknowns that some fitted measurement depends on, and notes on the others."""
-    places = [measured.observation.site(index) for index, measured in enumerate(seen.values())]
+    places = [measured.site(index) for index, measured in enumerate(seen.values())]
     kept, notes = [], []
     for unknown in campaign.unknowns:
         own = [place for place in places if place.among(unknown.configurations)]
@@ -834,21 +843,21 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Measurement]) -> tu
     return kept, notes
 
 
-def joints_to_invert(campaign: Campaign, joint: str | None = None) -> dict[str, tuple[str, dict[str, Measurement]]]:
+def joints_to_invert(campaign: Campaign, joint: str | None = None) -> dict[str, tuple[str, dict[str, Observation]]]:
     """Return by name a joint and its FRFs; joints that differ between assemblies are listed for each assembly."""
     from receptance.identification.pointwise_joint import TERMS
 
     unknown = campaign.table.unknowns
     owners = list(dict.fromkeys(a.split(".", 1)[0] for a in unknown if a.split(".", 1)[-1] in TERMS))
     owners = [name for name in owners if joint is None or name == joint]
-    groups: dict[str, tuple[str, dict[str, Measurement]]] = {}
+    groups: dict[str, tuple[str, dict[str, Observation]]] = {}
     for owner in owners:
         own = [unknown[a] for a in unknown if a.startswith(f"{owner}.")]
         changing = any(one.free or one.power_of or one.individual for one in own)
         for name, one in campaign.to_identify.items():
-            if one.frf is None or not isinstance(one.frf.assembly.elements.get(owner), PointJoint):
+            if not one.is_receptance or not isinstance(one.assembly.elements.get(owner), PointJoint):
                 continue
-            ends = [name for name, end in one.frf.assembly.elements.items() if isinstance(end, ModalPart)]
+            ends = [name for name, end in one.assembly.elements.items() if isinstance(end, ModalPart)]
             if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
                 raise CampaignError.about(
                     campaign.file,
@@ -856,7 +865,7 @@ def joints_to_invert(campaign: Campaign, joint: str | None = None) -> dict[str, 
                     "receptance; identify the campaign instead, or write the identified modes into the file "
                     "and remove them from the unknowns",
                 )
-            title = f"{owner} @ {one.assembly}" if changing else owner
+            title = f"{owner} @ {one.configuration}" if changing else owner
             groups.setdefault(title, (owner, {}))[1][name] = one
     if not groups:
         which = "point joint" if joint is None else f'joint "{joint}"'
@@ -875,8 +884,8 @@ def _held_out_error(campaign: Campaign) -> list[str]:
     model, _ = campaign.base_model()
     out = replace(
         model,
-        observations=tuple(one.observation for one in campaign.held_out.values()),
-        tolerances=tuple(tolerances_of_measurements(campaign.held_out)),
+        observations=tuple(campaign.held_out.values()),
+        tolerances=tuple(campaign.errors_of(campaign.held_out)),
     )
     try:
         errors, modes = metrics_of(fit_base(model), out, scored=False)
@@ -907,11 +916,11 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
     modes = assembly.natural_frequencies(upper)
     if not modes.size:
         raise CampaignError.about(campaign.file, f'the target "{name}" has no natural frequency below {upper:g} Hz')
-    return Candidate(
+    predicted = Observation.from_modes(
         label=name,
         assembly=campaign.assemblies[name],
-        modes=tuple(range(1, modes.size + 1)),
-        tolerances=errors,
+        modes=range(1, modes.size + 1),
         configuration=name,
         conditions=conditions,
     )
+    return Candidate(observation=predicted, tolerances=errors)

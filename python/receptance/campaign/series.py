@@ -167,7 +167,7 @@ def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries:
     unit, factor = level_unit(table)
     squares: dict[str, list[float]] = {}
     for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
-        squares.setdefault(measured.assembly, []).extend(np.square(residual).tolist())
+        squares.setdefault(measured.configuration, []).extend(np.square(residual).tolist())
     found = {}
     for law in fit.task.parameters.given:
         if not isinstance(law, Law) or not law.free or law.along != table.over:

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from receptance._text import did_you_mean
-from receptance.campaign.measurements import read_entry, restrict_to_bands, with_stated_variance
+from receptance.campaign.measurements import read_entry, restrict_to_bands
 from receptance.campaign.prediction import forecast_of, prediction_lines
 from receptance.campaign.problems import CampaignError, errors_about
 from receptance.errors import ReceptanceError
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
-from receptance.identification import MeasuredFRF
+from receptance.frf.variance import with_variance
+from receptance.identification import Observation
 from receptance.model.modes import damped_modes
 from receptance.stability import (
     Lobes,
@@ -40,13 +41,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from receptance.campaign.build import Builder
-    from receptance.campaign.measurements import Measurement, MeasurementReader
+    from receptance.campaign.measurements import MeasurementReader
     from receptance.campaign.problems import KeyPath
     from receptance.campaign.run import Campaign
     from receptance.campaign.schema import TipTable
     from receptance.diagnosis import HeldOut, Metric
     from receptance.identification import Identification
+    from receptance.identification.observations import Observation
     from receptance.identification.prediction import Forecast
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
@@ -110,7 +111,7 @@ class CampaignCut:
         return self.cut.drawn(draws, **self.spread, seed=seed)
 
 
-def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, Measurement]) -> CampaignCut | None:
+def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, Observation]) -> CampaignCut | None:
     """Return a cut, or None after its mistakes are added."""
     own, path, builder = reader.campaign.cuts[name], ("cuts", name), reader.builder
     cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
@@ -130,7 +131,7 @@ def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, M
 
 
 def _tip(
-    path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Measurement]
+    path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Observation]
 ) -> Tip | None:
     builder, problems = reader.builder, reader.builder.problems
     given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
@@ -154,7 +155,10 @@ def _tip(
     if problems.at(path) or (table.measurement is not None and table.measurement not in measurements):
         return None
     if table.measurement is not None:
-        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement], builder, path)
+        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement])
+        sensor = reader.campaign.measurements[table.measurement].sensor
+        if frf is not None and sensor is not None:
+            builder.note(path, f"the receptance includes the mass of the sensor {sensor}")
     else:
         frf = builder.make((*path, "file"), _read, table, reader.folder)
         for note in () if frf is None else frf.notes:
@@ -172,17 +176,14 @@ def _at_drive_point(frf: FRF) -> FRF:
     return frf
 
 
-def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
+def _measured(seen: Observation) -> FRF:
     """Return the FRF of a measurement."""
-    seen = measured.frf
-    if seen is None:
-        raise ValueError(f'is "{measured.name}", natural frequencies; expected a measured FRF')
+    if not seen.is_receptance:
+        raise ValueError(f'is "{seen.label}", natural frequencies; expected a measured FRF')
     if seen.frequency_hz.dtype.kind == "c":
-        raise ValueError(f'is "{measured.name}", with an exponential window; expected an FRF without one')
+        raise ValueError(f'is "{seen.label}", with an exponential window; expected an FRF without one')
     if "theta" in (seen.response.direction, seen.excitation.direction):
-        raise ValueError(f'is "{measured.name}", a rotation or caused by a moment; expected a translation over a force')
-    if measured.sensor is not None:
-        builder.note(path, f"the receptance includes the mass of the sensor {measured.sensor}")
+        raise ValueError(f'is "{seen.label}", a rotation or caused by a moment; expected a translation over a force')
     # The variance of an FRF is that of one line.
     variance = None if seen.standard_deviation is None else seen.standard_deviation**2 / seen.correlated_lines
     return FRF(
@@ -190,12 +191,12 @@ def _measured(measured: Measurement, builder: Builder, path: KeyPath) -> FRF:
         values=seen.receptance,
         log_variance=variance,
         correlated_lines=seen.correlated_lines,
-        label=measured.name,
+        label=seen.label,
     )
 
 
 def _read(table: TipTable, folder: Path) -> FRF:
-    return with_stated_variance(read_entry(table, folder), table.standard_deviation)
+    return with_variance(read_entry(table, folder))
 
 
 # Stable depths --------------------------------------------------------------------------------------------------------
@@ -488,7 +489,7 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
         if not campaign.cuts:
             text = f"there is no cut for the metric {name}, expected [cuts.NAME]"
             raise CampaignError.about(campaign.file, text)
-        if not any(_is_tip_receptance(measurement.observation) for measurement in campaign.measurements.values()):
+        if not any(_is_tip_receptance(observation) for observation in campaign.measurements.values()):
             text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
             text += "both along y"
             raise CampaignError.about(campaign.file, text)
@@ -497,9 +498,9 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
     return found
 
 
-def _is_tip_receptance(one: object) -> bool:
+def _is_tip_receptance(one: Observation) -> bool:
     """Return whether an observation is a drive-point FRF of translation without an exponential window."""
-    if not isinstance(one, MeasuredFRF) or one.frequency_hz.dtype.kind == "c":
+    if not one.is_receptance or one.frequency_hz.dtype.kind == "c":
         return False
     response, excitation = one.response, one.excitation
     same = (response.part, response.position) == (excitation.part, excitation.position)
@@ -508,7 +509,7 @@ def _is_tip_receptance(one: object) -> bool:
 
 def _error_of_depth(cut: CampaignCut, one: HeldOut) -> float:
     seen = one.observation
-    if not isinstance(seen, MeasuredFRF) or one.receptance is None or not _is_tip_receptance(seen):
+    if not seen.is_receptance or one.receptance is None or not _is_tip_receptance(seen):
         return math.nan
     lines = seen.frequency_hz.real
     measured, predicted = (

@@ -7,7 +7,6 @@ that variable. Tolerances with the same name are one error.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from receptance.campaign.build import addresses_of, unknown_address
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from receptance.campaign.build import Builder, Built
-    from receptance.campaign.measurements import Measurement
     from receptance.campaign.problems import KeyPath
     from receptance.campaign.schema import CampaignTable, ElementTable
     from receptance.model.assembly import Assembly
@@ -47,11 +45,6 @@ def _put(errors: Errors, name: str, address: str, deviation: Deviation, value: f
     """Add the standard deviation of a parameter to the errors of a name."""
     log = deviation.relative and deviation.amount > _LARGE and value != 0.0
     errors.setdefault((name, log), {})[address] = deviation.amount if log else deviation.of(value)
-
-
-def tolerances_of_measurements(measurements: Mapping[str, Measurement]) -> list[Tolerance]:
-    """Return the errors of measurements, each of its measurement alone; errors of the same name are one error."""
-    return [replace(one, labels=name) for name, measured in measurements.items() for one in measured.tolerances]
 
 
 def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, builder: Builder) -> tuple[Tolerance, ...]:

@@ -18,12 +18,11 @@ from receptance import units
 from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
-from receptance.campaign.tolerances import tolerances_of_measurements
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
+from receptance.identification.observations import Observation, altered
 from receptance.identification.unknowns import Law, Move, Prior, Unknown, covered
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
@@ -165,8 +164,8 @@ _OTHER = {"sensors": "attachments", "attachments": "sensors"}
 class _Extended:
     """An observation before and after the causes change it, its errors with them, and temporary attachments."""
 
-    given: MeasuredFRF | MeasuredFrequencies
-    found: MeasuredFRF | MeasuredFrequencies
+    given: Observation
+    found: Observation
     tolerances: tuple[Tolerance, ...]
     temporary: tuple[str, ...]
 
@@ -221,8 +220,8 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     # A cause may act at one level only, so that each level has its own tables.
     data = copy.deepcopy(campaign.contents)
     measured = {
-        name: _applied(base, explanation, measurement.observation, tolerances_of_measurements({name: measurement}))
-        for name, measurement in campaign.measurements.items()
+        name: _applied(base, explanation, observation, campaign.errors_of([name]))
+        for name, observation in campaign.measurements.items()
     }
     assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
@@ -230,7 +229,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
-        if end is not None and isinstance(measurement.given, MeasuredFRF) and measurement.given.force is None:
+        if end is not None and measurement.given.is_receptance and measurement.given.force is None:
             data["measurements"][name]["ends"] = _quantity(end, units.TIME)
     _write_unknowns(data, base, explanation)
     _rebase_files(data, campaign.file.parent, folder)
@@ -254,9 +253,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
 
 def _early_end(campaign: Campaign, explanation: Explanation) -> float | None:
     """Return the end of truncated records, if a cause has identified it from all of them together."""
-    given = {
-        name: getattr(measurement.observation, "ends", None) for name, measurement in campaign.measurements.items()
-    }
+    given = {name: observation.ends for name, observation in campaign.measurements.items()}
     found = explanation.fit.model.receptances
     return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
@@ -264,7 +261,7 @@ def _early_end(campaign: Campaign, explanation: Explanation) -> float | None:
 def _applied(
     base: Model,
     explanation: Explanation,
-    observation: MeasuredFRF | MeasuredFrequencies,
+    observation: Observation,
     tolerances: Iterable[Tolerance],
 ) -> _Extended:
     """Apply the causes of an explanation to an observation, one after the other."""
@@ -283,11 +280,11 @@ def _applied(
 def _of_assembly(campaign: Campaign, base: Model, explanation: Explanation, name: str) -> _Extended:
     """Apply the causes of an explanation to an assembly without sensors."""
     assembly = campaign.assemblies[name]
-    own = [measurement.observation for measurement in campaign.measurements.values() if measurement.assembly == name]
-    like = next((one for one in own if isinstance(one, MeasuredFRF)), own[0] if own else None)
+    own = [observation for observation in campaign.measurements.values() if observation.configuration == name]
+    like = next((one for one in own if one.is_receptance), own[0] if own else None)
     if like is None:
-        like = next(iter(campaign.measurements.values())).observation
-        if isinstance(like, MeasuredFRF):
+        like = next(iter(campaign.measurements.values()))
+        if like.is_receptance:
             response, excitation = campaign.places.get(name, (Coordinate(), Coordinate()))
             like = altered(like, response=response, excitation=excitation)
     site = campaign.site(name)
@@ -378,7 +375,7 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
         _write_temporary(data, name, attached, one)
     _write_moved(data, one)
     given, found = one.given, one.found
-    if not isinstance(given, MeasuredFRF) or not isinstance(found, MeasuredFRF):
+    if not given.is_receptance or not found.is_receptance:
         return
     for side in ("response", "excitation"):
         old, new = getattr(given, side), getattr(found, side)
@@ -398,7 +395,7 @@ def _write_temporary(data: dict[str, Any], name: str, attached: str, one: _Exten
     """Write an attachment of one measurement, as its sensor if it is a mass at the response coordinate."""
     table, point = data["measurements"][name], one.assembly.attachments[attached]
     made = attachment_table(point)
-    place = one.found.response if isinstance(one.found, MeasuredFRF) else Coordinate()
+    place = one.found.response if one.found.is_receptance else Coordinate()
     section = "attachments"
     if (
         made["kind"] == "mass"
@@ -416,7 +413,7 @@ def _write_temporary(data: dict[str, Any], name: str, attached: str, one: _Exten
     data.setdefault(section, {})[attached] = made
 
 
-def _integrations(given: MeasuredFRF, found: MeasuredFRF) -> int:
+def _integrations(given: Observation, found: Observation) -> int:
     """Return the number of integrations by which a cause has changed the motion of a measurement."""
     if np.array_equal(given.receptance, found.receptance):
         return 0
@@ -520,14 +517,14 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
     kept: list[Observation] = []
     for observation in model.observations:
         other = seen.get(observation.label)
-        if isinstance(observation, MeasuredFRF) and isinstance(other, MeasuredFRF):
+        if other is not None and observation.is_receptance:
             good = np.isin(observation.frequency_hz, other.frequency_hz)
             kept.append(observation.select(good))
         elif other is not None:
             kept.append(observation)
         if with_discrepancy and other is not None:
-            fields = ("standard_deviation", "correlated_lines", "standard_deviation_hz", "standard_deviation_damping")
-            kept[-1] = altered(kept[-1], **{name: getattr(other, name) for name in fields if hasattr(other, name)})
+            fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping")
+            kept[-1] = altered(kept[-1], **{name: getattr(other, name) for name in fields})
     places = [one.site(i) for i, one in enumerate(kept)]
     tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
     return replace(model, observations=tuple(kept), tolerances=tolerances)

@@ -50,7 +50,7 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
             raise InputError(f"there is no campaign file or folder {path}; {hint}")
     found = load(path, progress=progress)
     targets.protect(found.file, "the campaign file")
-    files = [name for measured in found.measurements.values() for name in measured.files]
+    files = [file for name in found.measurements for file in found.files_of(name)]
     files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
     if (table := found.table.catalogue) is not None:
         files += [name for name in (table.tools, table.holders) if name]

@@ -19,7 +19,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.diagnosis.wording import times
 from receptance.identification.from_frf import Floor
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import Observation
 from receptance.identification.problem import prior_table
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def judge(fit: Fit) -> Adequacy:
     smooth = expected = 0.0
     worst = []
     for one, residual in zip(fit.model.observations, fit.parts, strict=True):
-        if isinstance(one, MeasuredFRF):
+        if one.is_receptance:
             pair = residual.reshape(2, -1)
             of_blocks = _blocks(one, pair)
             smooth, expected = smooth + of_blocks[0], expected + of_blocks[1]
@@ -214,7 +214,7 @@ def _quantile(freedom: float) -> float:
     return chi_square_quantile(freedom, CHANCE) / freedom
 
 
-def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:
+def _blocks(one: Observation, pair: NDArray[np.float64]) -> tuple[float, float]:
     """Return the sum of squares of sums over neighbouring residuals, and the number of independent ones.
 
     Each square is divided by its expectation for lines that are independent or correlated over less than a block. Where
@@ -234,7 +234,7 @@ def _blocks(one: MeasuredFRF, pair: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.sum(squares)), 2.0 * float(np.sum(alone))
 
 
-def _worst(one: MeasuredFRF, pair: NDArray[np.float64]) -> MisfitBand:
+def _worst(one: Observation, pair: NDArray[np.float64]) -> MisfitBand:
     count = pair.shape[1]
     bands = np.arange(min(MISFIT_BANDS, count) + 1)
     length, longer = divmod(count, len(bands) - 1)

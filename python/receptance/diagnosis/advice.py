@@ -40,7 +40,7 @@ from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import Floor
 from receptance.identification.mapping import Site
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import Observation
 from receptance.identification.problem import InfeasibleError
 from receptance.identification.unknowns import Tolerance
 from receptance.model.assembly import Assembly
@@ -69,7 +69,8 @@ class Hypothetical(NamedTuple):
 
     def extend(self, base: Model, data: NDArray[Any] | None = None) -> Model:
         """Return it with its causes as the only observation of a model, on few lines where it has data."""
-        observation = self.candidate.observation(data)
+        observation = self.candidate.observation
+        observation = observation.with_values(np.ones(observation.frequency_hz.size) if data is None else data)
         model = replace(base, observations=(observation,), tolerances=self.candidate.tolerances)
         return transfer(model if data is None else thin(model, SIMULATION_LINES), self.steps)
 
@@ -106,7 +107,7 @@ class Hypothesis:
         (one,) = model.observations
         (data,) = NewObservations(fit.task.parameters, [one], [model.tolerances]).calculated(x)
         # A cause that changes the quantity of the data has changed the placeholder data.
-        return data / one.receptance if isinstance(one, MeasuredFRF) else data
+        return data / one.receptance if one.is_receptance else data
 
     def chi_square_increase(self, measurement: Hypothetical, data: NDArray[Any], absent: frozenset[str]) -> float:
         """Return the increase of chi-square where one more measurement is fitted as well."""
@@ -210,7 +211,11 @@ class SimulatedMeasurement(MenuItem):
         absent = self.without | self.elsewhere
         try:
             true, assumed = (self._describe(one, absent) for one in (truth, other))
-            if true is None or assumed is None or true.candidate.modes != assumed.candidate.modes:
+            if (
+                true is None
+                or assumed is None
+                or true.candidate.observation.modes != assumed.candidate.observation.modes
+            ):
                 return 0.0
             return other.chi_square_increase(assumed, truth.simulate(true, absent), absent)
         except (InfeasibleError, ReceptanceError, ValueError):
@@ -293,39 +298,39 @@ def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | N
     for error in _tolerances_of_new(model, index):
         moves = {address: size for address, size in error.moves.items() if place.covered(address)}
         tolerances += [replace(error, moves=moves)] if moves else []
-    candidate = Candidate(
+    observation = Observation.from_modes(
         label=_NEW,
         assembly=assembly,
-        modes=tuple(range(1, frequencies.size + 1)),
+        modes=range(1, frequencies.size + 1),
         standard_deviation_hz=RESOLUTION_ALONE * frequencies,
-        tolerances=tuple(tolerances),
         conditions=one.conditions,
     )
-    return Hypothetical(candidate, ())
+    return Hypothetical(Candidate(observation=observation, tolerances=tuple(tolerances)), ())
 
 
 def _first_frf(model: Model) -> int | None:
-    return next((i for i, one in enumerate(model.observations) if isinstance(one, MeasuredFRF)), None)
+    return next((i for i, one in enumerate(model.observations) if one.is_receptance), None)
 
 
-def _frf(model: Model, index: int, **changes: Any) -> Candidate:
+def _frf(model: Model, index: int, *, tolerances: tuple[Tolerance, ...] | None = None, **changes: Any) -> Candidate:
     """Return an FRF like one that was measured, with changes."""
     one = model.observations[index]
-    assert isinstance(one, MeasuredFRF)
+    assert one.is_receptance
     fields: dict[str, Any] = {
         "assembly": one.assembly,
         "response": one.response,
         "excitation": one.excitation,
         "conditions": one.conditions,
-        "tolerances": _tolerances_of_new(model, index),
     }
-    return Candidate(
+    observation = Observation(
         label=_NEW,
         frequency_hz=one.frequency_hz,
         standard_deviation=float(np.median(np.asarray(one.standard_deviation))),
         floor=Floor(),
         **(fields | changes),
     )
+    own = _tolerances_of_new(model, index) if tolerances is None else tolerances
+    return Candidate(observation=observation, tolerances=own)
 
 
 def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:

@@ -22,7 +22,7 @@ from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, altered
+from receptance.identification.observations import Observation, altered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -60,12 +60,12 @@ def extension(
     return (replace(found, values={**found.values, **nulls}) if nulls else found), model
 
 
-def _stand_in(base: Model, target: Target) -> MeasuredFRF | MeasuredFrequencies:
+def _stand_in(base: Model, target: Target) -> Observation:
     """Return an observation of another assembly, measured like the first one of the base."""
     name = target.configuration
     fields = {"configuration": name, "label": name, "conditions": dict(target.conditions or {})}
     for one in base.observations:
-        if isinstance(one, MeasuredFRF):
+        if one.is_receptance:
             return altered(one, assembly=target.assembly, **fields)
     return altered(base.observations[0], assembly=target.assembly, **fields)
 

@@ -25,7 +25,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+from receptance.identification.observations import Observation
 from receptance.modal import ModeEstimate, circle_fit, find_peaks
 
 if TYPE_CHECKING:
@@ -97,21 +97,22 @@ def curves(fit: Fit) -> list[Curve]:
 def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
     """Return an observation, measured and modelled, from its residual in standard deviations."""
     label, configuration = one.label or one.configuration, one.configuration or one.label
-    if isinstance(one, MeasuredFrequencies):
+    if not one.is_receptance:
         # Calculated minus measured.
         own, rest = np.split(residual, [one.frequency_hz.size])
-        unit = one.frequency_hz if one.standard_deviation_hz is None else one.standard_deviation_hz
-        modelled = one.frequency_hz + own * unit
-        ratios = np.full(one.frequency_hz.size, np.nan)
+        measured = one.frequency_hz.real
+        unit = measured if one.standard_deviation is None else one.standard_deviation
+        modelled = measured + own * unit
+        ratios = np.full(measured.size, np.nan)
         if one.damping_ratio is not None:
             given = one.damping_ratio[one.damped]
             known = one.standard_deviation_damping
             ratios[one.damped] = given + rest * (np.maximum(given, 1e-4) if known is None else known[one.damped])
-        return Curve(label, configuration, one.frequency_hz, one.frequency_hz, modelled, own[None], ratios)
+        return Curve(label, configuration, measured, measured, modelled, own[None], ratios)
     pair = residual.reshape(2, -1)
     deviation = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
-    modelled = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * deviation)
-    return Curve(label, configuration, one.frequency_hz.real, one.receptance, modelled, pair)
+    receptance = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * deviation)
+    return Curve(label, configuration, one.frequency_hz.real, one.receptance, receptance, pair)
 
 
 def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
@@ -129,16 +130,16 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
 def residuals_of_frequencies(fit: Fit) -> list[ModeResidual]:
     """Return the residuals of a fit at each measured natural frequency, without those of receptances."""
     pairs = zip(fit.model.observations, fit.parts, strict=True)
-    found = [(one, curve_of(one, part)) for one, part in pairs if isinstance(one, MeasuredFrequencies)]
+    found = [(one, curve_of(one, part)) for one, part in pairs if not one.is_receptance]
     return [mode for one, curve in found for mode in _at_frequencies(one, curve)]
 
 
 def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
     """Return the residuals at each mode of one observation."""
-    return _at_peaks(one, curve) if isinstance(one, MeasuredFRF) else _at_frequencies(one, curve)
+    return _at_peaks(one, curve) if one.is_receptance else _at_frequencies(one, curve)
 
 
-def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual]:
+def _at_frequencies(one: Observation, curve: Curve) -> list[ModeResidual]:
     measured, modelled = curve.measured.real, curve.modelled.real
     damping = np.full(measured.size, math.nan)
     if one.damping_ratio is not None and curve.damping_ratio is not None:
@@ -150,7 +151,7 @@ def _at_frequencies(one: MeasuredFrequencies, curve: Curve) -> list[ModeResidual
     ]
 
 
-def _at_peaks(one: MeasuredFRF, curve: Curve) -> list[ModeResidual]:
+def _at_peaks(one: Observation, curve: Curve) -> list[ModeResidual]:
     decay = float(-2.0 * np.pi * np.median(np.imag(one.frequency_hz)))
     measured = _Record(curve.frequency_hz, curve.measured, decay, one.standard_deviation)
     others = _Record(curve.frequency_hz, curve.modelled, decay, None).modes()

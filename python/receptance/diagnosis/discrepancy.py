@@ -56,7 +56,7 @@ from receptance.diagnosis.thresholds import (
     SAME_MODE,
 )
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, altered
+from receptance.identification.observations import Observation, altered
 from receptance.report.table import percent
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
@@ -122,9 +122,9 @@ class Discrepancy:
         return model.map(lambda one: self._enlarge(one, own.get(id(one), 1)))
 
     def _enlarge(self, one: Observation, records: int) -> Observation:
-        if isinstance(one, MeasuredFrequencies):
-            spread = np.hypot(np.asarray(one.standard_deviation_hz), self.frequency * one.frequency_hz)
-            changed = altered(one, standard_deviation_hz=spread)
+        if not one.is_receptance:
+            spread = np.hypot(np.asarray(one.standard_deviation), self.frequency * one.frequency_hz)
+            changed = altered(one, standard_deviation=spread)
             if self.damping is None or not one.damped.size:
                 return changed
             ratios = np.nan_to_num(np.asarray(one.damping_ratio))
@@ -150,7 +150,7 @@ def resonant(model: Model) -> Model:
     """Return the model on few lines of each receptance, without those of antiresonances."""
 
     def select(one: Observation) -> Observation:
-        if not isinstance(one, MeasuredFRF):
+        if not one.is_receptance:
             return one
         return one.select(~in_antiresonance(one.frequency_hz.real, np.abs(one.receptance)))
 
@@ -355,14 +355,14 @@ class _Expectation:
 def _errors(model: Model, fit: Fit, shift: float) -> list[_Errors]:
     """Return the errors of a fit: those of natural frequencies and damping ratios, and of each configuration."""
     found: list[_Errors] = []
-    records: dict[str, list[tuple[MeasuredFRF, NDArray[np.float64]]]] = {}
+    records: dict[str, list[tuple[Observation, NDArray[np.float64]]]] = {}
     triples = zip(model.observations, fit.model.observations, fit.parts, strict=True)
     for name, (one, fitted, residual) in zip(model.configuration_of, triples, strict=True):
-        if isinstance(one, MeasuredFRF):
+        if one.is_receptance:
             records.setdefault(name, []).append(
                 (one, residual.reshape(2, -1) * fitted.standard_deviations[: residual.size // 2])
             )
-        elif isinstance(one, MeasuredFrequencies) and isinstance(fitted, MeasuredFrequencies):
+        elif not one.is_receptance and not fitted.is_receptance:
             found += _errors_of_frequencies(one, fitted, residual)
     return [*found, *(_errors_of_records(own, shift) for own in records.values())]
 
@@ -377,12 +377,10 @@ def _join(errors: Sequence[_Errors]) -> _Errors:
     return _Errors(**joined, modes=np.concatenate(modes), count=count)
 
 
-def _errors_of_frequencies(
-    one: MeasuredFrequencies, fitted: MeasuredFrequencies, residual: NDArray[np.float64]
-) -> Iterator[_Errors]:
+def _errors_of_frequencies(one: Observation, fitted: Observation, residual: NDArray[np.float64]) -> Iterator[_Errors]:
     """Yield relative errors of natural frequencies, and of damping ratios; each is an effect of its own."""
     of_frequency, of_damping = np.split(residual, [one.frequency_hz.size])
-    own, now = (np.asarray(each.standard_deviation_hz) for each in (one, fitted))
+    own, now = (np.asarray(each.standard_deviation) for each in (one, fitted))
     yield _separate(of_frequency * now / one.frequency_hz, own / one.frequency_hz, FREQUENCY)
     if of_damping.size:
         own, now = (np.asarray(each.standard_deviation_damping)[one.damped] for each in (one, fitted))
@@ -405,7 +403,7 @@ def _separate(values: NDArray[np.float64], spread: NDArray[np.float64], kind: in
     )
 
 
-def _errors_of_records(records: Sequence[tuple[MeasuredFRF, NDArray[np.float64]]], shift: float) -> _Errors:
+def _errors_of_records(records: Sequence[tuple[Observation, NDArray[np.float64]]], shift: float) -> _Errors:
     """Return the errors of the receptances of a configuration: the real parts of all, then the imaginary parts."""
     peaks = [_peaks(one) for one, _ in records]
     every = np.sort(np.concatenate(peaks))
@@ -440,7 +438,7 @@ def _errors_of_records(records: Sequence[tuple[MeasuredFRF, NDArray[np.float64]]
     )
 
 
-def growth_beside_peaks(one: MeasuredFRF) -> NDArray[np.float64]:
+def growth_beside_peaks(one: Observation) -> NDArray[np.float64]:
     """Return the factor by which the variance of errors of level is larger than at the peaks, `(n,)`.
 
     Each peak is taken as that of a mode with its height and its width, which is measured at half of the height.
@@ -458,13 +456,13 @@ def growth_beside_peaks(one: MeasuredFRF) -> NDArray[np.float64]:
     return np.asarray(np.maximum(squares / np.square(size), 1.0))
 
 
-def _variance_of_shift(one: MeasuredFRF, frequency: float) -> NDArray[np.float64]:
+def _variance_of_shift(one: Observation, frequency: float) -> NDArray[np.float64]:
     """Return the variance of the logarithm by an error of frequency, for the real and the imaginary part each."""
     down, at_rest, up = _moved(one, frequency)
     return np.asarray((np.square(np.abs(up - at_rest)) + np.square(np.abs(down - at_rest))) / 4.0)
 
 
-def _moved(one: MeasuredFRF, shift: float) -> list[NDArray[np.complex128]]:
+def _moved(one: Observation, shift: float) -> list[NDArray[np.complex128]]:
     """Return the logarithm of the receptance at frequencies that are smaller by a share, the same, and larger."""
     lines = one.frequency_hz.real
     logarithm = np.log(np.abs(one.receptance)) + 1j * np.unwrap(np.angle(one.receptance))
@@ -473,12 +471,12 @@ def _moved(one: MeasuredFRF, shift: float) -> list[NDArray[np.complex128]]:
 
 def _records(model: Model) -> list[int]:
     """Return for each observation the number of receptances of its configuration."""
-    receptances = [isinstance(one, MeasuredFRF) for one in model.observations]
+    receptances = [one.is_receptance for one in model.observations]
     names = [name for name, is_one in zip(model.configuration_of, receptances, strict=True) if is_one]
     return [max(names.count(name), 1) for name in model.configuration_of]
 
 
-def _peaks(one: MeasuredFRF) -> NDArray[np.float64]:
+def _peaks(one: Observation) -> NDArray[np.float64]:
     """Return the frequencies of the peaks of modes in Hz."""
     least = max(MODE_PROMINENCE, MODE_NOISE * float(np.median(one.standard_deviations)))
     lines = one.frequency_hz.real

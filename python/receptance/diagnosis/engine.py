@@ -37,7 +37,7 @@ from receptance.diagnosis.verdict import CandidateCause, Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import UNUSED_COHERENCE
-from receptance.identification.observations import MeasuredFrequencies, Observation
+from receptance.identification.observations import Observation
 from receptance.identification.unknowns import Tolerance, Unknowns, as_unknowns
 
 _FAST = (
@@ -65,7 +65,7 @@ def diagnose(
 
     Parameters
     ----------
-    observations : sequence of MeasuredFRF and MeasuredFrequencies
+    observations : sequence of Observation
         Measurements with standard deviations, best of several configurations; force levels are the condition "force".
     unknowns : sequence of Unknown and Law, or mapping of str to bounds
         Unknowns of the base model: the joint; as in `identify`.
@@ -107,7 +107,7 @@ def diagnose(
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance import CARBIDE, STEEL, Assembly, MeasuredFRF, Part, PointJoint, PointMass, Segment, Unknown
+    >>> from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
     >>> from receptance.diagnosis import diagnose
     >>> lines = np.linspace(200.0, 6000.0, 400)
     >>> def assembled(overhang, *masses):
@@ -117,7 +117,7 @@ def diagnose(
     ...     return Assembly([tool, joint, holder], masses)
     >>> rng = np.random.default_rng(1)
     >>> observations = [
-    ...     MeasuredFRF(
+    ...     Observation(
     ...         assembly=assembled(overhang),
     ...         frequency_hz=lines,
     ...         receptance=assembled(overhang, PointMass(mass=1e-3)).receptance(lines)
@@ -178,10 +178,10 @@ def _check_metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
 def _check_observations(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
     given = (observations,) if isinstance(observations, Observation) else tuple(observations)
     if not given:
-        raise ValueError("observations is empty, expected at least one MeasuredFRF or MeasuredFrequencies")
+        raise ValueError("observations is empty, expected at least one Observation")
     for index, one in enumerate(given):
         if not isinstance(one, Observation):
-            raise TypeError(f"observations[{index}] is {one!r}, expected a MeasuredFRF or MeasuredFrequencies")
+            raise TypeError(f"observations[{index}] is {one!r}, expected a Observation")
         if not one.weighted:
             reasons = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
             remedy = "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
@@ -369,7 +369,7 @@ def _data_notes(selection: Selection) -> list[str]:
         not_decided = [id for id, error in selection.undecidable.items() if error.shared == reason]
         if not_decided:
             notes.append(f"{reason}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
-    frequencies = [one for one in model.observations if isinstance(one, MeasuredFrequencies)]
+    frequencies = [one for one in model.observations if not one.is_receptance]
     if len(frequencies) == len(model.observations):
         hidden = (
             "gain, delay and hits" if any(one.damped.size for one in frequencies) else "damping, gain, delay and hits"

@@ -34,7 +34,6 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.errors import ReceptanceError
 from receptance.identification.fit import conclude
-from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import InfeasibleError
 from receptance.identification.result import Identification, Start
 from receptance.identification.search import fit_direct, fit_staged
@@ -144,7 +143,7 @@ class Fit:
             return False
         values = self.task.variables.to_values(self.x)
         for one, placed in zip(self.model.observations, self.task.mappings, strict=True):
-            if not isinstance(one, MeasuredFRF):
+            if not one.is_receptance:
                 if one.frequency_hz.size > 1:
                     return False
                 continue

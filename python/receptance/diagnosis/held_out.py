@@ -22,7 +22,7 @@ from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.identification.new_observations import NewObservations, information_root
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import Observation
 from receptance.identification.problem import End, InfeasibleError, Problem
 
 if TYPE_CHECKING:
@@ -104,12 +104,12 @@ class HeldOut:
 
     Attributes
     ----------
-    observation : MeasuredFRF or MeasuredFrequencies
+    observation : Observation
         The measurement.
     assembly : Assembly
         The predicted structure as measured, a sensor's mass included.
     receptance : ndarray or None
-        `(n,)` prediction on the lines of a MeasuredFRF, measuring chain included; None for natural frequencies.
+        `(n,)` prediction on the lines of a Observation, measuring chain included; None for natural frequencies.
     """
 
     observation: Observation
@@ -411,7 +411,7 @@ def _measure(
         modes += own
         rows[FREQUENCIES] += [_row(mode.frequency_percent**2) for mode in own]
         receptance = None
-        if isinstance(one, MeasuredFRF):
+        if one.is_receptance:
             receptance = np.asarray(curve.modelled, dtype=np.complex128)
             squares = np.square(np.abs(np.log(one.receptance / receptance)))
             rows[SPECTRAL] += _by_mode(curve.frequency_hz, squares, [mode.measured_hz for mode in own])

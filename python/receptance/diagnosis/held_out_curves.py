@@ -11,7 +11,6 @@ from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.held_out import PosteriorPrediction
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import InfeasibleError
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def held_out_curves(verdict: Verdict, most: int = 4) -> list[tuple[Curve, Curve 
         return _pairs(base, best, verdict.held_out)[:most]
     found: list[tuple[Curve, Curve | None]] = []
     for name in base.model.configurations:
-        records = tuple(one for one in base.model.of([name]) if isinstance(one, MeasuredFRF))
+        records = tuple(one for one in base.model.of([name]) if one.is_receptance)
         if not records or len(found) >= most:
             continue
         try:
@@ -73,4 +72,4 @@ def _curves(fit: Fit, model: Model) -> list[Curve]:
     except InfeasibleError:
         return []
     pairs = zip(model.observations, residuals, strict=False)
-    return [curve_of(one, own) for one, own in pairs if isinstance(one, MeasuredFRF)]
+    return [curve_of(one, own) for one, own in pairs if one.is_receptance]

@@ -28,7 +28,7 @@ from receptance.diagnosis.thresholds import (
     SHORTEST_SPREAD,
     VARIED,
 )
-from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.observations import Observation, altered
 from receptance.identification.unknowns import Law, Move, Prior, Tolerance, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
@@ -322,7 +322,7 @@ def _spread_model(model: Model, anatomy: Anatomy, points: int | None, *, whole: 
     """Return the model with a spread joint; coordinates keep their place on the real holder."""
 
     def change(one: Observation) -> Observation:
-        if not isinstance(one, MeasuredFRF) or anatomy.joint not in one.assembly.elements:
+        if not one.is_receptance or anatomy.joint not in one.assembly.elements:
             return one
         length = one.assembly.get(f"{anatomy.joint}.length")
         sides = ("response", "excitation")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISIEST_LINE, SHARED_LOSS
-from receptance.identification.observations import MeasuredFRF, Observation
+from receptance.identification.observations import Observation
 from receptance.model.coordinates import Coordinate
 
 _Key = tuple[str, Coordinate, Coordinate, bytes]
@@ -29,7 +29,7 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
     kept: list[Observation] = []
     lost = total = 0
     for name, one, good in zip(model.configuration_of, model.observations, _usable(model), strict=True):
-        if not isinstance(one, MeasuredFRF) or good is None:
+        if not one.is_receptance or good is None:
             kept.append(one)
             continue
         count = int(np.count_nonzero(good))
@@ -65,7 +65,7 @@ def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
     groups: dict[tuple[str, bytes], list[int]] = {}
     for index, one in enumerate(model.observations):
         own.append(None)
-        if isinstance(one, MeasuredFRF) and one.standard_deviation is not None:
+        if one.is_receptance and one.standard_deviation is not None:
             own[index] = one.standard_deviation <= NOISIEST_LINE
             key = (model.configuration_of[index], one.frequency_hz.tobytes())
             groups.setdefault(key, []).append(index)
@@ -88,7 +88,7 @@ def _informative_lines(model: Model, lines: int) -> list[NDArray[np.intp] | None
     keys: list[_Key | None] = []
     for index, one in enumerate(model.observations):
         keys.append(None)
-        if isinstance(one, MeasuredFRF) and one.frequency_hz.size > lines and one.standard_deviation is not None:
+        if one.is_receptance and one.frequency_hz.size > lines and one.standard_deviation is not None:
             path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
             path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
             name = model.configuration_of[index]

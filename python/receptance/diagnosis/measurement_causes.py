@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Literal, TypeGuard
+from typing import Literal
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from receptance.diagnosis.thresholds import (
     SUSPENSION_PLACES,
 )
 from receptance.identification.mapping import DECAY_RATES, DELAY, END, LOG_GAIN
-from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.observations import Observation, altered
 from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
@@ -55,13 +55,13 @@ def _require_receptances(model: Model) -> None:
 def _each(model: Model) -> tuple[str | None, ...]:
     """Return None for all configurations together, then each one that has FRFs: only these have a measuring chain."""
     pairs = zip(model.configuration_of, model.observations, strict=True)
-    names = dict.fromkeys(name for name, one in pairs if isinstance(one, MeasuredFRF))
+    names = dict.fromkeys(name for name, one in pairs if one.is_receptance)
     return (None, *names) if len(names) > 1 else (None,)
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     def change(one: Observation) -> Observation:
-        place = one.response if isinstance(one, MeasuredFRF) else Coordinate()
+        place = one.response if one.is_receptance else Coordinate()
         point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
         return altered(one, assembly=with_points(one.assembly, point))
 
@@ -83,7 +83,7 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _mass_at_response(one: Observation) -> float:
     """Return the mass in kg that the model has where the sensor is."""
-    place = one.response if isinstance(one, MeasuredFRF) else Coordinate()
+    place = one.response if one.is_receptance else Coordinate()
     points = [point for point in one.assembly.attachments.values() if isinstance(point, PointMass)]
     return sum(point.mass for point in points if (point.part, point.position) == (place.part, place.position))
 
@@ -93,7 +93,7 @@ def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     places = dict.fromkeys(
         (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
         for one in model.witnesses or model.observations
-        if isinstance(one, MeasuredFRF) and one.excitation.direction == "y"
+        if one.is_receptance and one.excitation.direction == "y"
     )
     found = 0
     for part, position in places:
@@ -113,8 +113,8 @@ def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: floa
     is beside it, on either side.
     """
 
-    def hit(one: Observation) -> TypeGuard[MeasuredFRF]:
-        if not isinstance(one, MeasuredFRF) or one.excitation.direction != "y":
+    def hit(one: Observation) -> bool:
+        if not one.is_receptance or one.excitation.direction != "y":
             return False
         return (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position) == (part, position)
 
@@ -220,7 +220,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     stated = dict.fromkeys(one.form for one in model.receptances)
     for order in (1, 2, -1, -2):
 
-        def change(one: MeasuredFRF, order: int = order) -> Observation:
+        def change(one: Observation, order: int = order) -> Observation:
             return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
 
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]

@@ -10,7 +10,7 @@ from typing import Any
 
 from receptance.diagnosis.truncation import truncation_time
 from receptance.identification.mapping import Parameters, Site
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit, altered
+from receptance.identification.observations import Observation, Unit, altered
 from receptance.identification.problem import Problem, Task
 from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
@@ -72,13 +72,13 @@ class Model:
 
     Attributes
     ----------
-    observations : tuple of MeasuredFRF and MeasuredFrequencies
+    observations : tuple of Observation
         The measurements.
     unknowns : tuple of Unknown
         The unknowns.
     tolerances : tuple of Tolerance
         Errors of dimensions and materials.
-    witnesses : tuple of MeasuredFRF and MeasuredFrequencies
+    witnesses : tuple of Observation
         Observations that are changed with the others and never fitted. Their places decided where the parts of the
         diagnosed model are divided; other observations with the same causes are divided at the same places.
     truncation : float or None
@@ -161,14 +161,14 @@ class Model:
         return tuple(dict.fromkeys(self.configuration_of))
 
     @cached_property
-    def receptances(self) -> tuple[MeasuredFRF, ...]:
+    def receptances(self) -> tuple[Observation, ...]:
         """The observations that are receptances."""
-        return tuple(one for one in self.observations if isinstance(one, MeasuredFRF))
+        return tuple(one for one in self.observations if one.is_receptance)
 
     @cached_property
-    def frequencies(self) -> tuple[MeasuredFrequencies, ...]:
+    def frequencies(self) -> tuple[Observation, ...]:
         """The observations that are natural frequencies."""
-        return tuple(one for one in self.observations if isinstance(one, MeasuredFrequencies))
+        return tuple(one for one in self.observations if not one.is_receptance)
 
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
@@ -252,9 +252,9 @@ class Model:
         object.__setattr__(result, "shorter", self)
         return result
 
-    def map_receptances(self, change: Callable[[MeasuredFRF], Observation]) -> Model:
+    def map_receptances(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with changed receptances, witnesses included."""
-        return self.map(lambda one: change(one) if isinstance(one, MeasuredFRF) else one)
+        return self.map(lambda one: change(one) if one.is_receptance else one)
 
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""
@@ -398,7 +398,7 @@ def places_on(one: Observation, part: str) -> Iterator[float]:
     """Yield the positions of an observation's coordinates and attachments on a part, in m, without its far end."""
     elements = one.assembly.elements
     end = edges_of(elements[part])[-1]
-    coordinates = (one.response, one.excitation) if isinstance(one, MeasuredFRF) else ()
+    coordinates = (one.response, one.excitation) if one.is_receptance else ()
     own = [place_on(elements, "coordinate", place.part, place.position) for place in coordinates]
     for name, point in one.assembly.attachments.items():
         carrier, points = points_of(elements, name, point)

@@ -14,7 +14,6 @@ from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.wording import capital, names, odds, share, size_texts, sizes, times
-from receptance.identification.observations import MeasuredFRF
 from receptance.report import Column, Fact, Section, Table
 from receptance.report.table import amount, amount_interval, number, percent
 
@@ -468,7 +467,7 @@ def _section_of_fitted_data(verdict: Verdict) -> Section:
     observations, explanation = verdict.selection.base.model.observations, verdict.explanation
     before = curves(verdict.base_fit)
     after = [None] * len(before) if explanation is None else [*curves(explanation.fit)]
-    records = [i for i, observation in enumerate(observations) if isinstance(observation, MeasuredFRF)]
+    records = [i for i, observation in enumerate(observations) if observation.is_receptance]
     lists = [i for i in range(len(before)) if i not in records]
     largest = sorted(records, key=lambda i: -float((before[i].residual ** 2).mean()))[:_RECORDS]
     drawn = [(before[i].label or f"receptance {i + 1}", curve_figure(before[i], after[i])) for i in sorted(largest)]

@@ -29,7 +29,6 @@ from receptance.diagnosis.thresholds import (
     VARIANTS_FITTED,
 )
 from receptance.identification.covariance import square_root
-from receptance.identification.observations import MeasuredFRF
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +124,7 @@ def _is_other_quantity(fit: Fit) -> bool:
     errors = [
         float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
         for one, residual in zip(fit.model.observations, fit.parts, strict=True)
-        if isinstance(one, MeasuredFRF)
+        if one.is_receptance
     ]
     return bool(errors) and max(errors) > OTHER_QUANTITY
 

@@ -28,7 +28,7 @@ from receptance.diagnosis.fitting import evaluate, fit_base
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import Model, named
 from receptance.diagnosis.thresholds import LARGEST_SENSITIVITY
-from receptance.identification.observations import MeasuredFRF, Observation, altered
+from receptance.identification.observations import Observation, altered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.terminals import RESIDUALS, MeasuredPart
@@ -63,7 +63,7 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
     sums = [np.zeros(table.frequency_hz.size) for table in noisy]
     for i, (one, mapping) in enumerate(zip(model.observations, fit.task.mappings, strict=True)):
         table = _table(one)
-        if isinstance(one, MeasuredFRF) and table in noisy:
+        if one.is_receptance and table in noisy:
             number = noisy.index(table)
             nearest = _nearest(table.frequency_hz, one.frequency_hz.real)
             deviation = _deviation(one, mapping.apply(one.assembly, values), table, nearest)
@@ -71,7 +71,7 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
             found[i] = number, nearest, deviation
 
     def widened(i: int, one: Observation) -> Observation:
-        if i not in found or not isinstance(one, MeasuredFRF):
+        if i not in found or not one.is_receptance:
             return one
         number, nearest, deviation = found[i]
         variance = np.square(np.asarray(one.standard_deviation)) + deviation * sums[number][nearest]
@@ -98,7 +98,7 @@ def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> ND
 
 
 def _deviation(
-    one: MeasuredFRF, fitted: Assembly, table: MeasuredPart, nearest: NDArray[np.intp]
+    one: Observation, fitted: Assembly, table: MeasuredPart, nearest: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """Return the standard deviation of the logarithm of each line due to the errors of the table."""
     covariance = table.covariance

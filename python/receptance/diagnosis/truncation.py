@@ -14,10 +14,10 @@ from receptance.diagnosis.thresholds import (
     TRUNCATION_WINDOW,
     UNEVEN_LINES,
 )
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import Observation
 
 
-def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
+def truncation_time(records: Sequence[Observation]) -> float | None:
     """Return the time in s after the hit at which records were truncated; None where they do not show it.
 
     The lines of a record of the length T are multiples of 1 / T, and the corresponding response covers one period T.
@@ -49,7 +49,7 @@ def truncation_time(records: Sequence[MeasuredFRF]) -> float | None:
     return at / TRUNCATION_POINTS * periods[0] - spread
 
 
-def _power(one: MeasuredFRF) -> tuple[float, NDArray[np.float64]] | None:
+def _power(one: Observation) -> tuple[float, NDArray[np.float64]] | None:
     """Return the period of the lines in s, and the power of the acceleration after a unit impulse along it."""
     lines = one.frequency_hz.real
     if lines.size < 3:

@@ -236,7 +236,7 @@ class FRF(Renderable):
                 raise ValueError(f"{self!r}: the {new} does not follow from the {self.form} at 0 Hz, its only line")
             reason = f"the {motions[new]} does not follow from the {motions[self.form]} there"
             notes = (*notes, f"the line at 0 Hz is dropped: {reason}")
-            source = self._on_lines(slice(1, None))
+            source = self.on_lines(slice(1, None))
         factor = form_factor(source.complex_frequency_hz, self.form, new)[:, None, None]
         return source._copy(form=new, values=source.values * factor, notes=notes)
 
@@ -270,7 +270,7 @@ class FRF(Renderable):
         names = self.labels or (None, None)
         rows = _selected(repr(self), "responses", responses, self.responses, names[0])
         columns = _selected(repr(self), "excitations", excitations, self.excitations, names[1])
-        return self._on_lines(inside)._of_entries(rows, columns)
+        return self.on_lines(inside)._of_entries(rows, columns)
 
     def masked(self) -> FRF:
         """Return the usable lines only; all lines if `usable` is None.
@@ -284,7 +284,7 @@ class FRF(Renderable):
             return self
         if not self.usable.any():
             raise ValueError(f"{self!r}: no line is usable")
-        return self._on_lines(self.usable)
+        return self.on_lines(self.usable)
 
     def resample(self, frequency_hz: ArrayLike) -> FRF:
         """Return the FRF on other lines, which may not be closer together than the measured ones.
@@ -598,7 +598,8 @@ class FRF(Renderable):
         _checks.set_fields(copy, {**{field.name: getattr(self, field.name) for field in fields(self)}, **changes})
         return copy
 
-    def _on_lines(self, chosen: NDArray[np.bool_] | slice) -> Self:
+    def on_lines(self, chosen: NDArray[np.bool_] | slice) -> Self:
+        """Return the FRF on some of its lines."""
         arrays = {name: getattr(self, name) for name in ("frequency_hz", *_PER_LINE)}
         return self._copy(**{name: array[chosen] for name, array in arrays.items() if array is not None})
 

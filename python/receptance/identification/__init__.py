@@ -2,7 +2,7 @@
 
 ::
 
-    frf.FRF -> from_frf -> observations    MeasuredFRF, MeasuredFrequencies: data, standard deviations, assembly
+    frf.FRF -> from_frf -> observations    Observation: data, standard deviations, assembly
     unknowns                               Unknown, Law, Tolerance: what is fitted, with bounds and priors
        |  mapping                          Parameters: unknowns -> addresses of each assembly (Site -> ParameterMap)
        v

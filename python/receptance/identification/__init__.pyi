@@ -9,8 +9,7 @@ from .likelihood import Profiles as Profiles
 from .likelihood import constrained_fit as constrained_fit
 from .likelihood import log_evidence as log_evidence
 from .new_observations import Candidate as Candidate
-from .observations import MeasuredFrequencies as MeasuredFrequencies
-from .observations import MeasuredFRF as MeasuredFRF
+from .observations import Observation as Observation
 from .peaks import PredictedMode as PredictedMode
 from .peaks import find_bands as find_bands
 from .prediction import PredictedFrequencies as PredictedFrequencies

@@ -11,7 +11,6 @@ import numpy as np
 from receptance import units
 from receptance._text import printable
 from receptance.identification.covariance import UNINFORMATIVE
-from receptance.identification.observations import MeasuredFRF
 from receptance.identification.pointwise_joint import TERMS
 from receptance.identification.prediction import DECIBEL
 from receptance.model.joints import PointJoint
@@ -68,9 +67,9 @@ _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
     """Draw measurements and fitted model, their ratio, and the intervals of the parameters."""
     everything = list(zip(found.labels, found.task.observed, found.assemblies, strict=True))
-    frfs = [(label, one, assembly) for label, one, assembly in everything if isinstance(one, MeasuredFRF)]
+    frfs = [(label, one, assembly) for label, one, assembly in everything if one.is_receptance]
     shown = frfs[:_MOST_FRFS]
-    lists = [(label, one, assembly) for label, one, assembly in everything if not isinstance(one, MeasuredFRF)]
+    lists = [(label, one, assembly) for label, one, assembly in everything if not one.is_receptance]
     parameters = [name for name in found.values if name not in found.errors]
     # Many rows take the whole width below the other panels.
     below = 1.4 + 0.24 * len(parameters) if len(parameters) > _MOST_BESIDE else 0.0
@@ -96,7 +95,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
         rows = []
         for label, listed, assembly in lists:
             fitted = assembly.lowest_natural_frequencies(max(listed.modes))[0][[mode - 1 for mode in listed.modes]]
-            rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation_hz))
+            rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation))
         _frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
     _parameters(cells[-1], found, parameters)
     return finished(figure, found.rejection)

@@ -15,7 +15,7 @@ from receptance._text import first_of
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.covariance import covariance_of, variance_factor
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import MeasuredFRF, Observation, as_observations
+from receptance.identification.observations import Observation, as_observations
 from receptance.identification.peaks import check_bands
 from receptance.identification.problem import Problem, Task
 from receptance.identification.result import Identification, Start
@@ -93,7 +93,7 @@ def identify(
 
     Parameters
     ----------
-    observations : sequence of MeasuredFRF and MeasuredFrequencies
+    observations : sequence of Observation
         The measurements, of one or several assemblies.
     unknowns : sequence of Unknown and Law, or mapping of str to bounds
         The parameters to identify, with bounds; a `Law` relates the values in several configurations. A dictionary has
@@ -157,11 +157,11 @@ def identify(
     Examples
     --------
     >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
-    >>> from receptance.identification import MeasuredFrequencies, Unknown, identify
+    >>> from receptance.identification import Observation, Unknown, identify
     >>> tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
     >>> holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
     >>> true = Assembly([tool, PointJoint(k_y=6.3e8, k_theta=1.0e5, name="joint"), holder])
-    >>> measured = MeasuredFrequencies(assembly=true, frequency_hz=true.natural_frequencies(15e3)[:2])
+    >>> measured = Observation.from_modes(assembly=true, frequency_hz=true.natural_frequencies(15e3)[:2])
     >>> found = identify(measured, [
     ...     Unknown(address="joint.k_y", lower=1e7, upper=1e10),
     ...     Unknown(address="joint.k_theta", lower=1e3, upper=1e7),
@@ -475,7 +475,7 @@ def _sum_of_squares(residuals: Sequence[NDArray[np.float64]]) -> float:
 
 def _comparable(observation: Observation, other: Observation) -> bool:
     # Two structures may have the same natural frequencies to the digits that are written.
-    if isinstance(observation, MeasuredFRF):
+    if observation.is_receptance:
         return True
     return observation.assembly is other.assembly or bool(
         observation.configuration and observation.configuration == other.configuration

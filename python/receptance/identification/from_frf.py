@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -50,7 +50,7 @@ _LINE_MISFIT = 9.0
 
 @dataclass(frozen=True, kw_only=True)
 class Floor:
-    """Errors of a measured receptance that noise models omit, for `MeasuredFRF.from_frf`.
+    """Errors of a measured receptance that noise models omit, for `Observation.from_frf`.
 
     Every line has them as independent errors.
 
@@ -138,29 +138,51 @@ def _slope_squared(
     return result
 
 
-def observe(
+NO_FLOOR = Floor(relative=0.0, frequency=0.0)
+
+
+def as_floor(owner: str, floor: float | Floor) -> Floor:
+    """Return a floor; a number is its relative part."""
+    if isinstance(floor, Floor):
+        return floor
+    return Floor(relative=_checks.not_negative(owner, "floor", floor), frequency=0.0) if floor else NO_FLOOR
+
+
+class LineVariance(NamedTuple):
+    """The measured variance of an entry of an FRF.
+
+    Attributes
+    ----------
+    variance : ndarray or None
+        `(n,)` variance of the logarithm of each line alone.
+    degrees_of_freedom : ndarray or None
+        Those of the variance.
+    owner : str
+        The FRF in messages.
+    """
+
+    variance: NDArray[np.float64] | None
+    degrees_of_freedom: NDArray[np.float64] | None
+    owner: str
+
+
+def one_entry(
     frf: FRF,
     response: Coordinate | str | int | None,
     excitation: Coordinate | str | int | None,
     low_hz: float | None,
     high_hz: float | None,
-    floor: float | Floor,
     label: str | None,
-) -> dict[str, Any]:
-    """Return the fields of a `MeasuredFRF`; see `MeasuredFRF.from_frf`."""
+) -> tuple[FRF, tuple[Coordinate, Coordinate], list[str]]:
+    """Return an entry of an FRF as receptance on the lines that an observation has, its coordinates, and notes."""
     if not isinstance(frf, FRF):
-        raise TypeError(f"MeasuredFRF.from_frf: frf is {frf!r}, expected an FRF")
+        raise TypeError(f"Observation.from_frf: frf is {frf!r}, expected an FRF")
     owner = repr(frf)
-    name = frf.label if label is None else label
-    if isinstance(floor, Floor):
-        least = floor
-    else:
-        least = Floor(relative=_checks.not_negative("MeasuredFRF.from_frf", "floor", floor), frequency=0.0)
     entry, coordinates, notes = _entry(frf, response, excitation)
     entry = with_variance(entry)
     if entry.log_variance is None and entry.coherence is not None:
         notes.append(unused_coherence(entry.averages))
-        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=4)
+        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=3)
     # The band is selected first, so that a line at 0 Hz outside of it causes no note.
     entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
     known = entry.frequency_hz > 0.0
@@ -170,22 +192,35 @@ def observe(
             notes.append(f"{np.count_nonzero(infinite)} lines of infinite variance are left out")
             known &= ~infinite
     if not known.any():
+        name = frf.label if label is None else label
         raise ValueError(f"{owner}: no line is left for {name or 'an observation'}: at 0 Hz, or of infinite variance")
-    deviation = _standard_deviation(owner, entry, known, least, notes)
-    notes += _low_frequency_notes(
-        entry.frequency_hz[known], entry.values[known, 0, 0], deviation, coordinates[0] == coordinates[1]
-    )
-    return {
-        "frequency_hz": entry.complex_frequency_hz[known],
-        "receptance": entry.values[known, 0, 0],
-        "response": coordinates[0],
-        "excitation": coordinates[1],
-        "standard_deviation": deviation,
-        "correlated_lines": entry.correlated_lines[known],
-        "label": name,
-        "form": frf.form,
-        "notes": (*entry.notes, *notes),
-    }
+    return entry.on_lines(known), (coordinates[0], coordinates[1]), notes
+
+
+def variance_of(entry: FRF, owner: str) -> LineVariance:
+    """Return the variance of the only entry of an FRF."""
+    arrays = (entry.log_variance, entry.degrees_of_freedom)
+    variance, freedom = (None if array is None else array[:, 0, 0] for array in arrays)
+    return LineVariance(variance, freedom, owner)
+
+
+def weigh(
+    lines: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    measured: LineVariance,
+    correlated_lines: NDArray[np.float64],
+    floor: Floor,
+    *,
+    drive_point: bool,
+) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    """Return the standard deviations `(n,)` of lines that count as independent, and notes on them and on the lines.
+
+    None without variance and floor.
+    """
+    notes: list[str] = []
+    deviation = _standard_deviation(lines, values, measured, correlated_lines, floor, notes)
+    notes += _low_frequency_notes(lines, values, deviation, drive_point)
+    return deviation, tuple(notes)
 
 
 def unused_coherence(averages: int | None) -> str:
@@ -247,17 +282,20 @@ def _entry(
 
 
 def _standard_deviation(
-    owner: str, entry: FRF, known: NDArray[np.bool_], floor: Floor, notes: list[str]
+    lines: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    measured: LineVariance,
+    correlated: NDArray[np.float64],
+    floor: Floor,
+    notes: list[str],
 ) -> NDArray[np.float64] | None:
     """Return the standard deviations `(n,)` of lines that count as independent; None without variance and floor."""
-    lines, values = entry.frequency_hz[known], entry.values[known, 0, 0]
-    if entry.log_variance is None:
+    variance, freedoms, owner = measured
+    if variance is None:
         if not floor:
             return None
         notes.append(f"the FRF has no variance: the floor of {floor} is its standard deviation")
         return np.sqrt(floor.variance(lines, values))
-    correlated = entry.correlated_lines[known]
-    variance = entry.log_variance[known, 0, 0]
     exact = variance == 0.0
     if exact.all():
         cause = "the variance is zero on all lines, as from a coherence of exactly 1 or a column of too few digits"
@@ -266,7 +304,7 @@ def _standard_deviation(
                 f"{owner}: {cause}, so they would have infinite weight; give a floor, floor=0.003 for example"
             )
         notes.append(f"{cause}: the floor of {floor} is the only standard deviation")
-        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=5)
+        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=2)
     elif exact.any():
         variance = np.where(exact, least := resolution(variance), variance)
         notes.append(
@@ -274,14 +312,14 @@ def _standard_deviation(
             f"{least:.2g}, is used for them"
         )
     noise = smoothed_variance(lines, values, variance, correlated) * correlated
-    if entry.degrees_of_freedom is not None:
-        noise *= few_degrees_factor(entry.degrees_of_freedom[known, 0, 0])
+    if freedoms is not None:
+        noise *= few_degrees_factor(freedoms)
     deviation: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))
     if floor and not exact.all():
         share = float(np.median(noise / deviation**2))
         notes.append(f"floor of {floor} added to the noise, which is {100.0 * share:.0f} % of the median variance")
-    if entry.degrees_of_freedom is not None:
-        freedom = float(np.median(entry.degrees_of_freedom[known]))
+    if freedoms is not None:
+        freedom = float(np.median(freedoms))
         if freedom < _FEW_DEGREES:
             notes.append(
                 f"standard deviations from {freedom:.3g} degrees of freedom are uncertain: pool the variance over "

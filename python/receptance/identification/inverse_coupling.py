@@ -11,7 +11,7 @@ import numpy as np
 from receptance import _checks, units
 from receptance._text import join_names
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
+from receptance.identification.observations import Observation, check_observations, common_lines
 from receptance.identification.pointwise_joint import (
     TERMS,
     Equations,
@@ -256,7 +256,7 @@ class InverseCouplings(Results[InverseCoupling]):
 
 
 def invert_coupling(
-    observations: MeasuredFRF | Sequence[MeasuredFRF],
+    observations: Observation | Sequence[Observation],
     *,
     joint: str = "joint",
     terms: Sequence[str] | None = None,
@@ -274,7 +274,7 @@ def invert_coupling(
 
     Parameters
     ----------
-    observations : MeasuredFRF or sequence of MeasuredFRF
+    observations : Observation or sequence of Observation
         Measurements with standard deviations. Lines that some of them lack are left out. If few lines are common, all
         are resampled to the lines of the measurement with the widest spacing.
     joint : str, optional
@@ -303,13 +303,13 @@ def invert_coupling(
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, Part, PointJoint, Segment
+    >>> from receptance import STEEL, Assembly, Coordinate, Observation, Part, PointJoint, Segment
     >>> from receptance.identification import invert_coupling
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
     >>> lines, nose = np.linspace(100.0, 4000.0, 40), Coordinate("holder", 0.0)
     >>> measured = [
-    ...     MeasuredFRF(
+    ...     Observation(
     ...         assembly=pair,
     ...         frequency_hz=lines,
     ...         receptance=pair.receptance(lines, response=place),
@@ -378,7 +378,7 @@ def invert_coupling(
 
 
 def _moved_by_errors(
-    observed: tuple[MeasuredFRF, ...],
+    observed: tuple[Observation, ...],
     joint: str,
     terms: tuple[str, ...],
     lines: NDArray[np.inexact],
@@ -454,7 +454,7 @@ def _fit_constant_joint(
 
 
 def _equations(
-    observed: tuple[MeasuredFRF, ...],
+    observed: tuple[Observation, ...],
     joint: str,
     terms: tuple[str, ...],
     lines: NDArray[np.inexact],
@@ -477,7 +477,7 @@ def _equations(
 
 
 def _with_rigid_joint(
-    assembly: Assembly, joint: str, lines: NDArray[np.inexact], observation: MeasuredFRF, threads: int | None
+    assembly: Assembly, joint: str, lines: NDArray[np.inexact], observation: Observation, threads: int | None
 ) -> tuple[NDArray[np.complex128], ...]:
     """Return H, F_r, F_e and Y of (T8) with the joint rigid."""
     planes = assembly.reduced_to_joint(
@@ -543,7 +543,7 @@ def _joint_of(assembly: Assembly, joint: str) -> PointJoint:
     return found
 
 
-def _check_joint(observed: tuple[MeasuredFRF, ...], joint: str, terms: tuple[str, ...]) -> None:
+def _check_joint(observed: tuple[Observation, ...], joint: str, terms: tuple[str, ...]) -> None:
     """Raise if the joints of the observations differ in their known terms."""
     solved = {name for term in terms for name in (term, f"c{term[1:]}")}
     if len(terms) == len(TERMS):
@@ -559,7 +559,7 @@ def _check_joint(observed: tuple[MeasuredFRF, ...], joint: str, terms: tuple[str
                 )
 
 
-def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF, ...]) -> str:
+def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[Observation, ...]) -> str:
     """Return the message for equations that cannot separate the terms."""
     loads = {(o.excitation, str(o.assembly)) for o in observed}
     hint = (
@@ -573,7 +573,7 @@ def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[MeasuredFRF
     )
 
 
-def _notes(found: InverseCoupling, observed: tuple[MeasuredFRF, ...], dropped: int) -> list[str]:
+def _notes(found: InverseCoupling, observed: tuple[Observation, ...], dropped: int) -> list[str]:
     """Return the notes for the user; `dropped` lines are not common to all observations."""
     notes = [note for observation in observed for note in observation.notes]
     if dropped:

@@ -18,7 +18,6 @@ import numpy as np
 from receptance import _checks
 from receptance._chances import chi_square_chance
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import COST_TOLERANCE
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import amount, amount_interval
@@ -56,7 +55,7 @@ _TIED_RANGE = 0.02
 def require_likelihood(found: Identification) -> None:
     """Raise ValueError if receptances were fitted with the percentage objective."""
     pairs = zip(found.units, found.task.observed, strict=True)
-    if any(unit == "percent" and isinstance(one, MeasuredFRF) for unit, one in pairs):
+    if any(unit == "percent" and one.is_receptance for unit, one in pairs):
         raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
 
 
@@ -119,11 +118,11 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
     >>> from receptance.identification import constrained_fit
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
+    >>> modes = Observation.from_modes(
     ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
     ... )
     >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
@@ -202,12 +201,12 @@ def log_evidence(found: Identification) -> float:
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
     >>> from receptance.identification import Law, Power, log_evidence
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
     >>> measured = [
-    ...     MeasuredFrequencies(
+    ...     Observation.from_modes(
     ...         assembly=pair,
     ...         frequency_hz=pair.replace({"joint.k_theta": k}).natural_frequencies(2e4)[:2],
     ...         standard_deviation_hz=1.0,

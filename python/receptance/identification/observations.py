@@ -6,7 +6,8 @@ import copy
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.frf.validation import check_form
+from receptance.identification.from_frf import NO_FLOOR, Floor, LineVariance, as_floor, one_entry, variance_of, weigh
 from receptance.identification.mapping import FACTORS, Site
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
-    from receptance.identification.from_frf import Floor
     from receptance.units import Form
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
@@ -36,56 +37,31 @@ _SPLINE_LINES = 4
 _FEW = 0.5
 """Resample if the common lines are fewer than this share of the lines, and of the lines after resampling."""
 _PER_LINE = ("frequency_hz", "receptance", "standard_deviation", "correlated_lines", "force")
-_Any = TypeVar("_Any", bound="_Observation")
 
 
-class _Observation:
-    """The common part of a `MeasuredFRF` and of `MeasuredFrequencies`."""
-
-    assembly: Assembly
-    frequency_hz: NDArray[np.inexact]
-    label: str
-    configuration: str
-    conditions: Mapping[str, float]
-    notes: tuple[str, ...] = ()
-    factors: ClassVar[tuple[str, ...]] = ()
-    """Addresses of its measuring chain."""
-    unit: ClassVar[Unit]
-    """Unit of its residuals if no observation has standard deviations."""
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """Response and excitation of a receptance."""
-        return ()
-
-    def site(self, index: int) -> Site:
-        """Return assembly, configuration and conditions; an unnamed observation is a configuration by its number."""
-        name = self.configuration or f"observation {index}"
-        return Site(self.assembly, name, self.label, self.conditions, self.factors)
-
-    def title(self, index: int) -> str:
-        """Return the label, or the number in the list of observations."""
-        return self.label or f"observation {index}"
-
-    def configured(self, configuration: str, conditions: Mapping[str, float]) -> Self:
-        """Return the measurement with another configuration and conditions."""
-        return altered(self, configuration=configuration, conditions=_conditions(repr(self), conditions))
-
-
-def _fill(target: object, **fields: Any) -> None:
-    _checks.set_fields(target, fields)
-
-
-def altered(target: _Any, **fields: Any) -> _Any:
+def altered(target: Observation, **fields: Any) -> Observation:
     """Return an observation with other fields, which are not checked."""
+    if "standard_deviation" in fields:
+        fields = {"variance": None, "floor": NO_FLOOR, "notes": target.notes, **fields}
+    elif target.is_receptance and "receptance" in fields:
+        # Weights are those of the values as they were measured.
+        fields |= {"standard_deviation": target.standard_deviation, "notes": target.notes}
+    return _replaced(target, **fields)
+
+
+def _replaced(target: Observation, **fields: Any) -> Observation:
     changed = copy.copy(target)
     _checks.set_fields(changed, fields)
     return changed
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class MeasuredFRF(_Observation):
-    """One measured receptance of one assembly.
+class Observation:
+    """One receptance of one assembly on lines, or some of its natural frequencies.
+
+    The constructor takes a receptance as arrays and `from_frf` an entry of an FRF, `from_modes` natural frequencies.
+    An observation without values is a hypothetical measurement, such as a candidate for the next one; its values are
+    NaN.
 
     Parameters
     ----------
@@ -95,13 +71,15 @@ class MeasuredFRF(_Observation):
         `(n,)` ascending lines in Hz. A first line at 0 Hz is dropped, with a `ReceptanceWarning` and a note:
         a free structure has no receptance there. Complex, f - i sigma / (2 pi), where force and response were
         multiplied with the window exp(-sigma t): the model is then evaluated on these lines.
-    receptance : array_like
+    receptance : array_like, optional
         `(n,)` complex, in m/N, m/(N m), rad/N or rad/(N m).
     response, excitation : Coordinate, optional
         Coordinates of the motion and of the load; by default y at the tip.
     standard_deviation : array_like, optional
         Standard deviation of the real and of the imaginary part of the logarithm of the receptance, one number
         or `(n,)`; 0.01 is 1 % of the magnitude and 0.01 rad of the phase.
+    floor : float or Floor, optional
+        Standard deviation of errors that no noise model covers. Its square is added to the variance.
     correlated_lines : array_like, optional
         Number of neighbouring lines per independent value, at least 1, one number or `(n,)`. It is used to count the
         independent lines. The standard deviations must include it, as those of `from_frf` do: they are
@@ -124,8 +102,12 @@ class MeasuredFRF(_Observation):
 
     Attributes
     ----------
-    notes : tuple of str
-        The given notes, and those on changes made here.
+    frequency_hz : ndarray
+        The lines, or the natural frequencies.
+    modes : tuple of int
+        Numbers of the elastic modes of natural frequencies; empty for a receptance.
+    damping_ratio, standard_deviation_damping : ndarray or None
+        Those of the modes, NaN where unknown.
 
     Raises
     ------
@@ -137,40 +119,43 @@ class MeasuredFRF(_Observation):
     --------
     >>> import numpy as np
     >>> from receptance import STEEL, Assembly, Part, Segment
-    >>> from receptance.identification import MeasuredFRF
+    >>> from receptance.identification import Observation
     >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     >>> lines = np.linspace(100.0, 4000.0, 40)
-    >>> MeasuredFRF(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines), label="blank")
-    MeasuredFRF('blank', 40 lines from 100 to 4000 Hz)
+    >>> Observation(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines), label="blank")
+    Observation('blank', 40 lines from 100 to 4000 Hz)
     """
-
-    factors = FACTORS
-    unit = "logarithm"
 
     assembly: Assembly
     frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128]
     response: Coordinate
     excitation: Coordinate
-    standard_deviation: NDArray[np.float64] | None
     correlated_lines: NDArray[np.float64]
+    modes: tuple[int, ...]
+    damping_ratio: NDArray[np.float64] | None
+    standard_deviation_damping: NDArray[np.float64] | None
     label: str
-    notes: tuple[str, ...]
     configuration: str
     conditions: Mapping[str, float]
     force: NDArray[np.float64] | None
     ends: float | None
     form: Form
+    stated_deviation: NDArray[np.float64] | None
+    variance: LineVariance | None
+    floor: Floor
+    stated_notes: tuple[str, ...]
 
     def __init__(
         self,
         *,
         assembly: Assembly,
         frequency_hz: ArrayLike,
-        receptance: ArrayLike,
+        receptance: ArrayLike | None = None,
         response: Coordinate | None = None,
         excitation: Coordinate | None = None,
         standard_deviation: ArrayLike | None = None,
+        floor: float | Floor = 0.0,
         correlated_lines: ArrayLike = 1.0,
         label: str = "",
         notes: Sequence[str] = (),
@@ -180,19 +165,25 @@ class MeasuredFRF(_Observation):
         ends: float | None = None,
         form: Form = "receptance",
     ) -> None:
-        owner = _owner("MeasuredFRF", label, assembly)
+        owner = _owner(label)
         lines = _checks.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
-        values = _checks.numbers(owner, "receptance", receptance, "iufc", "complex numbers")
         if lines.ndim != 1:
             raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
-        if values.shape != lines.shape:
-            raise ValueError(
-                f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
-            )
-        sd = standard_deviation
-        deviation = None if sd is None else _checks.by_line(owner, "standard_deviation", sd, lines.shape)
-        forces = None if force is None else _checks.by_line(owner, "force", force, lines.shape)
-        correlated = _checks.by_line(owner, "correlated_lines", correlated_lines, lines.shape, least=1.0)
+        per_line: dict[str, NDArray[Any]] = {
+            "frequency_hz": lines,
+            "receptance": np.full(lines.shape, np.nan, dtype=np.complex128),
+            "correlated_lines": _checks.by_line(owner, "correlated_lines", correlated_lines, lines.shape, least=1.0),
+        }
+        if receptance is not None:
+            values = _checks.numbers(owner, "receptance", receptance, "iufc", "complex numbers")
+            if values.shape != lines.shape:
+                raise ValueError(
+                    f"{owner}: receptance has shape {values.shape} but frequency_hz {lines.shape}, expected the same"
+                )
+            per_line["receptance"] = values.astype(np.complex128)
+        for name, numbers in (("standard_deviation", standard_deviation), ("force", force)):
+            if numbers is not None:
+                per_line[name] = _checks.by_line(owner, name, numbers, lines.shape)
         if isinstance(notes, str):
             raise TypeError(f"{owner}: notes is {notes!r}, expected a sequence of texts")
         notes = tuple(map(str, notes))
@@ -203,83 +194,70 @@ class MeasuredFRF(_Observation):
                 ReceptanceWarning,
                 stacklevel=2,
             )
-            lines, values, correlated = lines[1:], values[1:], correlated[1:]
-            deviation, forces = (given if given is None else given[1:] for given in (deviation, forces))
-        lines = _decaying(owner, _checks.frequencies(lines, owner))
-        if forces is not None and lines.dtype.kind == "c":
-            raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
-        if forces is not None and ends is not None:
-            raise ValueError(f"{owner}: a force belongs to a stepped sine, and an end to the record of a hit")
-        values = values.astype(np.complex128)
-        for wrong, what in ((~np.isfinite(values), "a finite number"), (values == 0.0, "something else than zero")):
-            bad = np.flatnonzero(wrong)
+            per_line = {name: array[1:] for name, array in per_line.items()}
+        stated = per_line.pop("standard_deviation", None)
+        lines = _decaying(owner, _checks.frequencies(per_line["frequency_hz"], owner))
+        if receptance is not None:
+            bad = np.flatnonzero(~np.isfinite(per_line["receptance"]))
             if bad.size:
-                raise ValueError(
-                    f"{owner}: the receptance at {lines[bad[0]].real:g} Hz is {values[bad[0]]}, expected {what}; "
-                    "leave the line out"
-                )
-        places = []
-        for name, place in (("response", response), ("excitation", excitation)):
-            if place is not None and not isinstance(place, Coordinate):
-                raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
-            places.append(place or Coordinate())
-        # This checks the coordinates. A complex line avoids resonances; a table must have all real lines.
-        checked = lines if assembly.tabulated else [lines[0].real * (1.0 - 0.1j)]
-        assembly.receptance(checked, response=places[0], excitation=places[1], threads=1)
-        _fill(
-            self,
-            assembly=assembly,
-            frequency_hz=lines,
-            receptance=values,
-            response=places[0],
-            excitation=places[1],
-            standard_deviation=deviation,
-            correlated_lines=correlated,
-            label=str(label),
-            notes=notes,
-            configuration=str(configuration or label),
-            conditions=_conditions(owner, conditions),
-            force=forces,
-            ends=None if ends is None else _checks.positive(owner, "ends", ends),
-            form=check_form(owner, form),
+                raise _bad_line(owner, lines, per_line["receptance"], bad[0], "a finite number")
+        self._set(
+            owner,
+            assembly,
+            (response, excitation),
+            conditions,
+            {
+                **per_line,
+                "frequency_hz": lines,
+                "stated_deviation": stated,
+                "floor": as_floor(owner, floor),
+                "label": str(label),
+                "stated_notes": notes,
+                "configuration": str(configuration or label),
+                "ends": None if ends is None else _checks.positive(owner, "ends", ends),
+                "form": check_form(owner, form),
+            },
         )
 
-    @property
-    def weighted(self) -> bool:
-        """Whether standard deviations were given."""
-        return self.standard_deviation is not None
-
-    @property
-    def standard_deviations(self) -> NDArray[np.float64]:
-        """Standard deviation of each residual, `(2 n,)`; ones if none were given."""
-        known = self.standard_deviation
-        return np.tile(np.ones(self.frequency_hz.size) if known is None else known, 2)
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """Response and excitation."""
-        return self.response, self.excitation
-
-    @property
-    def data(self) -> NDArray[np.complex128]:
-        """The measured receptances."""
-        return self.receptance
-
-    @property
-    def independent_values(self) -> float:
-        """Effective number of independent real numbers, two for each line, which counts as 1 / correlated_lines."""
-        return 2.0 * float(np.sum(1.0 / self.correlated_lines))
-
-    def noisier(self, factor: float) -> Self:
-        """Return the measurement with standard deviations multiplied by a factor."""
-        return altered(self, standard_deviation=factor * np.asarray(self.standard_deviation))
-
-    def select(self, lines: NDArray[np.bool_] | NDArray[np.intp] | None) -> Self:
-        """Return the measurement on some of its lines, a mask or indices; on all with None."""
-        if lines is None:
-            return self
-        arrays = {name: getattr(self, name) for name in _PER_LINE}
-        return altered(self, **{name: array[lines] for name, array in arrays.items() if array is not None})
+    def _set(
+        self,
+        owner: str,
+        assembly: Assembly,
+        places: tuple[Coordinate | None, Coordinate | None],
+        conditions: Mapping[str, float] | None,
+        fields: dict[str, Any],
+    ) -> None:
+        """Set the fields of a receptance; what it has beside a valid FRF is checked here."""
+        lines, values = fields["frequency_hz"], fields["receptance"]
+        if fields.get("force") is not None and lines.dtype.kind == "c":
+            raise ValueError(f"{owner}: a force belongs to a stepped sine, and complex lines to a decaying window")
+        if fields.get("force") is not None and fields.get("ends") is not None:
+            raise ValueError(f"{owner}: a force belongs to a stepped sine, and an end to the record of a hit")
+        zero = np.flatnonzero(values == 0.0)
+        if zero.size:
+            raise _bad_line(owner, lines, values, zero[0], "something else than zero")
+        for name, place in zip(("response", "excitation"), places, strict=True):
+            if place is not None and not isinstance(place, Coordinate):
+                raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
+        response, excitation = (place or Coordinate() for place in places)
+        # This checks the coordinates. A complex line avoids resonances; a table must have all real lines.
+        checked = lines if _checked(owner, assembly).tabulated else [lines[0].real * (1.0 - 0.1j)]
+        assembly.receptance(checked, response=response, excitation=excitation, threads=1)
+        defaults: dict[str, Any] = {"force": None, "ends": None, "variance": None, "stated_deviation": None}
+        _checks.set_fields(
+            self,
+            {
+                **defaults,
+                **fields,
+                "assembly": assembly,
+                "response": response,
+                "excitation": excitation,
+                "conditions": _conditions(owner, conditions),
+                "modes": (),
+                "damping_ratio": None,
+                "standard_deviation_damping": None,
+            },
+        )
 
     @classmethod
     def from_frf(
@@ -296,15 +274,17 @@ class MeasuredFRF(_Observation):
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
         force: float | None = None,
-    ) -> MeasuredFRF:
+        ends: float | None = None,
+    ) -> Observation:
         """Return one entry of an FRF as an observation of an assembly.
 
         The observation is the receptance on the usable lines, complex ones if an exponential window was used. Standard
         deviations follow from `log_variance`, or without it from coherence and averages, pooled over neighbouring
-        lines. They are multiplied by the square root of `correlated_lines`, because a fit takes lines as independent.
-        The part of the variance that depends on the magnitude is computed with the magnitude of neighbouring lines, so
-        that the noise of a line does not affect its own weight. Variances with few degrees of freedom nu are multiplied
-        by nu / (nu - 4). Lines at 0 Hz and lines of infinite variance are left out.
+        lines; they are computed where they are first needed. They are multiplied by the square root of
+        `correlated_lines`, because a fit takes lines as independent. The part of the variance that depends on the
+        magnitude is computed with the magnitude of neighbouring lines, so that the noise of a line does not affect its
+        own weight. Variances with few degrees of freedom nu are multiplied by nu / (nu - 4). Lines at 0 Hz and lines of
+        infinite variance are left out.
 
         Parameters
         ----------
@@ -322,13 +302,14 @@ class MeasuredFRF(_Observation):
             variance. A `Floor` has a part that depends on the slope as well.
         label : str, optional
             Label in messages, tables and figures; by default that of the FRF.
-        configuration, conditions, force : optional
-            As in `MeasuredFRF`.
+        configuration, conditions, force, ends : optional
+            As in `Observation`.
 
         Raises
         ------
         TypeError, ValueError
-            No such entry, no usable line in the band, or a variance of zero without a floor.
+            No such entry, or no usable line in the band. At the first use of the standard deviations: a variance of
+            zero without a floor.
 
         Warns
         -----
@@ -338,85 +319,45 @@ class MeasuredFRF(_Observation):
         Examples
         --------
         >>> import numpy as np
-        >>> from receptance import FRF, STEEL, Assembly, MeasuredFRF, Part, Segment
+        >>> from receptance import FRF, STEEL, Assembly, Observation, Part, Segment
         >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
         >>> lines = np.linspace(100.0, 4000.0, 40)
         >>> frf = FRF(frequency_hz=lines, values=bar.receptance(lines), log_variance=1e-4).to("accelerance")
-        >>> MeasuredFRF.from_frf(bar, frf, high_hz=2000.0, label="blank")
-        MeasuredFRF('blank', 20 lines from 100 to 2000 Hz)
+        >>> Observation.from_frf(bar, frf, high_hz=2000.0, label="blank")
+        Observation('blank', 20 lines from 100 to 2000 Hz)
         """
-        from receptance.identification.from_frf import observe
+        least = as_floor("Observation.from_frf", floor)
+        entry, places, notes = one_entry(frf, response, excitation, low_hz, high_hz, label)
+        name = frf.label if label is None else label
+        owner, lines = _owner(name), entry.complex_frequency_hz
+        observation = object.__new__(cls)
+        observation._set(
+            owner,
+            assembly,
+            places,
+            conditions,
+            {
+                "frequency_hz": lines,
+                "receptance": entry.values[:, 0, 0],
+                "correlated_lines": entry.correlated_lines,
+                "variance": variance_of(entry, repr(frf)),
+                "floor": least,
+                "label": name,
+                "stated_notes": (*entry.notes, *notes),
+                "configuration": str(configuration or name),
+                "force": None if force is None else _checks.by_line(owner, "force", force, lines.shape),
+                "ends": None if ends is None else _checks.positive(owner, "ends", ends),
+                "form": frf.form,
+            },
+        )
+        return observation
 
-        fields = observe(frf, response, excitation, low_hz, high_hz, floor, label)
-        return cls(assembly=assembly, **fields, configuration=configuration, conditions=conditions, force=force)
-
-    def describe(self) -> str:
-        """Return a text on kind and number of the data."""
-        low, high = self.frequency_hz[[0, -1]].real
-        return f"FRF, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
-
-    def __repr__(self) -> str:
-        low, high = self.frequency_hz[[0, -1]].real
-        return f"MeasuredFRF({self.label!r}, {self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
-
-
-@dataclass(frozen=True, init=False, eq=False, repr=False)
-class MeasuredFrequencies(_Observation):
-    """Measured natural frequencies of one assembly.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Measured assembly. The values of the parameters that are identified do not matter here.
-    frequency_hz : array_like
-        `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios are
-        given, with the magnitude of the complex eigenfrequencies.
-    modes : sequence of int, optional
-        Numbers of the elastic modes, the lowest is 1; by default 1 to m.
-    standard_deviation_hz : array_like, optional
-        Standard deviation in Hz, one number or `(m,)`.
-    damping_ratio : array_like, optional
-        `(m,)` damping ratios, 0.01 for 1 %; NaN if unknown.
-    standard_deviation_damping : array_like, optional
-        Standard deviation of the damping ratios, one number or `(m,)`; required if frequencies have one.
-    label : str, optional
-        Label in messages, tables and figures.
-    configuration : str, optional
-        Name of the configuration that was measured, for laws and tolerances; by default the label.
-    conditions : mapping of str to float, optional
-        Numbers that describe it, in SI units, for laws: {"torque": 40.0}.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Frequencies that are empty, unsorted, not positive or not finite, or modes that do not fit them.
-
-    Examples
-    --------
-    >>> from receptance import STEEL, Assembly, Part, Segment
-    >>> from receptance.identification import MeasuredFrequencies
-    >>> bar = Assembly([Part([Segment(length=0.125, outer_diameter=0.01, material=STEEL)], name="bar")])
-    >>> MeasuredFrequencies(assembly=bar, frequency_hz=[2890.0, 14600.0], modes=[1, 3], label="bar")
-    MeasuredFrequencies('bar', mode 1: 2890 Hz, mode 3: 14600 Hz)
-    """
-
-    assembly: Assembly
-    frequency_hz: NDArray[np.float64]
-    modes: tuple[int, ...]
-    standard_deviation_hz: NDArray[np.float64] | None
-    damping_ratio: NDArray[np.float64] | None
-    standard_deviation_damping: NDArray[np.float64] | None
-    label: str
-    configuration: str
-    conditions: Mapping[str, float]
-
-    unit = "relative"
-
-    def __init__(
-        self,
+    @classmethod
+    def from_modes(
+        cls,
         *,
         assembly: Assembly,
-        frequency_hz: ArrayLike,
+        frequency_hz: ArrayLike | None = None,
         modes: Sequence[int] | None = None,
         standard_deviation_hz: ArrayLike | None = None,
         damping_ratio: ArrayLike | None = None,
@@ -424,10 +365,49 @@ class MeasuredFrequencies(_Observation):
         label: str = "",
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
-    ) -> None:
-        owner = _owner("MeasuredFrequencies", label, assembly)
-        values = np.atleast_1d(_checks.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
-        values = _checks.frequencies(values, owner).real
+    ) -> Observation:
+        """Return natural frequencies as an observation of an assembly.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            Measured assembly.
+        frequency_hz : array_like, optional
+            `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios
+            are given, with the magnitude of the complex eigenfrequencies. A hypothetical measurement has none.
+        modes : sequence of int, optional
+            Numbers of the elastic modes, the lowest is 1; by default 1 to m.
+        standard_deviation_hz : array_like, optional
+            Standard deviation in Hz, one number or `(m,)`.
+        damping_ratio : array_like, optional
+            `(m,)` damping ratios, 0.01 for 1 %; NaN if unknown.
+        standard_deviation_damping : array_like, optional
+            Standard deviation of the damping ratios, one number or `(m,)`; required if frequencies have one.
+        label, configuration, conditions : optional
+            As in `Observation`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Frequencies that are empty, unsorted, not positive or not finite, or modes that do not fit them.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> from receptance.identification import Observation
+        >>> bar = Assembly([Part([Segment(length=0.125, outer_diameter=0.01, material=STEEL)], name="bar")])
+        >>> Observation.from_modes(assembly=bar, frequency_hz=[2890.0, 14600.0], modes=[1, 3], label="bar")
+        Observation('bar', mode 1: 2890 Hz, mode 3: 14600 Hz)
+        """
+        owner = _owner(label)
+        _checked(owner, assembly)
+        if frequency_hz is None:
+            if modes is None or not len(modes):
+                raise ValueError(f"{owner}: neither frequency_hz nor modes is given, expected at least one number")
+            values = np.full(len(modes), np.nan)
+        else:
+            values = np.atleast_1d(_checks.numbers(owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz"))
+            values = _checks.frequencies(values, owner).real
         numbers = tuple(range(1, values.size + 1)) if modes is None else _mode_numbers(owner, modes)
         if len(numbers) != values.size:
             raise ValueError(f"{owner}: there are {len(numbers)} modes for {values.size} frequencies")
@@ -435,87 +415,213 @@ class MeasuredFrequencies(_Observation):
         if standard_deviation_hz is not None:
             deviation = _checks.by_line(owner, "standard_deviation_hz", standard_deviation_hz, values.shape)
         damping = _damping(owner, damping_ratio, standard_deviation_damping, deviation is not None, values.shape)
-        _fill(
-            self,
-            assembly=assembly,
-            frequency_hz=values,
-            modes=numbers,
-            standard_deviation_hz=deviation,
-            damping_ratio=damping[0],
-            standard_deviation_damping=damping[1],
-            label=str(label),
-            configuration=str(configuration or label),
-            conditions=_conditions(owner, conditions),
+        observation = object.__new__(cls)
+        _checks.set_fields(
+            observation,
+            {
+                "assembly": assembly,
+                "frequency_hz": values,
+                "modes": numbers,
+                "stated_deviation": deviation,
+                "damping_ratio": damping[0],
+                "standard_deviation_damping": damping[1],
+                "label": str(label),
+                "configuration": str(configuration or label),
+                "conditions": _conditions(owner, conditions),
+                "receptance": np.empty(0, dtype=np.complex128),
+                "response": Coordinate(),
+                "excitation": Coordinate(),
+                "correlated_lines": np.ones(values.size),
+                "force": None,
+                "ends": None,
+                "form": "receptance",
+                "floor": NO_FLOOR,
+                "variance": None,
+                "stated_notes": (),
+            },
         )
+        return observation
+
+    # Kind and place ---------------------------------------------------------------------------------------------------
+
+    @property
+    def is_receptance(self) -> bool:
+        """Whether it is a receptance on lines; else it is natural frequencies."""
+        return not self.modes
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Addresses of its measuring chain."""
+        return FACTORS if self.is_receptance else ()
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of its residuals if no observation has standard deviations."""
+        return "logarithm" if self.is_receptance else "relative"
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Response and excitation of a receptance."""
+        return (self.response, self.excitation) if self.is_receptance else ()
+
+    def site(self, index: int) -> Site:
+        """Return assembly, configuration and conditions; an unnamed observation is a configuration by its number."""
+        name = self.configuration or f"observation {index}"
+        return Site(self.assembly, name, self.label, self.conditions, self.factors)
+
+    def title(self, index: int) -> str:
+        """Return the label, or the number in the list of observations."""
+        return self.label or f"observation {index}"
+
+    # Values and weights -----------------------------------------------------------------------------------------------
+
+    @property
+    def data(self) -> NDArray[np.inexact]:
+        """The receptances, or the natural frequencies in Hz; NaN without values."""
+        return self.receptance if self.is_receptance else self.frequency_hz
+
+    @property
+    def has_values(self) -> bool:
+        """Whether it was measured; False for a hypothetical observation."""
+        return not np.isnan(self.data).any()
+
+    def with_values(self, values: ArrayLike) -> Observation:
+        """Return the observation with values `(n,)` in SI units or Hz, and with the floor that these have."""
+        if not self.is_receptance:
+            return _replaced(self, frequency_hz=np.asarray(values, dtype=np.float64))
+        changed = _replaced(self, receptance=np.asarray(values, dtype=np.complex128))
+        if self.floor:
+            for name in ("_weights", "standard_deviation", "notes"):
+                changed.__dict__.pop(name, None)
+        return changed
+
+    @cached_property
+    def _weights(self) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+        """Standard deviations from the stated or measured variance and the floor, and notes on them."""
+        lines = self.frequency_hz.real
+        if self.variance is not None:
+            drive_point = self.response == self.excitation
+            deviation, notes = weigh(
+                lines, self.receptance, self.variance, self.correlated_lines, self.floor, drive_point=drive_point
+            )
+        else:
+            deviation, notes = self.stated_deviation, ()
+            if self.floor:
+                floor = self.floor.variance(lines, self.receptance) if self.has_values else self.floor.relative**2
+                deviation = np.sqrt(floor + np.square(np.zeros(lines.size) if deviation is None else deviation))
+        if deviation is not None:
+            deviation.setflags(write=False)
+        return deviation, notes
+
+    @cached_property
+    def standard_deviation(self) -> NDArray[np.float64] | None:
+        """`(n,)`, of the logarithm of a receptance, or of natural frequencies in Hz; None if unknown."""
+        return self._weights[0]
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """The stated notes, and those on the standard deviations."""
+        return (*self.stated_notes, *self._weights[1])
 
     @property
     def weighted(self) -> bool:
-        """Whether standard deviations were given."""
-        return self.standard_deviation_hz is not None
+        """Whether there are standard deviations."""
+        return self.standard_deviation is not None
 
     @property
     def standard_deviations(self) -> NDArray[np.float64]:
-        """Standard deviation of each frequency in Hz and of each known damping ratio; ones if none were given."""
-        if self.standard_deviation_hz is None:
-            return np.ones(self.frequency_hz.size + self.damped.size)
-        damping = self.standard_deviation_damping
-        return np.append(self.standard_deviation_hz, [] if damping is None else damping[self.damped])
+        """Standard deviation of each residual; ones if there are none.
 
-    @property
-    def data(self) -> NDArray[np.float64]:
-        """The measured natural frequencies in Hz."""
-        return self.frequency_hz
+        Those of a receptance are `(2 n,)`, of its real and imaginary parts; those of natural frequencies are in Hz and
+        followed by those of known damping ratios.
+        """
+        deviation, damping = self.standard_deviation, self.standard_deviation_damping
+        if self.is_receptance:
+            return np.tile(np.ones(self.frequency_hz.size) if deviation is None else deviation, 2)
+        if deviation is None:
+            return np.ones(self.frequency_hz.size + self.damped.size)
+        return np.append(deviation, [] if damping is None else damping[self.damped])
 
     @property
     def independent_values(self) -> float:
-        """Number of natural frequencies and known damping ratios."""
+        """Effective number of independent real numbers: two for each line, which counts as 1 / correlated_lines.
+
+        One for each natural frequency and for each known damping ratio.
+        """
+        if self.is_receptance:
+            return 2.0 * float(np.sum(1.0 / self.correlated_lines))
         return float(self.frequency_hz.size + self.damped.size)
 
     @property
     def damped(self) -> NDArray[np.intp]:
         """Indices of the modes with a known damping ratio."""
-        none = self.damping_ratio is None
-        return np.empty(0, dtype=np.intp) if none else np.flatnonzero(~np.isnan(np.asarray(self.damping_ratio)))
+        ratio = self.damping_ratio
+        return np.empty(0, dtype=np.intp) if ratio is None else np.flatnonzero(~np.isnan(ratio))
 
-    def noisier(self, factor: float) -> Self:
+    def noisier(self, factor: float) -> Observation:
         """Return the measurement with standard deviations multiplied by a factor."""
         damping = self.standard_deviation_damping
         return altered(
             self,
-            standard_deviation_hz=factor * np.asarray(self.standard_deviation_hz),
-            standard_deviation_damping=None if damping is None else factor * np.asarray(damping),
+            standard_deviation=factor * np.asarray(self.standard_deviation),
+            standard_deviation_damping=None if damping is None else factor * damping,
         )
 
-    def select(self, lines: NDArray[np.bool_] | NDArray[np.intp] | None) -> Self:
-        """Return the measurement itself: natural frequencies have no lines."""
-        return self
+    def select(self, lines: NDArray[np.bool_] | NDArray[np.intp] | None) -> Observation:
+        """Return the receptance on some of its lines, a mask or indices; all with None, and all natural frequencies."""
+        if lines is None or not self.is_receptance:
+            return self
+        arrays = {name: getattr(self, name) for name in _PER_LINE}
+        selected = {name: array[lines] for name, array in arrays.items() if array is not None}
+        return _replaced(self, variance=None, floor=NO_FLOOR, notes=self.notes, **selected)
 
     def describe(self) -> str:
         """Return a text on kind and number of the data."""
-        one = len(self.modes) == 1
-        modes = ", ".join(map(str, self.modes))
-        return f"natural frequenc{'y' if one else 'ies'} of mode{'' if one else 's'} {modes}"
+        if self.is_receptance:
+            return f"FRF, {self._lines()}"
+        several = "" if len(self.modes) == 1 else "s"
+        return f"natural frequenc{'ies' if several else 'y'} of mode{several} {', '.join(map(str, self.modes))}"
 
     def __repr__(self) -> str:
-        found = ", ".join(f"mode {n}: {f:g} Hz" for n, f in zip(self.modes, self.frequency_hz, strict=True))
-        return f"MeasuredFrequencies({self.label!r}, {found})"
+        if self.is_receptance:
+            return f"Observation({self.label!r}, {self._lines()})"
+        if not self.has_values:
+            return f"Observation({self.label!r}, {self.describe()})"
+        frequencies = ", ".join(f"mode {n}: {f:g} Hz" for n, f in zip(self.modes, self.frequency_hz, strict=True))
+        return f"Observation({self.label!r}, {frequencies})"
 
-
-Observation = MeasuredFRF | MeasuredFrequencies
+    def _lines(self) -> str:
+        low, high = self.frequency_hz[[0, -1]].real
+        return f"{self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
 
 
 def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
-    """Return one observation or several as a tuple, or raise."""
-    found = _checks.items("observations", given, _Observation, text="MeasuredFRF or MeasuredFrequencies")
-    return cast("tuple[Observation, ...]", found)
+    """Return one observation or several with values as a tuple, or raise."""
+    observations = _checks.items("observations", given, Observation)
+    for observation in observations:
+        if not observation.has_values:
+            raise ValueError(f"{observation!r} has no values, expected a measurement")
+    return observations
 
 
-def _owner(kind: str, label: str, assembly: object) -> str:
-    """Return the name of an observation in messages; raise unless it has an assembly."""
-    owner = f"{kind} {label!r}" if label else kind
+def _bad_line(
+    owner: str, lines: NDArray[np.inexact], values: NDArray[np.complex128], index: np.intp, expected: str
+) -> ValueError:
+    return ValueError(
+        f"{owner}: the receptance at {lines[index].real:g} Hz is {values[index]}, expected {expected}; "
+        "leave the line out"
+    )
+
+
+def _owner(label: str) -> str:
+    """Return the name of an observation in messages."""
+    return f"Observation {label!r}" if label else "Observation"
+
+
+def _checked(owner: str, assembly: object) -> Assembly:
     if not isinstance(assembly, Assembly):
         raise TypeError(f"{owner}: assembly is {assembly!r}, expected an Assembly")
-    return owner
+    return assembly
 
 
 def _conditions(owner: str, conditions: Mapping[str, float] | None) -> dict[str, float]:
@@ -572,20 +678,22 @@ def _damping(
     return values, None if deviation is None else _checks.by_line(owner, "standard_deviation_damping", deviation, shape)
 
 
-def check_observations(observations: MeasuredFRF | Sequence[MeasuredFRF]) -> tuple[MeasuredFRF, ...]:
+def check_observations(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
     """Return the observations as a tuple; raise unless all are receptances with standard deviations."""
-    found = _checks.items("observations", observations, MeasuredFRF)
-    for one in found:
-        if one.standard_deviation is None:
+    receptances = as_observations(observations)
+    for observation in receptances:
+        if not observation.is_receptance:
+            raise TypeError(f"{observation!r} is of natural frequencies, expected a receptance")
+        if not observation.weighted:
             raise ValueError(
-                f"{one!r} has no standard deviation, which the uncertainty of the result needs; give it one"
+                f"{observation!r} has no standard deviation, which the uncertainty of the result needs; give it one"
             )
-    return found
+    return receptances
 
 
 def common_lines(
-    observed: tuple[MeasuredFRF, ...],
-) -> tuple[tuple[MeasuredFRF, ...], NDArray[np.inexact], list[NDArray[np.intp]], int]:
+    observed: tuple[Observation, ...],
+) -> tuple[tuple[Observation, ...], NDArray[np.inexact], list[NDArray[np.intp]], int]:
     """Return observations, their common lines in Hz, rows of these in each, and the number of lines not common.
 
     If few lines are common, because the records had different lengths, all are resampled first.
@@ -604,14 +712,14 @@ def common_lines(
     return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
 
 
-def _shared(observed: tuple[MeasuredFRF, ...]) -> NDArray[np.inexact]:
+def _shared(observed: tuple[Observation, ...]) -> NDArray[np.inexact]:
     lines: NDArray[np.inexact] = observed[0].frequency_hz
     for observation in observed[1:]:
         lines = lines[nearest_lines(observation.frequency_hz, lines)[1]]
     return lines
 
 
-def _resampled(observed: tuple[MeasuredFRF, ...]) -> tuple[MeasuredFRF, ...]:
+def _resampled(observed: tuple[Observation, ...]) -> tuple[Observation, ...]:
     """Return observations on the lines of the one with the widest spacing that all cover; empty if there are none."""
     widest = max(observed, key=_spacing)
     lines = widest.frequency_hz
@@ -621,11 +729,11 @@ def _resampled(observed: tuple[MeasuredFRF, ...]) -> tuple[MeasuredFRF, ...]:
     return tuple(_resample(observation, lines[kept], widest) for observation in observed) if kept.any() else ()
 
 
-def _spacing(observation: MeasuredFRF) -> float:
+def _spacing(observation: Observation) -> float:
     return float(np.median(np.diff(observation.frequency_hz.real))) if observation.frequency_hz.size > 1 else np.inf
 
 
-def _covered(lines: NDArray[np.inexact], observation: MeasuredFRF) -> NDArray[np.bool_]:
+def _covered(lines: NDArray[np.inexact], observation: Observation) -> NDArray[np.bool_]:
     """Return which lines an observation covers, gaps and other exponential windows excluded."""
     own = observation.frequency_hz
     nearest, same = nearest_lines(own, lines)
@@ -639,7 +747,7 @@ def _covered(lines: NDArray[np.inexact], observation: MeasuredFRF) -> NDArray[np
     return found
 
 
-def _resample(observation: MeasuredFRF, lines: NDArray[np.inexact], widest: MeasuredFRF) -> MeasuredFRF:
+def _resample(observation: Observation, lines: NDArray[np.inexact], widest: Observation) -> Observation:
     if observation is widest:
         return observation.select(np.isin(observation.frequency_hz, lines))
     owner = repr(observation)

@@ -15,7 +15,7 @@ from receptance.identification.covariance import NORMAL_QUARTILE, confidence_mul
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.observations import MeasuredFRF
+    from receptance.identification.observations import Observation
 
 _PROMINENCE = 1.0
 """Least prominence of a peak, as natural logarithm of the magnitude."""
@@ -30,12 +30,12 @@ _HALF_WINDOW = 15
 Bands = list[tuple[float, float]]
 
 
-def find_bands(frf: MeasuredFRF, *, width_percent: float = 5.0, prominence: float = 1.0) -> Bands:
+def find_bands(frf: Observation, *, width_percent: float = 5.0, prominence: float = 1.0) -> Bands:
     """Find bands around the peaks of a measured receptance.
 
     Parameters
     ----------
-    frf : MeasuredFRF
+    frf : Observation
         The measurement.
     width_percent : float, optional
         Distance of the ends of a band from its peak, in percent of the peak's frequency.
@@ -56,10 +56,10 @@ def find_bands(frf: MeasuredFRF, *, width_percent: float = 5.0, prominence: floa
     --------
     >>> import numpy as np
     >>> from receptance import STEEL, Assembly, Part, Segment
-    >>> from receptance.identification import MeasuredFRF, find_bands
+    >>> from receptance.identification import Observation, find_bands
     >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     >>> lines = np.linspace(100.0, 8000.0, 400)
-    >>> frf = MeasuredFRF(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines))
+    >>> frf = Observation(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines))
     >>> [(round(low), round(high)) for low, high in find_bands(frf)]
     [(2126, 2350), (5625, 6217)]
     """
@@ -101,7 +101,7 @@ def check_bands(bands: Sequence[tuple[float, float]]) -> Bands:
     return found
 
 
-def within(frf: MeasuredFRF, bands: Bands) -> NDArray[np.bool_]:
+def within(frf: Observation, bands: Bands) -> NDArray[np.bool_]:
     """Return which lines lie in any band; raise if a band contains no line."""
     chosen = np.zeros(frf.frequency_hz.shape, dtype=np.bool_)
     lines = frf.frequency_hz.real

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.identification.mapping import Site
-    from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
+    from receptance.identification.observations import Observation
     from receptance.identification.result import Identification
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
@@ -393,12 +393,10 @@ class Forecast:
         ]
         return PredictedFrequencies(modes=tuple(modes), scatter=scatter)
 
-    def observed_modes(
-        self, measured: MeasuredFrequencies, noise: NDArray[np.float64] | None = None
-    ) -> PredictedFrequencies:
+    def observed_modes(self, measured: Observation, noise: NDArray[np.float64] | None = None) -> PredictedFrequencies:
         """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
         found = self.modes(measured.modes)
-        noise = measured.standard_deviation_hz if noise is None else noise
+        noise = measured.standard_deviation if noise is None else noise
         deviations = np.zeros(len(found.modes)) if noise is None else noise
         modes = [
             replace(
@@ -455,7 +453,7 @@ class Forecast:
 
     def observed(
         self,
-        measured: MeasuredFRF,
+        measured: Observation,
         noise: NDArray[np.float64] | None = None,
         *,
         draws: int = 0,
@@ -489,7 +487,7 @@ class Forecast:
             ),
         )
 
-    def _peaks(self, measured: MeasuredFRF, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
+    def _peaks(self, measured: Observation, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
         """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
 
         An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
@@ -510,7 +508,7 @@ class Forecast:
             found.append(peak)
         return tuple(found)
 
-    def recorded(self, measured: MeasuredFRF) -> NDArray[np.complex128]:
+    def recorded(self, measured: Observation) -> NDArray[np.complex128]:
         """Return the receptance that the identified measuring chain records on the lines of a measurement."""
         mapping = self._parameters.at(replace(self._site, factors=FACTORS), self._tolerances, [])
         variables = Variables((*self._variables.unknowns, *map(error_of, self.fresh)))

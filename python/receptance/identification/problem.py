@@ -18,7 +18,7 @@ import numpy as np
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
 from receptance.identification.mapping import FACTORS, ParameterMap, Parameters
-from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation, Unit
+from receptance.identification.observations import Observation, Unit
 from receptance.identification.peaks import find_bands, within
 from receptance.identification.unknowns import Law, Unknown, Variables
 from receptance.model.addresses import Tied
@@ -68,7 +68,7 @@ class Task:
 
     Attributes
     ----------
-    observed : tuple of MeasuredFRF and MeasuredFrequencies
+    observed : tuple of Observation
         The observations.
     parameters : Parameters
         The unknowns and their map to parameters of the assemblies.
@@ -119,7 +119,7 @@ class Task:
 
         Parameters
         ----------
-        selected : sequence of MeasuredFRF and MeasuredFrequencies, optional
+        selected : sequence of Observation, optional
             The observations on some of their lines; by default on all in bands.
         smoothing : float, optional
             As of `Problem`.
@@ -156,7 +156,7 @@ class Task:
         return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
 
     def _in_bands(self, observation: Observation, unit: Unit) -> Observation:
-        if not isinstance(observation, MeasuredFRF):
+        if not observation.is_receptance:
             return observation
         bands = self.bands
         if bands is None and unit == "percent":
@@ -452,10 +452,8 @@ class _CoreObservations:
         self.reduced = 0
         found: list[int] = []
         for index, item in enumerate(observed):
-            if isinstance(item.observation, MeasuredFRF):
-                found.append(self._add_receptance(index, item, item.observation))
-            else:
-                found.append(self._add_frequencies(index, item, item.observation))
+            add = self._add_receptance if item.observation.is_receptance else self._add_frequencies
+            found.append(add(index, item, item.observation))
         self.sizes = tuple(found)
         for each in self._receptances.values():
             records = _core.Records(np.stack(each.measured), np.stack(each.weights), each.percent, each.end)
@@ -465,7 +463,7 @@ class _CoreObservations:
         begins = np.cumsum([0, *self.sizes])
         self.places = np.concatenate([np.arange(begins[i], begins[i + 1]) for i in self._order] or [np.arange(0)])
 
-    def _add_receptance(self, index: int, item: Observed, frf: MeasuredFRF) -> int:
+    def _add_receptance(self, index: int, item: Observed, frf: Observation) -> int:
         """Add a receptance; those of one model on the same lines are records of one observation of the core."""
         percent = item.unit == "percent"
         measured = np.ascontiguousarray(frf.receptance)
@@ -494,7 +492,7 @@ class _CoreObservations:
         own.weights.append(weights)
         return size
 
-    def _add_reduced(self, index: int, item: Observed, frf: MeasuredFRF, weights: NDArray[np.float64]) -> bool:
+    def _add_reduced(self, index: int, item: Observed, frf: Observation, weights: NDArray[np.float64]) -> bool:
         """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
         joint = only_joint(item)
         if joint is None or not self._unknowns:
@@ -524,10 +522,10 @@ class _CoreObservations:
         self.reduced += 1
         return True
 
-    def _add_frequencies(self, index: int, item: Observed, measured: MeasuredFrequencies) -> int:
+    def _add_frequencies(self, index: int, item: Observed, measured: Observation) -> int:
         """Add natural frequencies and the damping ratios that are known."""
         model, addresses, factors = _tied(item)
-        frequency, deviation = measured.frequency_hz, measured.standard_deviation_hz
+        frequency, deviation = measured.frequency_hz.real, measured.standard_deviation
         weighed = item.unit == "standard deviations" and deviation is not None
         share = 0.01 if item.unit == "percent" else 1.0
         unit = deviation if weighed and deviation is not None else frequency * share
@@ -587,7 +585,7 @@ def only_joint(item: Observed) -> str | None:
     return name if alone and not mapping.exponents.any() and not mapping.shifts.any() else None
 
 
-def _stiffest(frf: MeasuredFRF, joint: str, unknowns: dict[str, Unknown]) -> PointJoint:
+def _stiffest(frf: Observation, joint: str, unknowns: dict[str, Unknown]) -> PointJoint:
     """Return the joint as stiff as the bounds allow: any other one adds compliance to it, which costs no digits."""
     values: dict[str, Any] = {name: getattr(frf.assembly.elements[joint], name) for name in PointJoint.columns_of}
     for name, unknown in unknowns.items():

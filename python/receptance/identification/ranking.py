@@ -13,6 +13,7 @@ from receptance._text import first_of
 from receptance.errors import ReceptanceError
 from receptance.identification.likelihood import Profile, require_likelihood
 from receptance.identification.new_observations import Candidate, NewObservations, information_root
+from receptance.identification.observations import Observation, altered
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import percent
 
@@ -176,7 +177,7 @@ class NextMeasurement(Result):
                 (
                     place,
                     one.label,
-                    one.candidate.configuration,
+                    one.candidate.observation.configuration,
                     100.0 * one.shrink,
                     one.candidate.cost if priced else None,
                 )
@@ -299,18 +300,20 @@ def next_measurement(
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
     >>> from receptance.identification import Candidate, next_measurement
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
+    >>> modes = Observation.from_modes(
     ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=5.0
     ... )
     >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
     >>> lines = np.linspace(100.0, 5000.0, 200)
     >>> better = next_measurement(found, [
-    ...     Candidate(label="tip FRF", assembly=pair, frequency_hz=lines, standard_deviation=0.02),
-    ...     Candidate(label="first mode again", assembly=pair, modes=(1,), standard_deviation_hz=5.0),
+    ...     Candidate(observation=one) for one in (
+    ...         Observation(label="tip FRF", assembly=pair, frequency_hz=lines, standard_deviation=0.02),
+    ...         Observation.from_modes(label="first mode again", assembly=pair, modes=[1], standard_deviation_hz=5.0),
+    ...     )
     ... ])
     >>> better.best.label
     'tip FRF'
@@ -352,10 +355,8 @@ def next_measurement(
 def _check_candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
     found = _checks.items("candidates", candidates, Candidate)
     for candidate in found:
-        if candidate.modes is not None and candidate.standard_deviation_hz is None:
-            raise ValueError(
-                f"{candidate!r}: standard_deviation_hz is missing, expected that of its natural frequencies"
-            )
+        if not candidate.observation.weighted:
+            raise ValueError(f"{candidate!r} has no standard deviation, which its weight needs; give it one")
     labels = [candidate.label for candidate in found]
     if double := sorted({label for label in labels if labels.count(label) > 1}):
         raise ValueError(f"two candidates have the label {double[0]!r}, expected different labels")
@@ -414,7 +415,7 @@ class _Outlook:
         self._hypotheses = predicted if candidate is None else [*predicted, candidate]
         self._new = NewObservations(
             known.parameters,
-            [hypothesis.observation() for hypothesis in self._hypotheses],
+            [hypothesis.observation for hypothesis in self._hypotheses],
             [_tolerances_of(hypothesis, known.parameters.tolerances) for hypothesis in self._hypotheses],
         )
 
@@ -427,7 +428,7 @@ class _Outlook:
                 found[target] = self._known.values[target]
                 continue
             own = next(data)
-            found |= zip(_names_of(target), [0.0] if target.modes is None else own.tolist(), strict=True)
+            found |= zip(_names_of(target), [0.0] if target.observation.is_receptance else own.tolist(), strict=True)
         return found
 
     def deviations(self, point: _InformationPoint) -> dict[str, float]:
@@ -438,7 +439,7 @@ class _Outlook:
         """
         x = point.x
         observations = [
-            hypothesis.observation(data)
+            _expected_data(hypothesis.observation, data)
             for hypothesis, data in zip(self._hypotheses, self._new.calculated(x), strict=True)
         ]
         problem = self._new.problem(x, point.root, observations)
@@ -460,7 +461,7 @@ class _Outlook:
             else:
                 part, one = next(predicted)
                 part = part * one.standard_deviations[:, None]
-                gradients = part[None] if target.modes is None else part[:, None]
+                gradients = part[None] if target.observation.is_receptance else part[:, None]
             for name, gradient in zip(_names_of(target), gradients, strict=True):
                 scaled = (gradient / scale).T
                 variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
@@ -472,9 +473,15 @@ def _names_of(target: Target) -> list[str]:
     """Return the names of the numbers of a target."""
     if isinstance(target, str):
         return [target]
-    if target.modes is None:
+    if target.observation.is_receptance:
         return [f"{target.label}: log receptance"]
-    return [f"{target.label}: mode {mode} [Hz]" for mode in target.modes]
+    return [f"{target.label}: mode {mode} [Hz]" for mode in target.observation.modes]
+
+
+def _expected_data(observation: Observation, data: NDArray[Any]) -> Observation:
+    """Return an observation with data; the standard deviation of a prediction, which has none, is 1."""
+    expected = observation.with_values(data)
+    return expected if expected.weighted else altered(expected, standard_deviation=np.ones(data.size))
 
 
 def _tolerances_of(candidate: Candidate, known: Sequence[Tolerance]) -> list[Tolerance]:

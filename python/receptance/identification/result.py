@@ -118,10 +118,10 @@ class Identification(Result):
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
+    >>> modes = Observation.from_modes(
     ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
     ... )
     >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
@@ -278,11 +278,11 @@ class Identification(Result):
 
         Examples
         --------
-        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
         >>> from receptance.identification import Tolerance
         >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
         >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-        >>> modes = MeasuredFrequencies(
+        >>> modes = Observation.from_modes(
         ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:1], standard_deviation_hz=1.0
         ... )
         >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
@@ -325,10 +325,10 @@ class Identification(Result):
 
         Examples
         --------
-        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
         >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
         >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-        >>> modes = MeasuredFrequencies(
+        >>> modes = Observation.from_modes(
         ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
         ... )
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
@@ -459,11 +459,11 @@ class Identification(Result):
         Examples
         --------
         >>> import numpy as np
-        >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown, identify
+        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
         >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
         >>> joint, holder = PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")
         >>> pair = Assembly([Part([bar], name="tool"), joint, holder])
-        >>> modes = MeasuredFrequencies(
+        >>> modes = Observation.from_modes(
         ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
         ... )
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))

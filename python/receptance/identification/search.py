@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from receptance import units
-from receptance.identification.observations import MeasuredFrequencies, altered
+from receptance.identification.observations import Observation, altered
 from receptance.identification.peaks import peak_indices
 from receptance.identification.pointwise_joint import START_LOSS_FACTOR
 from receptance.identification.problem import COST_TOLERANCE, End
@@ -269,14 +269,14 @@ def _peak_problem(task: Task) -> Problem | None:
         return None
     found: list[Observation] = []
     for observation in task.observed:
-        if isinstance(observation, MeasuredFrequencies):
+        if not observation.is_receptance:
             found.append(observation)
             continue
         frequency = observation.frequency_hz.real[peak_indices(observation.receptance)]
         if not frequency.size:
             return None
         found.append(
-            MeasuredFrequencies(
+            Observation.from_modes(
                 assembly=observation.assembly,
                 frequency_hz=frequency,
                 standard_deviation_hz=_PEAK_DEVIATION * frequency,
@@ -344,7 +344,7 @@ def smeared(observation: Observation, width: float) -> Observation | None:
     width. None if the lines are too far apart, the band is too narrow, or the assembly ends with a table, which has no
     value at complex lines.
     """
-    if isinstance(observation, MeasuredFrequencies):
+    if not observation.is_receptance:
         deviation = 0.5 * width * observation.frequency_hz
         return altered(
             observation, standard_deviation_hz=deviation, damping_ratio=None, standard_deviation_damping=None

@@ -14,7 +14,7 @@ from receptance._threads import one_blas_thread
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.fit import FitKeywords, identify
-from receptance.identification.observations import MeasuredFRF, as_observations
+from receptance.identification.observations import Observation, altered, as_observations
 from receptance.identification.peaks import PredictedMode
 from receptance.identification.prediction import Forecast, PredictedFRF
 from receptance.identification.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.identification.mapping import Site
-    from receptance.identification.observations import MeasuredFrequencies, Observation
+    from receptance.identification.observations import Observation
     from receptance.identification.result import Identification
     from receptance.report.table import Cell
 
@@ -321,14 +321,14 @@ def transfer(
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment, Unknown
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
     >>> from receptance.identification import transfer
     >>> def pair(length):
     ...     tool = Part([Segment(length=length, outer_diameter=0.012, material=STEEL)], name="tool")
     ...     holder = Part([Segment(length=0.1, outer_diameter=0.04, material=STEEL)])
     ...     return Assembly([tool, PointJoint(k_y=1e8, k_theta=1e5), holder])
     >>> measured = [
-    ...     MeasuredFrequencies(
+    ...     Observation.from_modes(
     ...         assembly=pair(length),
     ...         frequency_hz=pair(length).natural_frequencies(2e4)[:2].round(),
     ...         standard_deviation_hz=0.3,
@@ -345,7 +345,7 @@ def transfer(
     confidence_multiplier(level, None)
     _refuse_free(given)
     # Observations without a name are named by their number, which must be the same in every split.
-    observed = tuple(o.configured(o.site(i).configuration, o.conditions) for i, o in enumerate(observed))
+    observed = tuple(altered(o, configuration=o.site(i).configuration) for i, o in enumerate(observed))
     names = tuple(dict.fromkeys(o.configuration for o in observed))
     found: list[Split] = []
     groups = list(groups_of(splits, names))
@@ -436,7 +436,7 @@ def _with_prediction(
     else:
         try:
             forecast = Forecast(fit, site, tolerances)
-            if not isinstance(observation, MeasuredFRF):
+            if not observation.is_receptance:
                 modes = forecast.observed_modes(observation, _readings(observation, fit)).modes
                 return replace(split, modes=(*split.modes, *modes))
             frf, notes = _predicted_frf(observation, fit, forecast, draws, seed)
@@ -449,7 +449,7 @@ def _with_prediction(
 
 
 def _predicted_frf(
-    observation: MeasuredFRF, fit: Identification, forecast: Forecast, draws: int, seed: int
+    observation: Observation, fit: Identification, forecast: Forecast, draws: int, seed: int
 ) -> tuple[PredictedFRF, list[str]]:
     """Return the prediction of a receptance, and a note where its band is linear for want of models."""
     noise = observation.standard_deviation
@@ -468,11 +468,11 @@ def _residual_deviation(fit: Identification) -> float:
     return float(np.sqrt(fit.residual_variance)) if fit.degrees_of_freedom > 0 else np.inf
 
 
-def _readings(measured: MeasuredFrequencies, fit: Identification) -> NDArray[np.float64] | None:
+def _readings(measured: Observation, fit: Identification) -> NDArray[np.float64] | None:
     """Return the standard deviations of natural frequencies, from the residuals of the fit if none were given."""
     if fit.known_scatter:
-        return measured.standard_deviation_hz
-    return _residual_deviation(fit) / (100.0 if "percent" in fit.units else 1.0) * measured.frequency_hz
+        return measured.standard_deviation
+    return _residual_deviation(fit) / (100.0 if "percent" in fit.units else 1.0) * measured.frequency_hz.real
 
 
 def _interval(mode: PredictedMode, level: float) -> tuple[float, float] | None:

@@ -211,7 +211,7 @@ class MeasuredPart(Terminal):
             raise ValueError(
                 f"{owner} is known from {low:g} to {high:g} Hz, and the line at {real[outside[0]]:g} Hz is outside; "
                 f"it is not extrapolated: leave out the {outside.size} of {real.size} lines outside, "
-                f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or measure the part in the whole band"
+                f"`low_hz={low:g}, high_hz={high:g}` of `Observation.from_frf`, or measure the part in the whole band"
             )
         nearest, same = nearest_lines(self.frequency_hz, real)
         result = self._table[nearest]
@@ -481,7 +481,7 @@ class ModalPart(Terminal):
             raise ValueError(
                 f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
                 f"outside; it is not extrapolated: leave out the {bad.size} of {lines.size} lines outside, "
-                f"`low_hz={low:g}, high_hz={high:g}` of `MeasuredFRF.from_frf`, or give modes of the whole band"
+                f"`low_hz={low:g}, high_hz={high:g}` of `Observation.from_frf`, or give modes of the whole band"
             )
 
     def with_values(self, values: Mapping[str, float]) -> Self:

@@ -13,7 +13,7 @@ from receptance.model.joints import GroundSpring
 from receptance.model.terminals import Terminal
 
 if TYPE_CHECKING:
-    from receptance.identification.observations import MeasuredFRF
+    from receptance.identification.observations import Observation
     from receptance.model.assembly import Assembly
 
 
@@ -23,7 +23,7 @@ def plane_of(assembly: Assembly) -> tuple[Coordinate, Coordinate]:
     return Coordinate(part, "end", "y"), Coordinate(part, "end", "theta")
 
 
-def check_blanks(observed: tuple[MeasuredFRF, ...]) -> None:
+def check_blanks(observed: tuple[Observation, ...]) -> None:
     """Raise `ValueError` if an assembly is not a free blank in bending."""
     for index, observation in enumerate(observed):
         assembly, owner = observation.assembly, observation.label or f"observations[{index}]"
@@ -39,7 +39,7 @@ def check_blanks(observed: tuple[MeasuredFRF, ...]) -> None:
 
 
 def blank_equations(
-    observed: tuple[MeasuredFRF, ...], lines: NDArray[np.inexact], rows: list[NDArray[np.intp]], threads: int | None
+    observed: tuple[Observation, ...], lines: NDArray[np.inexact], rows: list[NDArray[np.intp]], threads: int | None
 ) -> Equations:
     """Return the equations for the receptance of the spindle, which have the form of those of a joint.
 

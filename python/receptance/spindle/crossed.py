@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
+from receptance.identification.observations import Observation, check_observations, common_lines
 from receptance.model.coordinates import Coordinate
 from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
 
@@ -96,7 +96,7 @@ class CrossedSpindle:
 
 
 def identify_crossed_spindle(
-    observations: Mapping[str, MeasuredFRF | Sequence[MeasuredFRF]], *, limit: float = 0.2, threads: int | None = None
+    observations: Mapping[str, Observation | Sequence[Observation]], *, limit: float = 0.2, threads: int | None = None
 ) -> CrossedSpindle:
     """Identify the receptances of a spindle in x, in y and between them from one axisymmetric blank.
 
@@ -106,7 +106,7 @@ def identify_crossed_spindle(
 
     Parameters
     ----------
-    observations : mapping of str to MeasuredFRF or sequence of MeasuredFRF
+    observations : mapping of str to Observation or sequence of Observation
         By "xx", "yy" and "xy" or "yx": direction of the response, then direction of the hit. The coordinates give the
         positions; their direction "y" is the direction in the key. All of one blank, with standard deviations.
     limit : float, optional
@@ -162,8 +162,8 @@ def identify_crossed_spindle(
 
 
 def _checked(
-    observations: Mapping[str, MeasuredFRF | Sequence[MeasuredFRF]],
-) -> tuple[list[str], tuple[MeasuredFRF, ...]]:
+    observations: Mapping[str, Observation | Sequence[Observation]],
+) -> tuple[list[str], tuple[Observation, ...]]:
     """Return directions and observations after checking them."""
     unknown = [axis for axis in observations if axis not in _AXES]
     if unknown:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
+from receptance.identification.observations import Observation, check_observations, common_lines
 from receptance.identification.pointwise_joint import linear_solution
 from receptance.report.table import percent
 from receptance.spindle.blanks import blank_equations, check_blanks, plane_of
@@ -23,7 +23,7 @@ _SAME = 1e-6
 """Largest relative difference of two equal distances."""
 
 
-def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -> tuple[MeasuredFRF, ...]:
+def rotations(observations: Sequence[Observation], *, truncation: bool = True) -> tuple[Observation, ...]:
     """Return y/F, theta/F and theta/M at the tip of a blank by finite differences of translations.
 
     The slope at the tip is (y_2 - y_1)/s with two points (first order) and (-3 y_1 + 4 y_2 - y_3)/(2 s) with three
@@ -39,7 +39,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
 
     Parameters
     ----------
-    observations : sequence of MeasuredFRF
+    observations : sequence of Observation
         Receptances between all pairs of two or three evenly spaced points of one blank, with standard deviations; of
         two reciprocal pairs one is sufficient. The rotations are those at the point nearest to the tip.
     truncation : bool, optional
@@ -47,7 +47,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
 
     Returns
     -------
-    tuple of MeasuredFRF
+    tuple of Observation
         y/F, theta/F and theta/M at the first point, with a note on the size of both errors.
 
     Raises
@@ -58,14 +58,14 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, ModalPart, Mode, Part, Segment
+    >>> from receptance import STEEL, Assembly, Coordinate, Observation, ModalPart, Mode, Part, Segment
     >>> from receptance.spindle import rotations
     >>> bar = Part([Segment(length=0.1, outer_diameter=0.04, material=STEEL)], name="bar")
     >>> mode = Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)
     >>> machine = Assembly([bar, ModalPart(modes=[mode], residual_y=5e-9, residual_theta=5e-7)])
     >>> lines, points = np.linspace(100.0, 2000.0, 50), (Coordinate("bar", 0.0), Coordinate("bar", 0.03))
     >>> measured = [
-    ...     MeasuredFRF(assembly=Assembly([bar]), frequency_hz=lines, standard_deviation=1e-3, response=a, excitation=b,
+    ...     Observation(assembly=Assembly([bar]), frequency_hz=lines, standard_deviation=1e-3, response=a, excitation=b,
     ...         receptance=machine.receptance(lines, response=a, excitation=b))
     ...     for a, b in [(points[0], points[0]), (points[1], points[0]), (points[1], points[1])]
     ... ]
@@ -93,7 +93,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
             value, variance = value + share * pair_value, variance + share**2 * pair_variance
         noise, error = np.sqrt(variance) / np.abs(value), error / np.abs(value)
         result.append(
-            MeasuredFRF(
+            Observation(
                 assembly=observed[0].assembly,
                 frequency_hz=lines,
                 receptance=value,
@@ -111,7 +111,7 @@ def rotations(observations: Sequence[MeasuredFRF], *, truncation: bool = True) -
 
 
 def _truncation(
-    observed: tuple[MeasuredFRF, ...],
+    observed: tuple[Observation, ...],
     rows: list[NDArray[np.intp]],
     lines: NDArray[np.inexact],
     points: Sequence[Coordinate],
@@ -152,7 +152,7 @@ Pair = tuple["NDArray[np.complex128]", "NDArray[np.float64]"]
 
 
 def _pairs(
-    observed: tuple[MeasuredFRF, ...], rows: list[NDArray[np.intp]], points: Sequence[Coordinate]
+    observed: tuple[Observation, ...], rows: list[NDArray[np.intp]], points: Sequence[Coordinate]
 ) -> dict[tuple[int, int], Pair]:
     """Return values and variances of the pairs i <= j; reciprocal pairs are averaged."""
     measured: dict[tuple[int, int], list[Pair]] = {}

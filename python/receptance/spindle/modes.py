@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceWarning
-from receptance.identification import Identification, MeasuredFRF, Tolerance, Unknown, identify
+from receptance.identification import Identification, Observation, Tolerance, Unknown, identify
 from receptance.identification.covariance import square_root
-from receptance.identification.observations import check_observations
+from receptance.identification.observations import altered, check_observations
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
@@ -142,7 +142,7 @@ class SpindleModes:
 
 
 def fit_spindle(
-    observations: Sequence[MeasuredFRF],
+    observations: Sequence[Observation],
     spindle: SpindleReceptance,
     *,
     modes: int | Sequence[float] | None = None,
@@ -158,7 +158,7 @@ def fit_spindle(
 
     Parameters
     ----------
-    observations : sequence of MeasuredFRF
+    observations : sequence of Observation
         As for `identify_spindle`.
     spindle : SpindleReceptance
         Result of `identify_spindle`.
@@ -265,7 +265,7 @@ def _magnitudes(part: ModalPart, lines: NDArray[np.inexact]) -> NDArray[np.float
     return np.stack([y, theta, coupling], axis=1)
 
 
-def _discrepancy(observed: Sequence[MeasuredFRF], part: ModalPart) -> float:
+def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     """Return the relative model error by restricted maximum likelihood of the residuals of the fit.
 
     The errors of the three entries are Gaussian with a common relative standard deviation s, independent at nodes that
@@ -360,13 +360,13 @@ def _shape(constant: NDArray[np.complex128], size: NDArray[np.float64]) -> tuple
     return (y, theta) if y.real >= 0.0 else (-y, -theta)
 
 
-def _coupled(observed: Sequence[MeasuredFRF], part: ModalPart) -> list[MeasuredFRF]:
+def _coupled(observed: Sequence[Observation], part: ModalPart) -> list[Observation]:
     """Return the observations with the spindle as the far end of each blank."""
     coupled = []
     for observation in observed:
         blank = observation.assembly
         assembly = Assembly([*blank.elements.values(), part], blank.attachments.values())
-        coupled.append(replace(observation, assembly=assembly))
+        coupled.append(altered(observation, assembly=assembly))
     return coupled
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.identification.observations import MeasuredFRF, check_observations, common_lines
+from receptance.identification.observations import Observation, check_observations, common_lines
 from receptance.identification.pointwise_joint import (
     TERMS,
     Equations,
@@ -213,7 +213,7 @@ class SpindleReceptance(Result):
 
 
 def identify_spindle(
-    observations: MeasuredFRF | Sequence[MeasuredFRF],
+    observations: Observation | Sequence[Observation],
     *,
     limit: float = 0.2,
     allow_mismatch: bool = False,
@@ -234,7 +234,7 @@ def identify_spindle(
 
     Parameters
     ----------
-    observations : MeasuredFRF or sequence of MeasuredFRF
+    observations : Observation or sequence of Observation
         At least three responses in the spindle, with standard deviations. The assembly of each is its blank alone, with
         attached masses such as a sensor; the spindle is connected to the far end of its last part.
     limit : float, optional
@@ -260,7 +260,7 @@ def identify_spindle(
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, Coordinate, MeasuredFRF, ModalPart, Mode, Part, Segment
+    >>> from receptance import STEEL, Assembly, Coordinate, Observation, ModalPart, Mode, Part, Segment
     >>> from receptance.spindle import identify_spindle
     >>> blank = Part([Segment(length=0.1, outer_diameter=0.05, material=STEEL)], name="blank")
     >>> modes = [Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)]
@@ -268,7 +268,7 @@ def identify_spindle(
     >>> lines, tip, near = np.arange(200.0, 2000.0, 10.0), Coordinate("blank", 0.0), Coordinate("blank", 0.07)
     >>> def measure(response, excitation):
     ...     h = Assembly([blank, true]).receptance(lines, response=response, excitation=excitation)
-    ...     return MeasuredFRF(assembly=Assembly([blank]), frequency_hz=lines, receptance=h, standard_deviation=1e-9,
+    ...     return Observation(assembly=Assembly([blank]), frequency_hz=lines, receptance=h, standard_deviation=1e-9,
     ...         response=response, excitation=excitation)
     >>> spindle = identify_spindle([measure(tip, tip), measure(near, tip), measure(near, near)])
     >>> bool(np.allclose(spindle.matrix, true.receptance(lines), rtol=1e-6)), bool(spindle.usable.all())
@@ -311,7 +311,7 @@ def identify_spindle(
 
 def _result(
     equations: Equations,
-    observed: tuple[MeasuredFRF, ...],
+    observed: tuple[Observation, ...],
     lines: NDArray[np.inexact],
     x: NDArray[np.complex128],
     good: NDArray[np.bool_],

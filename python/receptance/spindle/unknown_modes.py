@@ -24,7 +24,7 @@ import numpy as np
 
 from receptance._peaks import local_maxima
 from receptance.identification.mapping import Parameters
-from receptance.identification.observations import MeasuredFRF
+from receptance.identification.observations import Observation, altered
 from receptance.identification.problem import Task
 from receptance.identification.search import fit_staged
 from receptance.identification.unknowns import Unknown
@@ -77,7 +77,7 @@ def bounds_of_modes(
     name: str,
     given: Sequence[Mapping[str, float]],
     residuals: Mapping[str, float],
-    observations: Sequence[MeasuredFRF],
+    observations: Sequence[Observation],
 ) -> list[Unknown]:
     """Return the numbers of a modal part as unknowns, with bounds and starts from FRFs of assemblies with the part.
 
@@ -128,7 +128,7 @@ def _length(assembly: Assembly) -> float:
     return float([*assembly.parts.values()][-1].length)
 
 
-def _mean(observations: Sequence[MeasuredFRF]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _mean(observations: Sequence[Observation]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return lines in Hz, and the mean logarithm of the magnitudes of all FRFs that cover each line."""
     own = [one.frequency_hz.real for one in observations]
     lines: NDArray[np.float64] = np.unique(np.concatenate(own))
@@ -202,7 +202,7 @@ def start_modes(
     """
     observed = tuple(_thinned(one) for one in observations)
     found = _Modes.among(name, unknowns)
-    frfs = [one for one in observations if isinstance(one, MeasuredFRF) and name in one.assembly.elements]
+    frfs = [one for one in observations if one.is_receptance and name in one.assembly.elements]
     peaks = _peaks(*_mean(frfs))
     without_peak = [
         index
@@ -227,7 +227,7 @@ def start_modes(
 
 
 def _thinned(observation: Observation) -> Observation:
-    if not isinstance(observation, MeasuredFRF) or observation.frequency_hz.size <= _LINES:
+    if not observation.is_receptance or observation.frequency_hz.size <= _LINES:
         return observation
     count = observation.frequency_hz.size
     return observation.select(np.unique(np.linspace(0, count - 1, _LINES).round().astype(np.intp)))
@@ -279,7 +279,7 @@ def _begun(
         narrow[theta.name] = replace(theta, lower=max(theta.lower, -slope), upper=min(theta.upper, slope))
     zero = {f"{found.name}.mode[{index}].{key}": 0.0 for index in waiting for key in ("y", "theta")}
     without = [
-        replace(one, assembly=one.assembly.replace({k: v for k, v in zero.items() if k in one.assembly.parameters}))
+        altered(one, assembly=one.assembly.replace({k: v for k, v in zero.items() if k in one.assembly.parameters}))
         for one in observed
     ]
     kept = [narrow.get(unknown.name, unknown) for unknown in unknowns if unknown.name not in absent]
@@ -365,7 +365,7 @@ class _Growth:
         result = np.zeros_like(entries)
         begin = 0
         for observation, size in zip(self.task.observed, self.problem.sizes, strict=True):
-            if isinstance(observation, MeasuredFRF):
+            if observation.is_receptance:
                 half = begin + size // 2
                 w = 2.0 * np.pi * observation.frequency_hz
                 below = angular**2 - w**2 + 2j * ratio * angular * w

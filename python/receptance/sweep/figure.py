@@ -48,13 +48,13 @@ def draw_misfit(results: xr.Dataset, variable: str = "misfit", ax: Axes | None =
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, MeasuredFrequencies, Part, PointJoint, Segment
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment
     >>> from receptance.sweep.figure import draw_misfit
     >>> from receptance.sweep import Grid, Misfit, sweep
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> joint = PointJoint(k_y=1e8, k_theta=1e5, name="joint")
     >>> pair = Assembly([Part([bar], name="tool"), joint, Part([bar], name="holder")])
-    >>> modes = MeasuredFrequencies(
+    >>> modes = Observation.from_modes(
     ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:2], standard_deviation_hz=2.0
     ... )
     >>> len(draw_misfit(sweep(pair, Grid({"joint.k_theta": [5e4, 1e5, 2e5]}), Misfit(modes))).axes)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification import MeasuredFrequencies, MeasuredFRF
+from receptance.identification import Observation
 from receptance.identification.mapping import ParameterMap
 from receptance.identification.observations import Unit, as_observations
 from receptance.identification.problem import Observed, residuals_at
@@ -418,7 +418,7 @@ class Misfit(Output):
 
     Parameters
     ----------
-    observations : MeasuredFRF or MeasuredFrequencies, or a sequence of them
+    observations : Observation, or a sequence of them
         Measurements, each with its own assembly.
     name : str, optional
         Name in the results.
@@ -429,7 +429,7 @@ class Misfit(Output):
 
     def __init__(
         self,
-        observations: MeasuredFRF | MeasuredFrequencies | Sequence[MeasuredFRF | MeasuredFrequencies],
+        observations: Observation | Sequence[Observation],
         *,
         name: str = "misfit",
     ) -> None:
@@ -440,7 +440,7 @@ class Misfit(Output):
     def candidate_s(self) -> float:
         """Approximate time per candidate; see `Output`."""
         return sum(
-            _LINE_S * observation.frequency_hz.size if isinstance(observation, MeasuredFRF) else _MODES_S
+            _LINE_S * observation.frequency_hz.size if observation.is_receptance else _MODES_S
             for observation in self.observations
         )
 
@@ -456,7 +456,7 @@ class Misfit(Output):
         """Return the function from candidates to results."""
         misfits = [
             _frf_misfit(observation, addresses, threads)
-            if isinstance(observation, MeasuredFRF)
+            if observation.is_receptance
             else _frequency_misfit(observation, addresses)
             for observation in self.observations
         ]
@@ -474,17 +474,17 @@ class Misfit(Output):
         content: list[Any] = [self.name]
         for item in self.observations:
             content.append(item.frequency_hz)
-            if isinstance(item, MeasuredFRF):
+            if item.is_receptance:
                 points = [repr(item.response), repr(item.excitation)]
                 content += [item.receptance, item.standard_deviation, *points, item.force]
             else:
-                content += [list(item.modes), item.standard_deviation_hz]
+                content += [list(item.modes), item.standard_deviation]
                 content += [item.damping_ratio, item.standard_deviation_damping] if item.damped.size else []
         return content
 
 
 def _frf_misfit(
-    frf: MeasuredFRF, addresses: Sequence[str], threads: int | None
+    frf: Observation, addresses: Sequence[str], threads: int | None
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     if frf.force is not None:
         raise ValueError(f"{frf!r} has a stepped force, which sweeps do not support; give the level of the joint")
@@ -494,8 +494,8 @@ def _frf_misfit(
 
 
 def _frequency_misfit(
-    measured: MeasuredFrequencies, addresses: Sequence[str]
+    measured: Observation, addresses: Sequence[str]
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    unit: Unit = "relative" if measured.standard_deviation_hz is None else "standard deviations"
+    unit: Unit = "relative" if measured.standard_deviation is None else "standard deviations"
     observed = Observed(measured, ParameterMap.plain(measured.assembly, addresses), unit)
     return lambda values: np.asarray(np.sum(residuals_at(observed, values) ** 2, axis=1))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.identification import Floor, MeasuredFRF, Unknown, identify
+from receptance.identification import Floor, Observation, Unknown, identify
 from receptance.identification.covariance import confidence_multiplier
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
@@ -250,7 +250,7 @@ def fit_taper(
     low_hz, high_hz : float, optional
         Band of the lines in Hz.
     floor : float or Floor, optional
-        As in `MeasuredFRF.from_frf`.
+        As in `Observation.from_frf`.
     start : mapping of str to float, optional
         Start values; by default they are determined in stages from the peaks.
     left_out : sequence of FRF, optional
@@ -278,7 +278,7 @@ def fit_taper(
         assembly = holder.radial(**values, body=body, contact=contact)
     entries = list(np.ndindex(frf.shape[1:]))
     observed = [
-        MeasuredFRF.from_frf(
+        Observation.from_frf(
             assembly, frf.select(responses=i, excitations=j), low_hz=low_hz, high_hz=high_hz, floor=floor
         )
         for i, j in entries
@@ -336,7 +336,7 @@ def without_each(hits: Hits, **settings: Unpack[EstimateKeywords]) -> tuple[FRF,
 
 def _relative_errors(
     fit: Identification,
-    observed: Sequence[MeasuredFRF],
+    observed: Sequence[Observation],
     entries: Sequence[tuple[int, ...]],
     addresses: Mapping[str, str],
     left_out: Sequence[FRF],
