@@ -40,6 +40,17 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the name that is similar to a word, or an empty text without one."""
+    folded = {choice.casefold(): choice for choice in known}
+    small = str(word).casefold()
+    for choice in folded:
+        if len(choice) == len(small) > 1 and sum(a != b for a, b in zip(choice, small, strict=True)) == 1:
+            return folded[choice]
+    near = difflib.get_close_matches(small, folded, n=1, cutoff=0.6)
+    return folded[near[0]] if near else ""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return the question "did you mean" for a message, or an empty text without a similar name.
 
@@ -49,14 +60,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     >>> did_you_mean("lenght", ["length", "outer_diameter"])
     ' (did you mean "length"?)'
     """
-    choices = list(known)
-    folded = {choice.casefold(): choice for choice in choices}
-    small = str(word).casefold()
-    for choice in folded:
-        if len(choice) == len(small) > 1 and sum(a != b for a, b in zip(choice, small, strict=True)) == 1:
-            return f' (did you mean "{folded[choice]}"?)'
-    near = difflib.get_close_matches(small, folded, n=1, cutoff=0.6)
-    return f' (did you mean "{folded[near[0]]}"?)' if near else ""
+    near = nearest(word, known)
+    return f' (did you mean "{near}"?)' if near else ""
 
 
 def one_of(known: Iterable[str]) -> str:

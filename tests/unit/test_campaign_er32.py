@@ -63,11 +63,13 @@ def test_the_tolerances_are_those_of_the_study(read: campaign.Campaign) -> None:
     materials = read.table.materials
     for name in ("carbide", "steel"):
         spread = materials[name].tolerance
-        assert spread.youngs_modulus.amount == pytest.approx(chance.deviation(f"{name} modulus"))
-        assert spread.density.amount == pytest.approx(chance.deviation(f"{name} density"))
-    assert materials["nose"].tolerance.youngs_modulus.amount == pytest.approx(chance.deviation("nose modulus factor"))
+        assert spread["youngs_modulus"].amount == pytest.approx(chance.deviation(f"{name} modulus"))
+        assert spread["density"].amount == pytest.approx(chance.deviation(f"{name} density"))
+    assert materials["nose"].tolerance["youngs_modulus"].amount == pytest.approx(
+        chance.deviation("nose modulus factor")
+    )
     for segment in read.table.parts["holder"].segments:
-        assert segment.tolerance.outer_diameter.amount == pytest.approx(chance.deviation("body diameter"))
+        assert segment.tolerance["outer_diameter"].amount == pytest.approx(chance.deviation("body diameter"))
     for name, described in read.assemblies.items():
         blank = next(iter(described.elements))
         own = [one.moves for one in read.tolerances[name] if f"{blank}.segment[0].length" in one.moves]

@@ -8,7 +8,8 @@ import pytest
 
 from receptance import units
 from receptance._text import did_you_mean, one_of
-from receptance.campaign.values import Deviation, kind_of, parse_condition, parse_deviation, parse_position
+from receptance.campaign.values import Deviation, kind_of, parse_condition, parse_deviation
+from receptance.model.fields import Position
 from receptance.units import QUANTITIES, Quantity, parse
 
 
@@ -155,10 +156,11 @@ def test_addresses_and_places() -> None:
         kind_of("tool.segment[0].lenght")
     with pytest.raises(ValueError, match="is not an address"):
         kind_of("tool length")
-    assert parse_position("end") == "end"
-    assert parse_position("0 mm") == 0.0
+    position = Position("a position")
+    assert position.read("end", None) == "end"
+    assert position.read("0 mm", None) == 0.0
     with pytest.raises(ValueError, match='"-1 mm", expected a distance from the tip-side end'):
-        parse_position("-1 mm")
+        position.read("-1 mm", None)
 
 
 def test_suggestions() -> None:

@@ -27,6 +27,8 @@ def test_schema_is_valid() -> None:
     jsonschema.Draft202012Validator.check_schema(json_schema())
     assert json.loads(json.dumps(json_schema())) == json_schema()
     assert "null" not in json.dumps(json_schema())
+    references = {part.split('"')[0] for part in json.dumps(json_schema()).split('"$ref": "#/$defs/')[1:]}
+    assert references == json_schema()["$defs"].keys()
 
 
 @pytest.mark.parametrize("name", examples.EXAMPLES)

@@ -22,7 +22,7 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.campaign.schema import Of, table_of
+from receptance.campaign.keys import ElementOf
 from receptance.model.fields import Element, Member, Number
 
 SHANK = Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE, core=STEEL)
@@ -97,11 +97,11 @@ def test_every_field_is_documented_where_the_class_is(element: Element) -> None:
 
 @pytest.mark.parametrize("element", ELEMENTS, ids=NAMES)
 def test_a_campaign_has_the_same_keys(element: Element) -> None:
-    keys = table_of(Of(type(element))).model_fields
+    table = ElementOf(type(element))
     expected = [name for name in element.declared if name != "name"] + ["tolerance"] * element.toleranced
-    assert list(keys) == expected
+    assert list(table.declared) == expected
     for name, field in element.declared.items():
         if isinstance(field, Member) or name == "name":
             continue
-        assert keys[name].description == field.doc
-        assert keys[name].is_required() == (not hasattr(type(element), name))
+        assert table.declared[name].doc == field.doc
+        assert table.needs(name) == (not hasattr(type(element), name))

@@ -25,10 +25,9 @@ from receptance.errors import MissingExtraError
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
-# Where the name to install is not the name to import; pydantic requires one version of its core.
+# Where the name to install is not the name to import.
 DISTRIBUTION_OF: dict[str, str] = {
     "lazy_loader": "lazy-loader",
-    "pydantic_core": "pydantic",
     "tomli_w": "tomli-w",
 }
 
@@ -243,6 +242,6 @@ def test_imports_load_little() -> None:
     assert not _loaded("import receptance") & {"numpy", "scipy"}
     model = _loaded("from receptance import Assembly, Part, identify, FRF")
     assert "numpy" in model
-    assert not model & {"scipy", "pydantic", "typer", "rich", "matplotlib", "pandas", "xarray"}
+    assert not model & {"scipy", "typer", "rich", "matplotlib", "pandas", "xarray"}
     # rich, for the help of all commands, is loaded by typer.
-    assert not _loaded("import receptance.cli") & {"numpy", "pydantic", "matplotlib"}
+    assert not _loaded("import receptance.cli") & {"numpy", "matplotlib"}

@@ -36,8 +36,8 @@ def test_campaigns_have_all_options_of_read() -> None:
     frf, records = campaign_keys(records=False), campaign_keys(records=True)
     assert frf.keys() | records.keys() == reading_options().keys()
     for table in (FRFTable, TipTable):
-        assert set(frf.values()) <= table.model_fields.keys()
-    assert set(records.values()) <= HammerTable.model_fields.keys()
+        assert set(frf.values()) <= table.declared.keys()
+    assert set(records.values()) <= HammerTable.declared.keys()
 
 
 def test_the_options_are_documented() -> None:

@@ -73,9 +73,9 @@ def read_campaign() -> Campaign:
     with tempfile.TemporaryDirectory() as folder:
         examples.write("free-free", Path(folder))
         read = campaign.load(Path(folder), threads=1)
-    settings = read.table.settings.model_copy(update={"starts": 1, "profiles": False})
+    settings = read.table.settings.with_(starts=1, profiles=False)
     near = tuple(replace(unknown, start=FREE_FREE_JOINT[unknown.address]) for unknown in read.unknowns)
-    return replace(read, table=read.table.model_copy(update={"settings": settings}), unknowns=near)
+    return replace(read, table=read.table.with_(settings=settings), unknowns=near)
 
 
 def erring(read: Campaign, rng: np.random.Generator) -> tuple[Campaign, dict[str, Assembly]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from receptance._text import did_you_mean, instead_of, one_of
+from receptance.campaign.keys import ElementOf, ElementTable
 from receptance.campaign.problems import CampaignError, path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
         CampaignTable,
         CandidateTable,
         CoordinateTable,
-        ElementTable,
         MeasurementTable,
         UnknownTable,
     )
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
-    *(one.element.__name__ for one in (*JOINTS.choices, *ATTACHMENTS.choices)),
+    *(of.element.__name__ for of in (*JOINTS.choices, *ATTACHMENTS.choices) if isinstance(of, ElementOf)),
     "Section",
     "Candidate",
     "Observation",
@@ -71,6 +71,8 @@ class Builder:
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
         self.built = Built()
+        self.numbers: dict[str, float] = {}
+        """Numbers that the tables of joints and modal parts have, by address."""
         self.notes: list[str] = []
         self.warnings: list[str] = []
 
@@ -116,6 +118,7 @@ class Builder:
 
                     made = as_rigid(made)
                 built.parts[name] = made
+        self.numbers = _written_numbers(campaign)
         for address, unknown in campaign.unknowns.items():
             _store(built.unknowns, address, self._unknown(address, unknown, campaign))
         for name in campaign.modal_parts:
@@ -135,11 +138,11 @@ class Builder:
     def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
         """Return the element at an address from its table, or None after its mistakes are added.
 
-        A missing number that is unknown gets its start value; fields in `given` are not read from the table.
+        A missing number that is unknown has its start, see `_unknown`; fields in `given` are not read from the table.
         """
         values = dict(given)
         for name, declared in table.element.declared.items():
-            if name in values or name not in type(table).model_fields:
+            if name in values or not hasattr(table, name):
                 continue
             value = getattr(table, name)
             if isinstance(declared, Member) and declared.kind is Material:
@@ -149,9 +152,9 @@ class Builder:
                 value = self.element(value, (*path, name), f"{address}.{name}")
                 if value is None:
                     return None
-            elif isinstance(declared, Number) and name not in table.model_fields_set:
+            elif isinstance(declared, Number) and name not in table.written:
                 unknown = self.built.unknowns.get(f"{address}.{name}")
-                value = value if unknown is None or unknown.start is None else unknown.start
+                value = value if unknown is None else unknown.start
             values[name] = tuple(value) if isinstance(value, list) else value
         return self.make(path, table.element, **values)
 
@@ -186,13 +189,14 @@ class Builder:
     # Unknowns --------------------------------------------------------------------------------------------------------
 
     def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown | None:
+        """Return an unknown; its start is the one of its table, else the number of the element, else the middle."""
         path: KeyPath = ("unknowns", address)
         if self.problems.at(path):
             return None
         plain = bool(table.moves) or table.multiple is not None
         lower, upper, start = table.lower, table.upper, table.start
         if start is None and not plain:
-            start = _joint_value(address, campaign)
+            start = self.numbers.get(address)
             if start is not None and not lower <= start <= upper:
                 self.problems.add(
                     path,
@@ -202,10 +206,10 @@ class Builder:
         fields: dict[str, Any] = {"address": address, "lower": lower, "upper": upper, "start": start}
         fields |= {"scale": table.scale, "name": table.name}
         fields["configurations"] = None if table.assemblies is None else tuple(table.assemblies)
-        if table.prior is not None:
+        if (prior := table.prior) is not None:
             logarithmic = table.scale == "log" or (table.scale is None and lower > 0.0 and not table.moves)
             quantity = PLAIN_NUMBER if plain else kind_of(address)
-            fields["prior"] = self.make((*path, "prior"), prior_of, quantity, table.prior, logarithmic)
+            fields["prior"] = self.make((*path, "prior"), prior_of, quantity, prior.value, prior.spread, logarithmic)
             if fields["prior"] is None:
                 return None
         if table.moves:
@@ -377,8 +381,9 @@ class Builder:
         here = (*path, "level")
         amount, is_force = level
         levels: dict[str, float] = {}
-        for name in (name for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)):
-            reference = campaign.joints[name].reference_force
+        joints = {name: of for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)}
+        for name, joint in joints.items():
+            reference = joint.reference_force
             if is_force and reference is None:
                 text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one'
                 self.problems.add(here, f"{text} in the joint")
@@ -386,7 +391,7 @@ class Builder:
             if f"{name}.level" in campaign.unknowns:
                 self.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
                 return None
-            levels[f"{name}.level"] = amount / reference if is_force else amount
+            levels[f"{name}.level"] = amount / reference if is_force and reference is not None else amount
         if not levels:
             self.problems.add(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
             return None
@@ -411,19 +416,20 @@ def _misplaced(table: UnknownTable) -> tuple[str, ...]:
     return ("follows", "is given without `power_of` and `individual`, expected one of them") if table.follows else ()
 
 
-def _joint_value(address: str, campaign: CampaignTable) -> float | None:
-    """Return the value of a parameter in the table of its joint or modal part, the default of its start value."""
-    owner, *inside, name = address.split(".")
-    table: Any = campaign.joints.get(owner, campaign.modal_parts.get(owner))
-    for member in inside:
-        key, _, number = member.partition("[")
-        if key == "mode" and number:
-            modes = getattr(table, "modes", [])
-            index = int(number[:-1])
-            table = modes[index] if index < len(modes) else None
-        else:
-            table = getattr(table, member, None)
-    return getattr(table, name) if table is not None and name in table.model_fields_set else None
+def _written_numbers(campaign: CampaignTable) -> dict[str, float]:
+    """Return the numbers that the tables of joints and modal parts have, by address."""
+    tables = {**campaign.joints, **campaign.modal_parts}
+    for name, part in campaign.modal_parts.items():
+        tables |= {f"{name}.mode[{index}]": mode for index, mode in enumerate(part.modes)}
+    for name, joint in campaign.joints.items():
+        inside = [key for key in joint.element.declared if isinstance(getattr(joint, key, None), ElementTable)]
+        tables |= {f"{name}.{key}": getattr(joint, key) for key in inside}
+    return {
+        f"{name}.{key}": getattr(table, key)
+        for name, table in tables.items()
+        for key in table.element.columns_of
+        if key in table.written
+    }
 
 
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:
@@ -487,7 +493,7 @@ def modal_unknowns(
             continue
         from receptance.spindle.unknown_modes import bounds_of_modes
 
-        modes = [{key: getattr(row, key) for key in row.model_fields_set} for row in part.modes]
+        modes = [{key: getattr(row, key) for key in row.written} for row in part.modes]
         residuals = {key: float(getattr(part, key)) for key in RESIDUALS}
         automatic = {one.address: one for one in bounds_of_modes(name, modes, residuals, seen)}
         given = {own for unknown in built.unknowns.values() for own in addresses_of(unknown)}

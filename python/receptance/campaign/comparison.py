@@ -239,10 +239,10 @@ def _observations(
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
-    settings = campaign.table.settings.model_copy(update={"profiles": False})
+    settings = campaign.table.settings.with_(profiles=False)
     fit = replace(
         campaign,
-        table=campaign.table.model_copy(update={"settings": settings}),
+        table=campaign.table.with_(settings=settings),
         measurements=measurements,
         unknowns=unknowns,
     ).identify()

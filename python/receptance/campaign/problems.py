@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from receptance._text import did_you_mean, one_of, shown
-from receptance.campaign.values import AddressError, BrokenReferenceError
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
 KeyPath = tuple[str | int, ...]
 
@@ -261,163 +253,3 @@ def path_text(path: KeyPath) -> str:
             key = step if _BARE.fullmatch(step) else json.dumps(step, ensure_ascii=False)
             text += f".{key}" if text else key
     return text
-
-
-def translate(
-    errors: Iterable[Mapping[str, Any]], data: Mapping[str, Any], model: type[BaseModel]
-) -> dict[KeyPath, tuple[str, bool]]:
-    """Return by path in the file the text of each error of pydantic, and whether only a reference is wrong."""
-    details = list(errors)
-    schema = _schema_of(model)
-    places = [_place(error, data) for error in details]
-    misspelt = {
-        (*place[:-1], near)
-        for error, place in zip(details, places, strict=True)
-        if error["type"] == "extra_forbidden"
-        and (near := _near(str(place[-1]), _known_keys(error["loc"], schema), data, place))
-    }
-    found: dict[KeyPath, tuple[str, bool]] = {}
-    for error, place in zip(details, places, strict=True):
-        if error["type"] == "missing" and place in misspelt:
-            continue  # reported as a misspelt key
-        if error["type"] == "literal_error" and any(place == other[: len(place)] != other for other in places):
-            continue  # a table with a mistake, where a word is allowed as well
-        text = _text_of(error, place, _known_keys(error["loc"], schema), data)
-        found.setdefault(place, (text, isinstance(_cause(error), BrokenReferenceError)))
-    return found
-
-
-def _cause(error: Mapping[str, Any]) -> Any:
-    """Return the exception that a validator has raised, or None."""
-    return error.get("ctx", {}).get("error")
-
-
-def _place(error: Mapping[str, Any], data: Any) -> KeyPath:
-    """Return the place of an error as a path in the file, without members of unions and marks of keys.
-
-    The place of a wrong address is its key, even if a value below it cannot be read without its quantity.
-    """
-    path: list[int | str] = []
-    node: Any = data
-    loc = error["loc"]
-    for step in loc[:-1]:
-        within = isinstance(node, list) and isinstance(step, int) and step < len(node)
-        chosen = isinstance(node, Mapping) and node.get("kind") == step
-        if not chosen and (within or (isinstance(node, Mapping) and step in node)):
-            node = node[step]
-            path.append(step)
-    last = loc[-1]
-    if error["type"] == "missing" or (isinstance(node, Mapping) and last in node) or isinstance(last, int):
-        path.append(last)
-    cause = _cause(error)
-    if isinstance(cause, AddressError) and cause.address in path:
-        while path[-1] != cause.address:
-            path.pop()
-    return tuple(path)
-
-
-def _near(word: str, known: list[str], data: Any, place: KeyPath) -> str:
-    """Return the known key nearest to a misspelt one, if the table does not have it."""
-    table: Any = data
-    for step in place[:-1]:
-        table = table[step]
-    match = re.search(r'"(.+?)"', did_you_mean(word, [name for name in known if name not in table]))
-    return match.group(1) if match else ""
-
-
-def _text_of(error: Mapping[str, Any], place: KeyPath, known: list[str], data: Any) -> str:
-    kind, found = error["type"], error["input"]
-    context = error.get("ctx", {})
-    if kind == "value_error":
-        return str(context["error"])
-    if kind == "missing":
-        return "is missing" if len(place) > 1 else f"is missing, expected tables such as [{place[0]}.NAME]"
-    if kind == "extra_forbidden":
-        if place in _REMOVED:
-            return _REMOVED[place]
-        near = _near(str(place[-1]), known, data, place)
-        hint = f'; did you mean "{near}"?' if near else f"; expected {one_of(known)}"
-        return f"is not a known key{hint}"
-    if kind == "string_pattern_mismatch":
-        return f"is {shown(found)}, expected one word of letters, digits and underscores"
-    if kind in ("literal_error", "enum"):
-        options = re.findall(r"'([^']*)'", context["expected"])
-        expected = one_of(options) if options else context["expected"]
-        return f"is {shown(found)}, expected {expected}{did_you_mean(str(found), options)}"
-    if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return _text_of_kind(context)
-    expected = _EXPECTED.get(kind, "")
-    if kind in _LIMITS:
-        expected = expected.format(context[_LIMITS[kind]])
-    if kind in ("too_short", "too_long", "string_too_short"):
-        expected = expected.format(context.get("min_length", context.get("max_length")))
-    return f"is {shown(found)}, expected {expected or error['msg']}"
-
-
-_REMOVED: dict[KeyPath, str] = {
-    ("settings", "tolerances"): "was removed: errors of dimensions and materials are always fitted, with their "
-    "tolerances as priors; delete this line",
-}
-_LIMITS = {"greater_than_equal": "ge", "greater_than": "gt", "less_than_equal": "le", "less_than": "lt"}
-"""Key of the limit in the context of an error of pydantic, by its type."""
-_EXPECTED = {
-    "string_type": "text in quotes",
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "bool_type": "true or false",
-    "list_type": "a list in square brackets",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "model_attributes_type": "a table",
-    "greater_than_equal": "at least {}",
-    "greater_than": "more than {}",
-    "less_than_equal": "at most {}",
-    "less_than": "less than {}",
-    "too_short": "at least {}",
-    "too_long": "at most {}",
-    "string_too_short": "some text",
-}
-
-
-def _text_of_kind(context: Mapping[str, Any]) -> str:
-    tags = re.findall(r"'([^']*)'", str(context.get("expected_tags", "")))
-    if "tag" not in context:
-        return "has no `kind`" + (f", expected {one_of(tags)}" if tags else "")
-    return f"has the kind {shown(context['tag'])}, expected {one_of(tags)}{did_you_mean(str(context['tag']), tags)}"
-
-
-@functools.cache
-def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
-    return model.model_json_schema()
-
-
-def _known_keys(loc: tuple[int | str, ...], schema: dict[str, Any]) -> list[str]:
-    """Return the keys known in the table that holds the last step of the location of an error."""
-
-    def resolved(node: Any) -> dict[str, Any]:
-        while isinstance(node, dict):
-            choices = [one for one in node.get("anyOf", ()) if one != {"type": "null"}]
-            if len(choices) == 1:  # an optional table
-                node = choices[0]
-            elif "$ref" in node:
-                node = schema["$defs"].get(node["$ref"].rsplit("/", 1)[-1], {})
-            else:
-                return node
-        return {}
-
-    def stepped(node: dict[str, Any], step: int | str) -> Any:
-        if isinstance(step, int):
-            return node.get("items", {})
-        if step in node.get("properties", {}):
-            return node["properties"][step]
-        if step in schema["$defs"]:  # a member of a union
-            return {"$ref": step}
-        if "discriminator" in node:
-            return {"$ref": node["discriminator"]["mapping"].get(step, "")}
-        return node.get("additionalProperties") or next(iter(node.get("patternProperties", {}).values()), {})
-
-    node = resolved(schema)
-    for step in loc[:-1]:
-        node = resolved(stepped(node, step))
-    return list(node.get("properties", {}))

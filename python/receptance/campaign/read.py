@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 import tomllib
@@ -15,11 +14,11 @@ from receptance import _checks
 from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
+from receptance.campaign.keys import OWNERS, WRONG, Names, Place
 from receptance.campaign.measurements import MeasurementReader, note_repeated
-from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems, translate
+from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.tolerances import tolerances_of_assembly
-from receptance.campaign.values import OWNERS, References
 from receptance.errors import warn_user
 from receptance.identification.observations import Observation
 from receptance.model.assembly import Assembly
@@ -151,7 +150,7 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
 
 def _build(data: dict[str, Any], problems: Problems, folder: Path | None) -> tuple[CampaignTable, Builder, Built]:
     """Return the tables and the objects built from them; data files are looked for if a folder is given."""
-    table = _validate(data, problems, folder)
+    table = _tables(data, problems, folder)
     builder = Builder(problems)
     return table, builder, builder.build(table)
 
@@ -220,33 +219,19 @@ def _check_values(data: dict[str, Any], problems: Problems) -> None:
             problems.add(path, "is a whole number beyond the 64 bits of TOML, expected a smaller one")
 
 
-def _validate(data: dict[str, Any], problems: Problems, folder: Path | None) -> CampaignTable:
+def _tables(data: dict[str, Any], problems: Problems, folder: Path | None) -> CampaignTable:
     """Return the tables without mistakes; tables with wrong references only are among them."""
-    from pydantic import ValidationError
-
     named = {section: list(data[section]) if isinstance(data.get(section), dict) else [] for section in _SECTIONS}
     broken = {section for section in data if section in _SECTIONS and not isinstance(data[section], dict)}
     broken |= {section for section in _REQUIRED if section not in data and "cuts" not in data}
     broken |= problems.incomplete
     _check_owners(named, problems)
-    references: References | None = References(named, frozenset(broken), folder)
-    rest = copy.deepcopy(data)
-    if "cuts" in data:
-        rest |= {section: {} for section in _REQUIRED if section not in data}
-    for joint in rest["joints"].values() if isinstance(rest.get("joints"), dict) else ():
-        if isinstance(joint, dict):
-            joint.setdefault("kind", "point")
-    while True:
-        try:
-            return CampaignTable.model_validate(rest, context=references)
-        except ValidationError as error:
-            found = translate(error.errors(), rest, CampaignTable)
-        references = None  # all of them are checked
-        for path, (text, _) in found.items():
-            problems.add(path, text)
-        for path, (_, only_reference) in found.items():
-            if not only_reference:
-                _prune(rest, path)
+    empty: dict[str, Any] = {section: {} for section in _REQUIRED}
+    place = Place(problems, Names(named, frozenset(broken), folder))
+    written = {**empty, **data} if "cuts" in data else data
+    values = place.keys(CampaignTable.declared, CampaignTable.needs, written)
+    usable = {key: value for key, value in values.items() if value is not WRONG and key in CampaignTable.declared}
+    return CampaignTable(**{**empty, **usable})
 
 
 def _check_owners(named: dict[str, list[str]], problems: Problems) -> None:
@@ -258,18 +243,6 @@ def _check_owners(named: dict[str, list[str]], problems: Problems) -> None:
                 text = f"is also the name of one of the {owner[name]}, expected another name"
                 problems.add((section, name), text)
             owner.setdefault(name, section)
-
-
-def _prune(data: dict[str, Any], path: KeyPath) -> None:
-    """Remove the table with a mistake, so that the rest can be checked."""
-    section = str(path[0])
-    table = data.get(section)
-    if section in _SECTIONS and isinstance(table, dict) and len(path) > 1:
-        table.pop(path[1], None)
-    elif section in _REQUIRED:
-        data[section] = {}
-    else:
-        data.pop(section, None)
 
 
 def _places(table: CampaignTable, built: Built, builder: Builder) -> dict[str, tuple[Coordinate, Coordinate]]:

@@ -221,9 +221,9 @@ class Campaign(Renderable):
 
     def with_seed(self, seed: int) -> Campaign:
         """Return the campaign with another seed of the starts of fits and of the draws of stability."""
-        settings = self.table.settings.model_copy(update={"seed": seed})
-        stability = self.table.stability.model_copy(update={"seed": seed})
-        return replace(self, table=self.table.model_copy(update={"settings": settings, "stability": stability}))
+        settings = self.table.settings.with_(seed=seed)
+        stability = self.table.stability.with_(seed=seed)
+        return replace(self, table=self.table.with_(settings=settings, stability=stability))
 
     def provenance(self, *, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Provenance:
         """Return the provenance of results of this campaign."""
@@ -392,7 +392,7 @@ class Campaign(Renderable):
             fit,
             series=series,
             groups=self.templates,
-            provenance=self.provenance(seed=settings.seed, settings=settings.model_dump()),
+            provenance=self.provenance(seed=settings.seed, settings=settings.data()),
         )
         notes = [*self.notes, *left_out, *(n for n in fit.notes if not any(o.endswith(n) for o in self.notes))]
         if fit.errors:
@@ -625,7 +625,7 @@ class Campaign(Renderable):
                 progress=self.progress,
                 **options,
             )
-        provenance = self.provenance(settings=settings.model_dump())
+        provenance = self.provenance(settings=settings.data())
         return replace(found, campaign_notes=tuple(dict.fromkeys(notes)), provenance=provenance)
 
     def diagnose(

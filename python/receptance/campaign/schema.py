@@ -1,804 +1,706 @@
-"""Pydantic models of the tables of a campaign file.
+"""The tables of a campaign file: their keys, with quantity, default and documentation.
 
-Models of elements (materials, segments, joints, masses, cuts) are made from the declarations of the elements; the
-others are declared here.
+Tables of elements (materials, segments, joints, masses, cuts) have the fields of the elements as keys.
 """
 
-from __future__ import annotations
-
-import ast
-import functools
-import inspect
-import itertools
-import operator
-import sys
+import math
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
-
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    PlainValidator,
-    StringConstraints,
-    Tag,
-    WithJsonSchema,
-    create_model,
-)
+from typing import Any, Literal
 
 from receptance import units
-from receptance._reading import campaign_keys, reading_options
+from receptance._reading import reading_options
 from receptance._text import shown
-from receptance.campaign.values import (
-    Address,
+from receptance.campaign.keys import (
+    PLAIN,
     DataFile,
-    Deviation,
-    DeviationAtAddress,
-    DeviationShare,
-    ForceWindow,
+    DataFiles,
+    Deviated,
+    ElementOf,
+    ElementTable,
+    Flag,
+    ListOf,
+    MapOf,
     NameInMachine,
-    Position,
-    Share,
-    Value,
-    amount,
-    by_address,
-    name_of,
-    of_types,
+    NameOf,
+    OneKind,
+    Parsed,
+    Place,
+    Real,
+    Section,
+    Table,
+    TableOf,
+    Text,
+    ValueAtAddress,
+    ValueOfUnknown,
+    Word,
+    Written,
+)
+from receptance.campaign.values import (
+    Deviation,
     parse_condition,
+    parse_deviation_share,
+    parse_force_window,
     parse_level,
-    spread,
+    parse_share,
 )
 from receptance.model.beams import Material, Segment, SpreadJoint
-from receptance.model.fields import Choice, Count, Element, Member, Number
-from receptance.model.fields import Field as Declaration
+from receptance.model.fields import Choice, Count, Field, Number, Position
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import ModalPart, Mode
 from receptance.stability.cutting import Milling, Turning
+from receptance.units import Form
 
-if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-
-
-class SchemaTable(BaseModel):
-    """A table of the file; unknown keys are mistakes, and text is not converted to numbers."""
-
-    # Only the model of the whole file validates: building the others as well takes a tenth of a second.
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
-
-    @classmethod
-    def default(cls) -> Self:
-        """Return the table without keys; the constructor would first build a validator of this model alone."""
-        return cls.model_construct()
-
-    @classmethod
-    def model_json_schema(cls, *given: Any, **options: Any) -> dict[str, Any]:
-        """Return the JSON schema. All tables are built first, which pydantic before version 2.12 does not do."""
-        cls.model_rebuild()
-        _build(SchemaTable)
-        return super().model_json_schema(*given, **options)
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Describe the keys by the strings below the fields, which only the JSON schema needs."""
-        found: dict[str, Any] = handler(core_schema)
-        properties = handler.resolve_ref_schema(found)["properties"]
-        texts = _descriptions(cls)
-        for name in properties.keys() & texts.keys():
-            properties[name].setdefault("description", texts[name])
-        return found
+_EMPTY: Mapping[str, Any] = {}
+_NONE: list[Any] = []
+WORD = r"^[^\W\d]\w*$"
+"""Pattern of a name that begins addresses."""
+BAND = ListOf("", Number(units.FREQUENCY_OR_ZERO, ""), least=2, most=2)
+"""Lowest and highest frequency."""
 
 
-def _build(kind: type[SchemaTable]) -> None:
-    """Build all tables of a kind."""
-    for one in kind.__subclasses__():
-        one.model_rebuild()
-        _build(one)
+def name_or_number(doc: str, expected: str) -> Written:
+    """Return the declaration of a name in a file, or its number."""
+    return Written(doc, types=(str, int), expected=expected, form=({"type": "string"}, {"type": "integer"}))
 
 
-def _descriptions(model: type[SchemaTable]) -> dict[str, str]:
-    """Return the strings below the fields of a model and of its bases by the name of the field.
-
-    pydantic would read them when the models are made, which takes half of the time in which this module is loaded.
-    """
-    written = _written()
-    return {name: text for base in reversed(model.__mro__) for name, text in written.get(base.__name__, {}).items()}
+def deviations(doc: str) -> Written:
+    """Return the declaration of standard deviations of natural frequencies, one for all or one for each."""
+    form = ({"type": "string"}, {"type": "array", "items": {"type": "string"}})
+    return Written(doc, types=(str, list), expected='a standard deviation such as "5 Hz", or a list of them', form=form)
 
 
-@functools.cache
-def _written() -> dict[str, dict[str, str]]:
-    """Return the strings below the fields of the classes of this module by class and field."""
-    source = inspect.getsource(sys.modules[__name__])
-    classes = {one.name: one.body for one in ast.parse(source).body if isinstance(one, ast.ClassDef)}
-    return {
-        name: {
-            field.target.id: inspect.cleandoc(text.value.value)
-            for field, text in itertools.pairwise(body)
-            if isinstance(field, ast.AnnAssign)
-            and isinstance(field.target, ast.Name)
-            and isinstance(text, ast.Expr)
-            and isinstance(text.value, ast.Constant)
-            and isinstance(text.value.value, str)
-        }
-        for name, body in classes.items()
-    }
+def check_word(key: str, place: Place) -> None:
+    """Raise unless a key is a word."""
+    del place
+    if not re.search(WORD, key):
+        raise ValueError(f"is {shown(key)}, expected one word of letters, digits and underscores")
 
 
-class ElementTable(SchemaTable):
-    """A table whose keys follow from the declarations of an element."""
-
-    origin: ClassVar[tuple[Callable[[Any], type[ElementTable]], Any]]
-    """Function that makes the model, and its argument."""
-    element: ClassVar[type[Element]]
-    """Class of the element."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # The model is made at run time, so that pickle cannot import it by name.
-        return _restored, (*type(self).origin, self.__getstate__())
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...
+def check_name(key: str, place: Place) -> None:
+    """Raise for an empty key."""
+    del place
+    if not key:
+        raise ValueError(f"is {shown(key)}, expected some text")
 
 
-def _restored(function: Callable[[Any], type[ElementTable]], argument: Any, state: dict[Any, Any]) -> ElementTable:
-    model = function(argument)
-    table = model.__new__(model)
-    table.__setstate__(state)
-    return table
+def check_address(key: str, place: Place) -> None:
+    """Raise unless a key is the address of a parameter."""
+    place.address(key)
 
 
-@dataclass(frozen=True)
-class Of:
-    """Marks a field as the table of an element.
-
-    Parameters
-    ----------
-    element : type
-        Class of the element.
-    tag : str, optional
-        Value of the key `kind`.
-    keys : type, optional
-        A model with additional or changed keys.
-    without : tuple of str, optional
-        Fields of the element that are not keys.
-    defaults : tuple, optional
-        Names of fields and defaults of their keys, where they differ from those of the element.
-    name : str, optional
-        Name of the model in the JSON schema.
-    """
-
-    element: type[Element]
-    tag: str = ""
-    keys: type[ElementTable] = ElementTable
-    without: tuple[str, ...] = ()
-    defaults: tuple[tuple[str, Any], ...] = ()
-    name: str = ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Replace the annotated type by the model."""
-        del source
-        return handler.generate_schema(table_of(self))
+def condition(doc: str) -> Parsed:
+    """Return the declaration of a number with any unit."""
+    return Parsed(doc, parse_condition, {"anyOf": PLAIN})
 
 
-@dataclass(frozen=True)
-class OneKind:
-    """Marks a field as the table of one of several elements, selected by the key `kind`."""
-
-    choices: tuple[Of, ...]
-
-    def __init__(self, *choices: Of) -> None:
-        object.__setattr__(self, "choices", choices)
-
-    def kind_of(self, element: Element) -> str | None:
-        """Return the value of `kind` of an element; None if it is of none of these classes."""
-        return next((choice.tag for choice in self.choices if choice.element is type(element)), None)
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        """Replace the annotated type by a union of the models."""
-        del source
-        union = functools.reduce(
-            operator.or_, (Annotated[table_of(choice), Tag(choice.tag)] for choice in self.choices)
-        )
-        return handler.generate_schema(Annotated[union, Discriminator("kind")])
+def level(doc: str) -> Parsed:
+    """Return the declaration of a level of joints in micro-slip, and whether it is a force in N."""
+    return Parsed(doc, parse_level, {"anyOf": PLAIN})
 
 
-@functools.cache
-def table_of(of: Of) -> type[ElementTable]:
-    """Return the model of an element: its fields, and their standard deviations as `tolerance`."""
-    declared = {
-        name: field
-        for name, field in of.element.declared.items()
-        if name not in ("name", *of.without, *of.keys.model_fields)
-    }
-    entries: dict[str, Any] = {}
-    if of.tag:
-        default: Any = of.tag if of.tag == "point" else ...
-        entries["kind"] = (Literal[of.tag], Field(default, description=f'`"{of.tag}"`'))
-    for name, field in declared.items():
-        kind, default = _key(of.element, name, field, dict(of.defaults))
-        named = isinstance(field, Member) and field.kind is Material
-        entries[name] = (kind, Field(default, description=f"name of the {field.doc}" if named else field.doc))
-    if of.element.toleranced:
-        tolerance = tolerance_of(Of(of.element))
-        text = "standard deviations of the numbers above, by the same keys"
-        entries["tolerance"] = (tolerance, Field(tolerance.default(), description=text))
-    doc = of.keys.__doc__ if of.keys is not ElementTable and of.keys.__doc__ else of.element.__doc__ or ""
-    name = of.name or f"{of.element.__name__}Table"
-    model = create_model(name, __base__=of.keys, __doc__=doc.strip().splitlines()[0], **entries)
-    model.origin, model.element = (table_of, of), of.element
-    return model
+def share(doc: str) -> Parsed:
+    """Return the declaration of a percentage."""
+    return Parsed(doc, lambda text: parse_share(text, 'a percentage such as "5 %"'))
 
 
-def _key(element: type[Element], name: str, field: Declaration, defaults: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return type and default of a key."""
-    (own,) = (one for one in fields(element) if one.name == name)  # type: ignore[arg-type]
-    default: Any = defaults.get(name, ... if own.default is MISSING else own.default)
-    kind: Any
-    if isinstance(field, Number):
-        kind = Annotated[float, amount(field.quantity)]
-        return (kind | None if default is None else kind), default
-    if isinstance(field, Member) and field.kind is Material:
-        kind = Annotated[str, name_of("materials")]
-        return (kind | None if default is None else kind), default
-    if isinstance(field, Member):
-        table = table_of(Of(field.kind, name=f"{field.kind.__name__}MemberTable"))
-        optional = not any(key.is_required() for key in table.model_fields.values())
-        return table, table.default() if optional else ...
-    if isinstance(field, Count):
-        kind = Annotated[int, Field(ge=field.least, le=field.most)]
-        return (kind | None if default is None else kind), default
-    if isinstance(field, Choice):
-        return Literal[field.words], default
-    if name == "position":
-        return Position, default
-    if name == "part":
-        return Annotated[str, name_of("parts", optional=True)], default
-    hint = get_args(get_type_hints(element, include_extras=True)[name])[0]
-    if hint == tuple[float, ...]:
-        return Annotated[list[Annotated[float, Field(ge=0.0)]], Field()], list(default)
-    return hint, default
+def deviation_share(doc: str) -> Parsed:
+    """Return the declaration of the standard deviation of an FRF, relative to its magnitude."""
+    return Parsed(doc, parse_deviation_share)
 
 
-@functools.cache
-def tolerance_of(of: Of) -> type[ElementTable]:
-    """Return the model of the standard deviations of an element's own numbers."""
-    element = of.element
-    entries: dict[str, Any] = {}
-    for name, field in element.declared.items():
-        if isinstance(field, Number) and field.parameter:
-            kind = Annotated[Deviation | None, spread(field.quantity)]
-            entries[name] = (kind, Field(None, description=f"of the {field.doc.partition(';')[0]}"))
-    doc = f"Standard deviations of the numbers of a table of {element.__name__}."
-    model = create_model(f"{element.__name__}Tolerance", __base__=ElementTable, __doc__=doc, **entries)
-    model.origin, model.element = (tolerance_of, of), element
-    return model
+def text_by_text(doc: str) -> MapOf:
+    """Return the declaration of texts by name."""
+    return MapOf(doc, Text())
 
 
-Word = Annotated[str, StringConstraints(pattern=r"^[^\W\d]\w*$")]
-"""A name that begins addresses."""
-Name = Annotated[str, StringConstraints(min_length=1)]
-Written = Annotated[str | float, of_types(str, int, float, what="text with a number and a unit, or a plain number")]
-"""A quantity as text or number of the file."""
-ConditionValue = Annotated[
-    float,
-    PlainValidator(parse_condition),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
-]
-"""A number with any unit."""
-Conditions = dict[str, ConditionValue]
-AssemblyName = Annotated[str, name_of("assemblies")]
-SensorName = Annotated[str, name_of("sensors")]
-AttachmentNames = list[Annotated[str, name_of("attachments")]]
+CONDITION = condition("")
 
 # Parts and joints ----------------------------------------------------------------------------------------------------
 
 
-class PartTable(SchemaTable):
+MATERIAL = ElementOf(Material)
+SEGMENT = ElementOf(Segment)
+
+
+class PartTable(Table):
     """A tool, a holder, a blank: segments in a row, rigidly connected, from its tip-side end on."""
 
-    segments: Annotated[list[Annotated[ElementTable, Of(Segment)]], Field(min_length=1)]
-    """one or more, `[[parts.NAME.segments]]`, in order from the tip-side end"""
-    rigid: bool = False
-    """whether the part is rigid: only its mass counts"""
+    segments: list[ElementTable] = ListOf(
+        "one or more, `[[parts.NAME.segments]]`, in order from the tip-side end", SEGMENT, least=1
+    ).needed()
+    rigid: bool = Flag("whether the part is rigid: only its mass counts").default(False)
 
 
 _MOST_MODES = 40
 """Largest number of modes of a part; each has four unknowns."""
-_MODE = Of(Mode, defaults=(("frequency_hz", None), ("damping_ratio", 0.03), ("y", 0.0), ("theta", 0.0)))
+MODE = ElementOf(Mode, defaults={"frequency_hz": None, "damping_ratio": 0.03, "y": 0.0, "theta": 0.0})
 """A mode; its numbers may be unknowns."""
 
 
-def _modes_of(given: Any) -> Any:
-    """Return a number of modes as so many tables without keys."""
-    if isinstance(given, bool) or not isinstance(given, int):
-        return given
-    if not 1 <= given <= _MOST_MODES:
-        raise ValueError(f"is {given}, expected a number of modes from 1 to {_MOST_MODES}")
-    return [{}] * given
+class Modes(ListOf):
+    """Modes, or their number if they are identified."""
+
+    def read(self, written: Any, place: Place) -> Any:
+        if isinstance(written, bool) or not isinstance(written, int):
+            return super().read(written, place)
+        if not 1 <= written <= _MOST_MODES:
+            raise ValueError(f"is {written}, expected a number of modes from 1 to {_MOST_MODES}")
+        return [MODE.made({})] * written
+
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [{"type": "integer"}, super().schema()]}
 
 
-class _ModalPartKeys(ElementTable):
+class ModalPartKeys(Table):
     """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
 
-    modes: Annotated[
-        list[Annotated[ElementTable, _MODE]],
-        Field(min_length=1),
-        BeforeValidator(_modes_of, json_schema_input_type=int | list[Annotated[ElementTable, _MODE]]),
-    ]
-    """one or more, `[[modal_parts.NAME.modes]]`, or their number if they are identified"""
-    identify: bool = False
-    """whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has none;
-    frequencies are then optional"""
+    modes: list[ElementTable] = Modes(
+        "one or more, `[[modal_parts.NAME.modes]]`, or their number if they are identified",
+        MODE,
+        least=1,
+        most=_MOST_MODES,
+    ).needed()
+    identify: bool = Flag(
+        "whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has "
+        "none; frequencies are then optional"
+    ).default(False)
 
 
-class _MicroslipKeys(ElementTable):
-    reference_force: Annotated[float, amount(units.FORCE)] | None = None
-    """force that is the level 1, where measurements give their `level` as a force"""
-
-
-ModalPartTable = Annotated[ElementTable, Of(ModalPart, keys=_ModalPartKeys)]
+MODAL_PART = ElementOf(ModalPart, keys=ModalPartKeys)
 JOINTS = OneKind(
-    Of(PointJoint, "point"),
-    Of(SpreadJoint, "spread"),
-    Of(ColletJoint, "collet"),
-    Of(MicroslipJoint, "micro-slip", keys=_MicroslipKeys),
+    ElementOf(PointJoint, kind="point"),
+    ElementOf(SpreadJoint, kind="spread"),
+    ElementOf(ColletJoint, kind="collet"),
+    ElementOf(MicroslipJoint, kind="micro-slip"),
 )
-ATTACHMENTS = OneKind(Of(PointMass, "mass"), Of(GroundSpring, "ground"), Of(Resonator, "resonator"))
-JointTable = Annotated[ElementTable, JOINTS]
-SensorTable = Annotated[ElementTable, Of(PointMass, without=("part", "position"), name="SensorTable")]
-AttachmentTable = Annotated[ElementTable, ATTACHMENTS]
+ATTACHMENTS = OneKind(
+    ElementOf(PointMass, kind="mass"), ElementOf(GroundSpring, kind="ground"), ElementOf(Resonator, kind="resonator")
+)
+SENSOR = ElementOf(PointMass, without=("part", "position"), name="SensorTable")
 
 
-class CoordinateTable(SchemaTable):
+class CoordinateTable(Table):
     """A position on a part, a direction and a sign."""
 
-    part: Annotated[str, name_of("parts", optional=True)] = ""
-    """name of the part; by default the first one of the chain"""
-    position: Position = 0.0
-    """distance from the part's tip-side end, or `"end"` for its far end; by default 0"""
-    direction: Literal["+y", "-y", "+theta", "-theta"] = "+y"
-    """translation y or rotation theta, and the sign in which the channel counts it"""
+    part: str = NameOf("name of the part; by default the first one of the chain", "parts", optional=True).default("")
+    position: float | Literal["end"] = Position(
+        'distance from the part\'s tip-side end, or `"end"` for its far end; by default 0'
+    ).default(0.0)
+    direction: Literal["+y", "-y", "+theta", "-theta"] = Choice(
+        "translation y or rotation theta, and the sign in which the channel counts it", ("+y", "-y", "+theta", "-theta")
+    ).default("+y")
 
 
-class AssemblyTable(SchemaTable):
+class AssemblyTable(Table):
     """A configuration: parts and joints in a row from the tip, and values of its own."""
 
-    chain: Annotated[list[Annotated[str, name_of("parts", "joints", "modal_parts")]], Field(min_length=1)]
-    """names of parts and joints from the tip on; begins with a part and ends with a part or a modal part"""
-    attachments: AttachmentNames = Field(default=[])
-    """names of the masses and ground springs on it"""
-    set: Annotated[dict[str, Value], by_address()] = Field(default={})
-    """values of this configuration by address, `{ "tool.segment[0].length" = "60 mm" }`"""
-    tolerance: Annotated[dict[str, DeviationAtAddress], by_address()] = Field(default={})
-    """standard deviations of this configuration by address; one error for this configuration alone"""
-    conditions: Conditions = Field(default={})
-    """numbers with units that describe the configuration: torque, insertion, drawbar force"""
-    motion: Literal["bending", "axial"] = "bending"
-    """bending or axial; in axial motion y, k_y and c_y are along the axis, and there is no rotation"""
+    chain: list[str] = ListOf(
+        "names of parts and joints from the tip on; begins with a part and ends with a part or a modal part",
+        NameOf("", "parts", "joints", "modal_parts"),
+        least=1,
+    ).needed()
+    attachments: list[str] = ListOf("names of the masses and ground springs on it", NameOf("", "attachments")).default(
+        _NONE
+    )
+    set: Mapping[str, float] = MapOf(
+        'values of this configuration by address, `{ "tool.segment[0].length" = "60 mm" }`', ValueAtAddress()
+    ).default(_EMPTY)
+    tolerance: Mapping[str, Deviation] = MapOf(
+        "standard deviations of this configuration by address; one error for this configuration alone",
+        ValueAtAddress(deviation=True),
+    ).default(_EMPTY)
+    conditions: Mapping[str, float] = MapOf(
+        "numbers with units that describe the configuration: torque, insertion, drawbar force", CONDITION
+    ).default(_EMPTY)
+    motion: Literal["bending", "axial"] = Choice(
+        "bending or axial; in axial motion y, k_y and c_y are along the axis, and there is no rotation",
+        ("bending", "axial"),
+    ).default("bending")
 
 
-# Measurements -------------------------------------------------------------------------------------------------------
-
-FrequencyOrZero = Annotated[float, amount(units.FREQUENCY_OR_ZERO)]
-Band = Annotated[list[FrequencyOrZero], Field(min_length=2, max_length=2)]
-_Which = Annotated[str | int | None, of_types(str, int, what="a number from 0 or a name in the file")]
+# Measurements --------------------------------------------------------------------------------------------------------
 
 
-class EntryTable(SchemaTable):
+class EntryTable(Table):
     """The FRF to read from a file with several FRFs, responses or excitations."""
 
-    number: Annotated[int, Field(ge=0)] | None = None
-    """number of the FRF, counted from 0, if the file holds several"""
-    response: _Which = None
-    """number of the response, counted from 0, or its name in the file"""
-    excitation: _Which = None
-    """number of the excitation, counted from 0, or its name in the file"""
+    number: int | None = Count(
+        "number of the FRF, counted from 0, if the file holds several", least=0, most=math.inf
+    ).default(None)
+    response: str | int | None = name_or_number(
+        "number of the response, counted from 0, or its name in the file", "a number from 0 or a name in the file"
+    ).default(None)
+    excitation: str | int | None = name_or_number(
+        "number of the excitation, counted from 0, or its name in the file", "a number from 0 or a name in the file"
+    ).default(None)
 
 
-_KEY_TYPES = {
-    "coherence": DataFile | None,
-    "unit": str | None,
-    "units": dict[str, str] | None,
-    "sample_rate": Annotated[float, amount(units.FREQUENCY)] | None,
-}
-"""Types of keys that differ from those of the keywords of `receptance.io.read`."""
+def _option(name: str, kind: Callable[[str], Field]) -> Field:
+    """Return the declaration of a key that is an option of reading."""
+    return kind(reading_options()[name][1].text)
 
 
-def _reading_table(name: str, *, records: bool) -> type[SchemaTable]:
-    """Return the table whose keys are the options of reading an FRF, or time records."""
-    declared = reading_options()
-    entries: dict[str, Any] = {}
-    for keyword, key in campaign_keys(records=records).items():
-        kind, option = declared[keyword]
-        default = False if kind is bool else None
-        entries[key] = (_KEY_TYPES.get(key, kind), Field(default, description=option.text))
-    return create_model(name, __base__=SchemaTable, __module__=__name__, **entries)
+def _header(doc: str) -> ListOf:
+    return ListOf(doc, Text())
 
 
-_FRFReading = _reading_table("FRFReading", records=False)
-_RecordsReading = _reading_table("RecordsReading", records=True)
+def _form(doc: str) -> Choice:
+    return Choice(doc, units.FORMS)
 
 
-class FileFields(_FRFReading):  # type: ignore[misc, valid-type]
+def _sample_rate(doc: str) -> Number:
+    return Number(units.FREQUENCY, doc)
+
+
+class FRFReading(Table):
+    """Options of reading an FRF."""
+
+    format: str | None = _option("format", Text).default(None)
+    quantity: Form | None = _option("quantity", _form).default(None)
+    unit: str | None = _option("unit", Text).default(None)
+    variables: Mapping[str, str] | None = _option("variables", text_by_text).default(None)
+    columns: list[str] | None = _option("columns", _header).default(None)
+    coherence: str | None = _option("coherence", DataFile).default(None)
+    coherence_variables: Mapping[str, str] | None = _option("coherence_variables", text_by_text).default(None)
+    coherence_columns: list[str] | None = _option("coherence_columns", _header).default(None)
+    ignore_coherence: bool = _option("ignore_coherence", Flag).default(False)
+    conjugate: bool = _option("conjugate", Flag).default(False)
+    reverse: bool = _option("reverse", Flag).default(False)
+
+
+class RecordsReading(Table):
+    """Options of reading time records."""
+
+    format: str | None = _option("format", Text).default(None)
+    units: Mapping[str, str] | None = _option("unit", text_by_text).default(None)
+    variables: Mapping[str, str] | None = _option("variables", text_by_text).default(None)
+    columns: list[str] | None = _option("columns", _header).default(None)
+    reverse: bool = _option("reverse", Flag).default(False)
+    sample_rate: float | None = _option("sample_rate_hz", _sample_rate).default(None)
+
+
+class FileFields(FRFReading):
     """A file with an FRF, and properties that are not in the file; the base of tables that name one."""
 
-    file: DataFile
-    """path, relative to the campaign file: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"""
-    entry: EntryTable = EntryTable.default()
-    """the FRF to read, if the file holds several FRFs, responses or excitations"""
-    averages: Annotated[int, Field(ge=1)] | None = None
-    """number of averages, if the file does not state it"""
-    standard_deviation: DeviationShare | None = None
-    """standard deviation of the FRF on every line, such as `"2 %"`; by default from the file's variance, or from
-    coherence and averages"""
-    decay_rate: Annotated[float, amount(units.DECAY_RATE)] | None = None
-    """decay rate of an exponential window on both channels, if the file does not state it"""
+    file: str = DataFile(
+        "path, relative to the campaign file: UFF58, CSV, NPZ, MAT, HDF5, `.frf`, DataPhysics ASCII"
+    ).needed()
+    entry: EntryTable = TableOf(
+        EntryTable, "the FRF to read, if the file holds several FRFs, responses or excitations"
+    ).default(EntryTable())
+    averages: int | None = Count("number of averages, if the file does not state it", most=math.inf).default(None)
+    standard_deviation: float | None = deviation_share(
+        'standard deviation of the FRF on every line, such as `"2 %"`; by default from the file\'s variance, or '
+        "from coherence and averages"
+    ).default(None)
+    decay_rate: float | None = Number(
+        units.DECAY_RATE, "decay rate of an exponential window on both channels, if the file does not state it"
+    ).default(None)
 
 
-Frequency = Annotated[float, amount(units.FREQUENCY)]
-Force = Annotated[float, amount(units.FORCE)]
-Level = Annotated[
-    tuple[float, bool],
-    PlainValidator(parse_level),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "number"}]}),
-]
-"""A level of joints in micro-slip, and whether it is a force in N."""
-Time = Annotated[float, amount(units.TIME)]
-TimeOrZero = Annotated[float, amount(units.TIME_OR_ZERO)]
-ShareAboveZero = Annotated[float, amount(units.SHARE_ABOVE_ZERO)]
-Channel = Annotated[str | int, of_types(str, int, what="the name of a channel in the file, or its number from 0")]
-Rate = Annotated[float, amount(units.DECAY_RATE)]
-
-
-class _Measured(SchemaTable):
-    assembly: AssemblyName
-    """name of the assembly that was measured"""
-    role: Literal["identify", "hold out"] = "identify"
-    """whether it is used in the fit, or held out for comparison with predictions"""
-    sensor: SensorName | None = None
-    """name of the sensor at the response coordinate; none for a laser"""
-    conditions: Conditions = Field(default={})
-    """numbers with units that describe the measurement: a force level, a temperature"""
-    attachments: AttachmentNames = Field(default=[])
-    """names of masses and ground springs that were attached during this measurement only: a second sensor, a
-    suspension"""
-    level: Level | None = None
-    """level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"""
+class _Measured(Table):
+    assembly: str = NameOf("name of the assembly that was measured", "assemblies").needed()
+    role: Literal["identify", "hold out"] = Choice(
+        "whether it is used in the fit, or held out for comparison with predictions", ("identify", "hold out")
+    ).default("identify")
+    sensor: str | None = NameOf("name of the sensor at the response coordinate; none for a laser", "sensors").default(
+        None
+    )
+    conditions: Mapping[str, float] = MapOf(
+        "numbers with units that describe the measurement: a force level, a temperature", CONDITION
+    ).default(_EMPTY)
+    attachments: list[str] = ListOf(
+        "names of masses and ground springs that were attached during this measurement only: a second sensor, a "
+        "suspension",
+        NameOf("", "attachments"),
+    ).default(_NONE)
+    level: tuple[float, bool] | None = level(
+        "level of joints in micro-slip: amplitude over reference, or a force, which their `reference_force` divides"
+    ).default(None)
 
 
 class _Response(_Measured):
-    response: CoordinateTable = CoordinateTable.default()
-    """coordinate of the measured motion"""
-    excitation: CoordinateTable = CoordinateTable.default()
-    """coordinate of the load"""
-    bands: Annotated[list[Band], Field(min_length=1)] | None = None
-    """frequency bands to use, `[["300 Hz", "4 kHz"]]`; by default all usable lines"""
-    floor: DeviationShare | None = None
-    """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
-    integrate: Annotated[int, Field(ge=-2, le=2)] = 0
-    """number of additional integrations of the motion, for a file that states a wrong quantity: 1 if it holds
-    velocities and states displacements, -1 for the reverse"""
-    ends: Time | None = None
-    """time from the hit to the end of a record that was truncated while the structure still vibrated; the unknown
-    `"observation.end"` estimates it"""
+    response: CoordinateTable = TableOf(CoordinateTable, "coordinate of the measured motion").default(CoordinateTable())
+    excitation: CoordinateTable = TableOf(CoordinateTable, "coordinate of the load").default(CoordinateTable())
+    bands: list[list[float]] | None = ListOf(
+        'frequency bands to use, `[["300 Hz", "4 kHz"]]`; by default all usable lines', BAND, least=1
+    ).default(None)
+    floor: float | None = deviation_share(
+        'standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`'
+    ).default(None)
+    integrate: int = Count(
+        "number of additional integrations of the motion, for a file that states a wrong quantity: 1 if it holds "
+        "velocities and states displacements, -1 for the reverse",
+        least=-2,
+        most=2,
+    ).default(0)
+    ends: float | None = Number(
+        units.TIME,
+        "time from the hit to the end of a record that was truncated while the structure still vibrated; the "
+        'unknown `"observation.end"` estimates it',
+    ).default(None)
 
 
 class FRFTable(FileFields, _Response):
     """A frequency response function from a file."""
 
-    kind: Literal["frf"]
-    """`"frf"`"""
-    force: Force | None = None
-    """amplitude of a stepped sine; it determines the level of joints in micro-slip on each line"""
+    kind: Literal["frf"] = Word('`"frf"`').needed()
+    force: float | None = Number(
+        units.FORCE, "amplitude of a stepped sine; it determines the level of joints in micro-slip on each line"
+    ).default(None)
 
 
-class HammerTable(_RecordsReading, _Response):  # type: ignore[misc, valid-type]
+class HammerTable(RecordsReading, _Response):
     """Force and response of hammer hits against time, from which the FRF is estimated."""
 
-    kind: Literal["hammer records"]
-    """`"hammer records"`"""
-    file: Annotated[DataFile | list[DataFile], of_types(str, list, what="the name of a file, or a list of them")]
-    """path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"""
-    force: Channel
-    """name of the force channel, or its number counted from 0"""
-    motion: Channel
-    """name of the response channel, or its number counted from 0"""
-    full_scale_force: Force | None = None
-    """full scale of the force channel; without it an overload is detected only by a flat top"""
-    trigger: Force | None = None
-    """force at which a hit begins; by default a tenth of the largest"""
-    duration: Time | None = None
-    """length of the block of a hit; by default the time between hits"""
-    pre_trigger: TimeOrZero | None = None
-    """time from the beginning of a block to the trigger, by default 10 ms, if a record holds several hits"""
-    double_hit_loss_db: Annotated[float, Field(ge=0.0)] | None = None
-    """largest loss of the force's spectrum, in dB, of a double hit that is used: 0 drops all of them; by default 3"""
-    deviating_hits: Literal["drop", "keep"] = "drop"
-    """treatment of hits whose FRF has another sign or gain than that of the majority, or none"""
-    separation: Time | None = None
-    """contacts closer than this are one double hit, if a record holds several hits; by default 100 ms"""
-    drop_hits: list[Annotated[int, Field(ge=1)]] = Field(default=[])
-    """numbers of hits to drop, counted from 1 in the order in which they are found"""
-    estimator: Literal["H1", "H2", "Hv"] = "H1"
-    """estimator of the FRF"""
-    force_drop_db: Annotated[float, Field(gt=0.0)] = 20.0
-    """the usable band ends where the force's spectrum is this many dB below its largest value; with a larger number
-    lines with less force are used as well, with their larger variance"""
-    decay_rate: Rate = 0.0
-    """decay rate of the exponential window to apply to both channels"""
-    response_decay_rate: Rate = 0.0
-    """decay rate of an exponential window that the recorder applied to the response alone"""
-    force_window: ForceWindow = "auto"
-    """length of the force window after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"` for the whole
-    block"""
+    kind: Literal["hammer records"] = Word('`"hammer records"`').needed()
+    file: str | list[str] = DataFiles(
+        "path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"
+    ).needed()
+    force: str | int = name_or_number(
+        "name of the force channel, or its number counted from 0",
+        "the name of a channel in the file, or its number from 0",
+    ).needed()
+    motion: str | int = name_or_number(
+        "name of the response channel, or its number counted from 0",
+        "the name of a channel in the file, or its number from 0",
+    ).needed()
+    full_scale_force: float | None = Number(
+        units.FORCE, "full scale of the force channel; without it an overload is detected only by a flat top"
+    ).default(None)
+    trigger: float | None = Number(
+        units.FORCE, "force at which a hit begins; by default a tenth of the largest"
+    ).default(None)
+    duration: float | None = Number(
+        units.TIME, "length of the block of a hit; by default the time between hits"
+    ).default(None)
+    pre_trigger: float | None = Number(
+        units.TIME_OR_ZERO,
+        "time from the beginning of a block to the trigger, by default 10 ms, if a record holds several hits",
+    ).default(None)
+    double_hit_loss_db: float | None = Real(
+        "largest loss of the force's spectrum, in dB, of a double hit that is used: 0 drops all of them; by default 3",
+        least=0.0,
+    ).default(None)
+    deviating_hits: Literal["drop", "keep"] = Choice(
+        "treatment of hits whose FRF has another sign or gain than that of the majority, or none", ("drop", "keep")
+    ).default("drop")
+    separation: float | None = Number(
+        units.TIME, "contacts closer than this are one double hit, if a record holds several hits; by default 100 ms"
+    ).default(None)
+    drop_hits: list[int] = ListOf(
+        "numbers of hits to drop, counted from 1 in the order in which they are found", Count("", most=math.inf)
+    ).default(_NONE)
+    estimator: Literal["H1", "H2", "Hv"] = Choice("estimator of the FRF", ("H1", "H2", "Hv")).default("H1")
+    force_drop_db: float = Real(
+        "the usable band ends where the force's spectrum is this many dB below its largest value; with a larger "
+        "number lines with less force are used as well, with their larger variance",
+        above=0.0,
+    ).default(20.0)
+    decay_rate: float = Number(
+        units.DECAY_RATE, "decay rate of the exponential window to apply to both channels"
+    ).default(0.0)
+    response_decay_rate: float = Number(
+        units.DECAY_RATE, "decay rate of an exponential window that the recorder applied to the response alone"
+    ).default(0.0)
+    force_window: float | Literal["auto", "none"] = Parsed(
+        'length of the force window after the contact begins, such as `"2 ms"`; `"auto"`, or `"none"` for the '
+        "whole block",
+        parse_force_window,
+    ).default("auto")
 
 
 class FrequenciesTable(_Measured):
     """Natural frequencies, and damping ratios where these are known, here or in a CSV file."""
 
-    kind: Literal["natural frequencies"]
-    """`"natural frequencies"`"""
-    frequencies: Annotated[list[Frequency], Field(min_length=1)] | None = None
-    """natural frequencies, ascending"""
-    modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = None
-    """numbers of the elastic modes, the lowest is 1; by default 1, 2, and so on"""
-    standard_deviation: Annotated[
-        str | list[str] | None, of_types(str, list, what='a standard deviation such as "5 Hz", or a list of them')
-    ] = None
-    """standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
-    damping_ratios: Annotated[list[str], Field(min_length=1)] | None = None
-    """damping ratios such as `"1.2 %"`, one for each frequency, or `"unknown"`; frequencies are then those of damped
-    modes (their magnitudes), else of undamped ones"""
-    damping_deviation: Annotated[
-        str | float | list[str | float] | None,
-        of_types(str, float, list, what='a standard deviation such as "5 %" of the ratio, a number, or a list of them'),
-    ] = None
-    """standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one for
-    each"""
-    file: DataFile | None = None
-    """CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`,
-    `damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"""
-    response: CoordinateTable = CoordinateTable.default()
-    """coordinate of the sensor"""
+    kind: Literal["natural frequencies"] = Word('`"natural frequencies"`').needed()
+    frequencies: list[float] | None = ListOf(
+        "natural frequencies, ascending", Number(units.FREQUENCY, ""), least=1
+    ).default(None)
+    modes: list[int] | None = ListOf(
+        "numbers of the elastic modes, the lowest is 1; by default 1, 2, and so on", Count("", most=math.inf), least=1
+    ).default(None)
+    standard_deviation: str | list[str] | None = deviations(
+        'standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each'
+    ).default(None)
+    damping_ratios: list[str] | None = ListOf(
+        'damping ratios such as `"1.2 %"`, one for each frequency, or `"unknown"`; frequencies are then those of '
+        "damped modes (their magnitudes), else of undamped ones",
+        Text(),
+        least=1,
+    ).default(None)
+    damping_deviation: str | float | list[str | float] | None = Written(
+        'standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one '
+        "for each",
+        types=(str, float, list),
+        expected='a standard deviation such as "5 %" of the ratio, a number, or a list of them',
+        form=(*PLAIN, {"type": "array", "items": {"anyOf": PLAIN}}),
+    ).default(None)
+    file: str | None = DataFile(
+        "CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`, "
+        "`damping_ratio [%]`, `damping_deviation [%]` (of the ratio); an empty cell is an unknown ratio"
+    ).default(None)
+    response: CoordinateTable = TableOf(CoordinateTable, "coordinate of the sensor").default(CoordinateTable())
 
 
-MeasurementTable = Annotated[
-    Annotated[FRFTable, Tag("frf")]
-    | Annotated[HammerTable, Tag("hammer records")]
-    | Annotated[FrequenciesTable, Tag("natural frequencies")],
-    Discriminator("kind"),
-]
+MEASUREMENTS = OneKind(TableOf(FRFTable), TableOf(HammerTable), TableOf(FrequenciesTable))
+MeasurementTable = FRFTable | HammerTable | FrequenciesTable
 
 
-class _Possible(SchemaTable):
-    assembly: AssemblyName
-    """name of the assembly to measure; one that was measured before is in the same clamping"""
-    sensor: SensorName | None = None
-    """name of the sensor at the response coordinate; none for a laser"""
-    response: CoordinateTable = CoordinateTable.default()
-    """coordinate of the measured motion"""
-    conditions: Conditions = Field(default={})
-    """numbers with units that describe the measurement"""
-    cost: Annotated[float, Field(gt=0.0)] = 1.0
-    """cost, in any unit that all candidates share"""
+class _Possible(Table):
+    assembly: str = NameOf(
+        "name of the assembly to measure; one that was measured before is in the same clamping", "assemblies"
+    ).needed()
+    sensor: str | None = NameOf("name of the sensor at the response coordinate; none for a laser", "sensors").default(
+        None
+    )
+    response: CoordinateTable = TableOf(CoordinateTable, "coordinate of the measured motion").default(CoordinateTable())
+    conditions: Mapping[str, float] = MapOf("numbers with units that describe the measurement", CONDITION).default(
+        _EMPTY
+    )
+    cost: float = Real("cost, in any unit that all candidates share", above=0.0).default(1.0)
 
 
 class CandidateFRFTable(_Possible):
     """A frequency response function that could be measured."""
 
-    kind: Literal["frf"]
-    """`"frf"`"""
-    excitation: CoordinateTable = CoordinateTable.default()
-    """coordinate of the load"""
-    lower: Frequency | None = None
-    """lowest line; by default `step`"""
-    upper: Frequency
-    """highest line"""
-    step: Frequency
-    """distance of the lines, whose noise is independent"""
-    standard_deviation: DeviationShare
-    """expected standard deviation of the FRF on every line, such as `"2 %"`"""
-    floor: DeviationShare | None = None
-    """standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`"""
+    kind: Literal["frf"] = Word('`"frf"`').needed()
+    excitation: CoordinateTable = TableOf(CoordinateTable, "coordinate of the load").default(CoordinateTable())
+    lower: float | None = Number(units.FREQUENCY, "lowest line; by default `step`").default(None)
+    upper: float = Number(units.FREQUENCY, "highest line").needed()
+    step: float = Number(units.FREQUENCY, "distance of the lines, whose noise is independent").needed()
+    standard_deviation: float = deviation_share(
+        'expected standard deviation of the FRF on every line, such as `"2 %"`'
+    ).needed()
+    floor: float | None = deviation_share(
+        'standard deviation of errors other than noise, added in quadrature on every line, such as `"0.3 %"`'
+    ).default(None)
 
 
 class CandidateFrequenciesTable(_Possible):
     """Natural frequencies that could be measured."""
 
-    kind: Literal["natural frequencies"]
-    """`"natural frequencies"`"""
-    modes: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)]
-    """numbers of the elastic modes, the lowest is 1"""
-    standard_deviation: Annotated[
-        str | list[str], of_types(str, list, what='a standard deviation such as "5 Hz", or a list of them')
-    ]
-    """expected standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each"""
+    kind: Literal["natural frequencies"] = Word('`"natural frequencies"`').needed()
+    modes: list[int] = ListOf(
+        "numbers of the elastic modes, the lowest is 1", Count("", most=math.inf), least=1
+    ).needed()
+    standard_deviation: str | list[str] = deviations(
+        'expected standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each'
+    ).needed()
 
 
-CandidateTable = Annotated[
-    Annotated[CandidateFRFTable, Tag("frf")] | Annotated[CandidateFrequenciesTable, Tag("natural frequencies")],
-    Discriminator("kind"),
-]
+CANDIDATES = OneKind(TableOf(CandidateFRFTable), TableOf(CandidateFrequenciesTable))
+CandidateTable = CandidateFRFTable | CandidateFrequenciesTable
+
+# Unknowns and settings -----------------------------------------------------------------------------------------------
 
 
-# Unknowns and settings ----------------------------------------------------------------------------------------------
-
-
-class PriorTable(SchemaTable):
+class PriorTable(Table):
     """Prior knowledge of an unknown: a Gaussian on the scale of the fit."""
 
-    value: Written
-    """most likely value, a quantity of the parameter's kind"""
-    spread: Written
-    """its standard deviation, `"30 %"` or a quantity of the parameter's kind, or `"factor 3"` where the logarithm is
-    fitted"""
+    value: str | float = Written("most likely value, a quantity of the parameter's kind").needed()
+    spread: str | float = Written(
+        'its standard deviation, `"30 %"` or a quantity of the parameter\'s kind, or `"factor 3"` where the '
+        "logarithm is fitted"
+    ).needed()
 
 
-class UnknownTable(SchemaTable):
+class UnknownTable(Table):
     """A parameter to identify; all assemblies that have it share it, unless a law across assemblies is given."""
 
-    lower: Value
-    """lower bound, a quantity of the parameter's kind"""
-    upper: Value
-    """upper bound"""
-    start: Value | None = None
-    """start value; by default the joint's value, else the middle of the bounds"""
-    scale: Literal["log", "linear"] | None = None
-    """whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero"""
-    prior: PriorTable | None = None
-    """prior; the measurements then need standard deviations"""
-    name: str = ""
-    """name in results; by default its address"""
-    assemblies: list[AssemblyName] | None = None
-    """assemblies that have the unknown; by default all"""
-    multiple: float | None = None
-    """the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"""
-    also: dict[Address, float] = Field(default={})
-    """further parameters by address, as multiples of the unknown"""
-    moves: dict[Address, float] = Field(default={})
-    """parameters by address that the unknown changes: v becomes v + n u, with the unknown u and the number n; the
-    unknown then has a name instead of an address, and plain numbers in SI units"""
-    relative: bool = False
-    """with `moves`: v becomes v exp(n u)"""
-    power_of: str | None = None
-    """name of a condition, or an address; the parameter is a power of it across assemblies, or, with `moves`, n is
-    multiplied by the logarithm of that condition over its reference"""
-    reference: ConditionValue | None = None
-    """value of that condition at which the parameter equals the unknown, such as `"135 N m"`, or, with `moves`, at
-    which there is no change"""
-    exponent: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-    """bounds of the exponent, by default `[-4, 4]`"""
-    free: bool = False
-    """a value for each assembly instead of one for all"""
-    along: str | None = None
-    """with `free`: name of the condition over which values are interpolated for assemblies that were not measured; by
-    default that of the series"""
-    individual: Share | None = None
-    """standard deviation of the individual deviation of each assembly, such as `"5 %"`"""
-    follows: dict[str, float] = Field(default={})
-    """further parameters by address that are multiplied by its powers and individual deviations, raised to the number
-    given"""
+    lower: float = ValueOfUnknown("lower bound, a quantity of the parameter's kind").needed()
+    upper: float = ValueOfUnknown("upper bound").needed()
+    start: float | None = ValueOfUnknown(
+        "start value; by default the joint's value, else the middle of the bounds"
+    ).default(None)
+    scale: Literal["log", "linear"] | None = Choice(
+        "whether the logarithm or the value is fitted; by default the logarithm where the lower bound is above zero",
+        ("log", "linear"),
+    ).default(None)
+    prior: PriorTable | None = TableOf(PriorTable, "prior; the measurements then need standard deviations").default(
+        None
+    )
+    name: str = Text("name in results; by default its address").default("")
+    assemblies: list[str] | None = ListOf(
+        "assemblies that have the unknown; by default all", NameOf("", "assemblies")
+    ).default(None)
+    multiple: float | None = Real(
+        "the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"
+    ).default(None)
+    also: Mapping[str, float] = MapOf(
+        "further parameters by address, as multiples of the unknown", Real(), check_address
+    ).default(_EMPTY)
+    moves: Mapping[str, float] = MapOf(
+        "parameters by address that the unknown changes: v becomes v + n u, with the unknown u and the number n; "
+        "the unknown then has a name instead of an address, and plain numbers in SI units",
+        Real(),
+        check_address,
+    ).default(_EMPTY)
+    relative: bool = Flag("with `moves`: v becomes v exp(n u)").default(False)
+    power_of: str | None = Text(
+        "name of a condition, or an address; the parameter is a power of it across assemblies, or, with `moves`, "
+        "n is multiplied by the logarithm of that condition over its reference"
+    ).default(None)
+    reference: float | None = condition(
+        'value of that condition at which the parameter equals the unknown, such as `"135 N m"`, or, with '
+        "`moves`, at which there is no change"
+    ).default(None)
+    exponent: list[float] | None = ListOf(
+        "bounds of the exponent, by default `[-4, 4]`", Real(), least=2, most=2
+    ).default(None)
+    free: bool = Flag("a value for each assembly instead of one for all").default(False)
+    along: str | None = Text(
+        "with `free`: name of the condition over which values are interpolated for assemblies that were not "
+        "measured; by default that of the series"
+    ).default(None)
+    individual: float | None = share(
+        'standard deviation of the individual deviation of each assembly, such as `"5 %"`'
+    ).default(None)
+    follows: Mapping[str, float] = MapOf(
+        "further parameters by address that are multiplied by its powers and individual deviations, raised to the "
+        "number given",
+        Real(),
+    ).default(_EMPTY)
 
 
-class SettingsTable(SchemaTable):
+class SettingsTable(Table):
     """Settings of the fit."""
 
-    objective: Literal["log", "percentage"] = "log"
-    """complex logarithm of measured over calculated, or percentage of the magnitude in bands around the peaks"""
-    starts: Annotated[int, Field(ge=1, le=1_000_000)] = 8
-    """number of starts"""
-    seed: Annotated[int, Field(ge=0)] = 0
-    """seed of the starts that are drawn"""
-    max_evaluations: Annotated[int, Field(ge=1, le=1_000_000)] = 200
-    """largest number of evaluations from one start"""
-    strategy: Literal["direct", "staged"] = "direct"
-    """whether the fit begins at the starts, or is preceded by easier fits, for starts that are decades off"""
-    profiles: bool = True
-    """whether intervals are also computed from profile likelihoods"""
-    band_width: Share = 0.05
-    """half width of the bands of the percentage objective, by default `"5 %"`"""
+    objective: Literal["log", "percentage"] = Choice(
+        "complex logarithm of measured over calculated, or percentage of the magnitude in bands around the peaks",
+        ("log", "percentage"),
+    ).default("log")
+    starts: int = Count("number of starts", most=1000000).default(8)
+    seed: int = Count("seed of the starts that are drawn", least=0, most=math.inf).default(0)
+    max_evaluations: int = Count("largest number of evaluations from one start", most=1000000).default(200)
+    strategy: Literal["direct", "staged"] = Choice(
+        "whether the fit begins at the starts, or is preceded by easier fits, for starts that are decades off",
+        ("direct", "staged"),
+    ).default("direct")
+    profiles: bool = Flag("whether intervals are also computed from profile likelihoods").default(True)
+    band_width: float = share('half width of the bands of the percentage objective, by default `"5 %"`').default(0.05)
 
 
-class PredictionTable(SchemaTable):
+class PredictionTable(Table):
     """Predictions of assemblies that were not measured, and the level of intervals."""
 
-    lower: Frequency | None = None
-    """lowest line; by default a tenth of the first natural frequency"""
-    upper: Frequency | None = None
-    """highest line and limit of the natural frequencies; by default the highest measured frequency"""
-    step: Frequency | None = None
-    """distance of the lines; by default a two-thousandth of the band"""
-    response: CoordinateTable = CoordinateTable.default()
-    """coordinate of the motion"""
-    excitation: CoordinateTable = CoordinateTable.default()
-    """coordinate of the load"""
-    level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
-    """level of the intervals"""
-    force: Force | None = None
-    """amplitude of a stepped sine, for FRFs with joints in micro-slip; by default the joints have their own level"""
+    lower: float | None = Number(
+        units.FREQUENCY, "lowest line; by default a tenth of the first natural frequency"
+    ).default(None)
+    upper: float | None = Number(
+        units.FREQUENCY, "highest line and limit of the natural frequencies; by default the highest measured frequency"
+    ).default(None)
+    step: float | None = Number(
+        units.FREQUENCY, "distance of the lines; by default a two-thousandth of the band"
+    ).default(None)
+    response: CoordinateTable = TableOf(CoordinateTable, "coordinate of the motion").default(CoordinateTable())
+    excitation: CoordinateTable = TableOf(CoordinateTable, "coordinate of the load").default(CoordinateTable())
+    level: float = Real("level of the intervals", above=0.0, below=1.0).default(0.95)
+    force: float | None = Number(
+        units.FORCE,
+        "amplitude of a stepped sine, for FRFs with joints in micro-slip; by default the joints have their own level",
+    ).default(None)
 
 
-class SeriesTable(SchemaTable):
+class SeriesTable(Table):
     """Levels of repeated measurements; a table with `{level}` in its name is the template of a table for each level."""
 
-    over: Name
-    """name of the condition, such as `"drawbar force"`"""
-    levels: Annotated[list[Written], Field(min_length=1)]
-    """the levels, `["0 kN", "1 kN"]`; `{level}` is replaced by the level as it is written, `{value}` by
-    its number"""
-    hold_out: list[Written] = Field(default=[])
-    """levels whose measurements are held out, written as in `levels`"""
+    over: str = Text('name of the condition, such as `"drawbar force"`').needed()
+    levels: list[str | float] = ListOf(
+        'the levels, `["0 kN", "1 kN"]`; `{level}` is replaced by the level as it is written, `{value}` by its number',
+        Written(),
+        least=1,
+    ).needed()
+    hold_out: list[str | float] = ListOf(
+        "levels whose measurements are held out, written as in `levels`", Written()
+    ).default(_NONE)
 
 
-# Cuts and catalogues ------------------------------------------------------------------------------------------------
-
-LengthSpread = Annotated[Deviation | None, spread(units.LENGTH)]
-_Speed = Annotated[float, amount(units.SPINDLE_SPEED)]
+# Cuts and catalogues -------------------------------------------------------------------------------------------------
 
 
 class TipTable(FileFields):
     """The receptance of the tool tip in one direction: one of an assembly, a measurement or a file."""
 
-    file: DataFile | None = None  # type: ignore[assignment]
-    """path of a file with the FRF of the tip"""
-    assembly: AssemblyName | None = None
-    """name of an assembly whose tip is predicted"""
-    measurement: Annotated[str, name_of("measurements")] | None = None
-    """name of a measured FRF of the campaign"""
-    bands: Annotated[list[Band], Field(min_length=1)] | None = None
-    """frequency bands of a file or a measurement in which limits are computed, `[["300 Hz", "4 kHz"]]`; by default all
-    usable lines"""
+    file: str | None = DataFile("path of a file with the FRF of the tip").default(None)  # type: ignore[assignment]
+    assembly: str | None = NameOf("name of an assembly whose tip is predicted", "assemblies").default(None)
+    measurement: str | None = NameOf("name of a measured FRF of the campaign", "measurements").default(None)
+    bands: list[list[float]] | None = ListOf(
+        'frequency bands of a file or a measurement in which limits are computed, `[["300 Hz", "4 kHz"]]`; by '
+        "default all usable lines",
+        BAND,
+        least=1,
+    ).default(None)
 
 
-def _across(value: Any) -> Any:
-    """Check the value first, for one message instead of one of pydantic for each member of the union."""
-    if isinstance(value, (dict, TipTable)) or value in ("as x", "rigid"):
-        return value
-    raise ValueError(f'is {shown(value)}, expected a table, "as x" or "rigid"')
+class TipAcross(TableOf):
+    """The tip across the feed: a table, or a word."""
+
+    def read(self, written: Any, place: Place) -> Any:
+        if written in ("as x", "rigid"):
+            return written
+        if not isinstance(written, dict):
+            raise ValueError(f'is {shown(written)}, expected a table, "as x" or "rigid"')
+        return super().read(written, place)
+
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [super().schema(), {"type": "string", "enum": ["as x", "rigid"]}]}
 
 
-class _TurningKeys(ElementTable):
-    angle: Annotated[float, amount(units.DIRECTION)] = 0.0
-    """angle between the force and the direction of the chip thickness"""
-    x: TipTable
-    """receptance of the tip in the direction of the chip thickness"""
+class TurningKeys(Table):
+    """A turning cut: one tooth in continuous engagement."""
+
+    angle: float = Number(units.DIRECTION, "angle between the force and the direction of the chip thickness").default(
+        0.0
+    )
+    x: TipTable = TableOf(TipTable, "receptance of the tip in the direction of the chip thickness").needed()
 
 
-class _MillingKeys(ElementTable):
-    x: TipTable
-    """receptance of the tip in the direction of feed"""
-    y: Annotated[TipTable | Literal["as x", "rigid"], BeforeValidator(_across)] = "as x"
-    """receptance across it; `"as x"` the same, `"rigid"` none"""
+class MillingKeys(Table):
+    """A milling cut with straight, evenly spaced teeth."""
+
+    x: TipTable = TableOf(TipTable, "receptance of the tip in the direction of feed").needed()
+    y: TipTable | Literal["as x", "rigid"] = TipAcross(
+        TipTable, 'receptance across it; `"as x"` the same, `"rigid"` none'
+    ).default("as x")
 
 
-CutTable = Annotated[
-    ElementTable,
-    OneKind(
-        Of(Milling, "milling", keys=_MillingKeys), Of(Turning, "turning", keys=_TurningKeys, without=("angle_deg",))
-    ),
-]
+CUTS = OneKind(
+    ElementOf(Milling, kind="milling", keys=MillingKeys),
+    ElementOf(Turning, kind="turning", keys=TurningKeys, without=("angle_deg",)),
+)
 
 
-class StabilityTable(SchemaTable):
+class StabilityTable(Table):
     """Speeds and probability of stable depths."""
 
-    speeds: Annotated[list[_Speed], Field(min_length=2, max_length=2)] | None = None
-    """lowest and highest spindle speed, `["4000 rpm", "24000 rpm"]`"""
-    step: _Speed | None = None
-    """distance of the speeds; by default a four-hundredth of their range, a thirtieth with semi-discretisation"""
-    probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
-    """probability with which recommended depths are stable"""
-    draws: Annotated[int, Field(ge=20, le=10_000)] | None = None
-    """number of draws of receptances and coefficients; by default 200, with semi-discretisation 40"""
-    seed: Annotated[int, Field(ge=0)] = 0
-    """seed of the draws"""
-    method: Literal["mean force", "semi-discretisation"] = "mean force"
-    """mean force over a tooth pitch (zeroth order), or the periodic force, for interrupted cuts"""
-    largest_depth: Annotated[float, amount(units.LENGTH)] | None = None
-    """largest depth of semi-discretisation; by default ten times the smallest limit by the mean force"""
+    speeds: list[float] | None = ListOf(
+        'lowest and highest spindle speed, `["4000 rpm", "24000 rpm"]`',
+        Number(units.SPINDLE_SPEED, ""),
+        least=2,
+        most=2,
+    ).default(None)
+    step: float | None = Number(
+        units.SPINDLE_SPEED,
+        "distance of the speeds; by default a four-hundredth of their range, a thirtieth with semi-discretisation",
+    ).default(None)
+    probability: float = Real("probability with which recommended depths are stable", above=0.0, below=1.0).default(
+        0.95
+    )
+    draws: int | None = Count(
+        "number of draws of receptances and coefficients; by default 200, with semi-discretisation 40",
+        least=20,
+        most=10000,
+    ).default(None)
+    seed: int = Count("seed of the draws", least=0, most=math.inf).default(0)
+    method: Literal["mean force", "semi-discretisation"] = Choice(
+        "mean force over a tooth pitch (zeroth order), or the periodic force, for interrupted cuts",
+        ("mean force", "semi-discretisation"),
+    ).default("mean force")
+    largest_depth: float | None = Number(
+        units.LENGTH, "largest depth of semi-discretisation; by default ten times the smallest limit by the mean force"
+    ).default(None)
 
     @property
     def number_of_draws(self) -> int:
@@ -806,77 +708,94 @@ class StabilityTable(SchemaTable):
         return self.draws or (200 if self.method == "mean force" else 40)
 
 
-class CatalogueSpread(SchemaTable):
+class CatalogueSpread(Table):
     """Standard deviations of the dimensions of every tool of a catalogue; the errors of tools are independent."""
 
-    overhang: LengthSpread = None
-    """standard deviation of the overhang"""
-    diameter: LengthSpread = None
-    """standard deviation of the diameter of the shank"""
-    effective_diameter: LengthSpread = None
-    """standard deviation of the effective diameter of the flutes"""
+    overhang: Deviation | None = Deviated(units.LENGTH, "standard deviation of the overhang").default(None)
+    diameter: Deviation | None = Deviated(units.LENGTH, "standard deviation of the diameter of the shank").default(None)
+    effective_diameter: Deviation | None = Deviated(
+        units.LENGTH, "standard deviation of the effective diameter of the flutes"
+    ).default(None)
 
 
-class CatalogueTable(SchemaTable):
+class CatalogueTable(Table):
     """Tools and holders in CSV files, and their machine."""
 
-    tools: DataFile | None = None
-    """CSV file with a tool in each row; not needed if the command names one"""
-    holders: DataFile | None = None
-    """CSV file with a segment of a holder in each row; parts of this file are holders as well"""
-    machine: Annotated[list[NameInMachine], Field(min_length=1)]
-    """names of joints and parts behind the holder, from its joint on"""
-    attachments: AttachmentNames = Field(default=[])
-    """names of masses and ground springs on these parts"""
-    spindle: str | None = None
-    """file with the receptances of a spindle behind the machine: from `write_spindle`, or FRFs"""
-    joint: Annotated[str, name_of("joints")] | None = None
-    """name of the joint between tool and holder, for rows that name none"""
-    tolerance: CatalogueSpread = CatalogueSpread.default()
-    """standard deviations of the dimensions of tools"""
+    tools: str | None = DataFile("CSV file with a tool in each row; not needed if the command names one").default(None)
+    holders: str | None = DataFile(
+        "CSV file with a segment of a holder in each row; parts of this file are holders as well"
+    ).default(None)
+    machine: list[str] = ListOf(
+        "names of joints and parts behind the holder, from its joint on", NameInMachine(), least=1
+    ).needed()
+    attachments: list[str] = ListOf(
+        "names of masses and ground springs on these parts", NameOf("", "attachments")
+    ).default(_NONE)
+    spindle: str | None = Text(
+        "file with the receptances of a spindle behind the machine: from `write_spindle`, or FRFs"
+    ).default(None)
+    joint: str | None = NameOf("name of the joint between tool and holder, for rows that name none", "joints").default(
+        None
+    )
+    tolerance: CatalogueSpread = TableOf(CatalogueSpread, "standard deviations of the dimensions of tools").default(
+        CatalogueSpread()
+    )
 
 
-# The file -----------------------------------------------------------------------------------------------------------
+# The file ------------------------------------------------------------------------------------------------------------
 
 
-class CampaignTable(SchemaTable):
+class Version(Count):
+    """The version of the format, 1."""
+
+    def read(self, written: Any, place: Place) -> int:
+        if written != 1 or isinstance(written, (bool, float)):
+            raise ValueError(f"is {shown(written)}, expected 1")
+        return 1
+
+    def schema(self) -> dict[str, Any]:
+        return {"const": 1}
+
+
+class CampaignTable(Table):
     """A measuring campaign: structures, measurements and unknowns."""
 
-    format: Literal[1] = 1
-    """version of this format"""
-    title: str = ""
-    """free text"""
-    description: str = ""
-    """free text: the origin of the data, and whether they are simulated"""
-    materials: dict[Name, Annotated[ElementTable, Of(Material, name="MaterialTable")]]
-    """materials by name"""
-    parts: dict[Word, PartTable]
-    """parts by name"""
-    modal_parts: dict[Word, ModalPartTable] = Field(default={})
-    """parts known by their modes, such as a spindle, by name"""
-    joints: dict[Word, JointTable] = Field(default={})
-    """joints by name"""
-    sensors: dict[Word, SensorTable] = Field(default={})
-    """sensors by name"""
-    attachments: dict[Word, AttachmentTable] = Field(default={})
-    """masses and ground springs by name"""
-    assemblies: dict[Name, AssemblyTable]
-    """configurations by name"""
-    measurements: dict[Name, MeasurementTable] = Field(default={})
-    """measurements by name"""
-    candidates: dict[Name, CandidateTable] = Field(default={})
-    """candidates for the next measurement, by name"""
-    cuts: dict[Name, CutTable] = Field(default={})
-    """cuts whose stable depth is computed, by name"""
-    unknowns: Annotated[dict[str, UnknownTable], by_address("lower", "upper", "start")] = Field(default={})
-    """parameters to identify, by address: `"joint.k_theta"`"""
-    series: SeriesTable | None = None
-    """levels of a condition at which the same measurements were repeated"""
-    settings: SettingsTable = SettingsTable.default()
-    """settings of the fit"""
-    prediction: PredictionTable = PredictionTable.default()
-    """settings of predictions"""
-    stability: StabilityTable = StabilityTable.default()
-    """speeds and probability of stable depths"""
-    catalogue: CatalogueTable | None = None
-    """tools and holders in CSV files, and their machine"""
+    format: Literal[1] = Version("version of this format").default(1)
+    title: str = Text("free text").default("")
+    description: str = Text("free text: the origin of the data, and whether they are simulated").default("")
+    materials: Mapping[str, ElementTable] = Section("materials by name", MATERIAL, check_name).needed()
+    parts: Mapping[str, PartTable] = Section("parts by name", TableOf(PartTable), check_word, WORD).needed()
+    modal_parts: Mapping[str, ElementTable] = Section(
+        "parts known by their modes, such as a spindle, by name", MODAL_PART, check_word, WORD
+    ).default(_EMPTY)
+    joints: Mapping[str, ElementTable] = Section("joints by name", JOINTS, check_word, WORD).default(_EMPTY)
+    sensors: Mapping[str, ElementTable] = Section("sensors by name", SENSOR, check_word, WORD).default(_EMPTY)
+    attachments: Mapping[str, ElementTable] = Section(
+        "masses and ground springs by name", ATTACHMENTS, check_word, WORD
+    ).default(_EMPTY)
+    assemblies: Mapping[str, AssemblyTable] = Section(
+        "configurations by name", TableOf(AssemblyTable), check_name
+    ).needed()
+    measurements: Mapping[str, MeasurementTable] = Section("measurements by name", MEASUREMENTS, check_name).default(
+        _EMPTY
+    )
+    candidates: Mapping[str, CandidateTable] = Section(
+        "candidates for the next measurement, by name", CANDIDATES, check_name
+    ).default(_EMPTY)
+    cuts: Mapping[str, ElementTable] = Section(
+        "cuts whose stable depth is computed, by name", CUTS, check_name
+    ).default(_EMPTY)
+    unknowns: Mapping[str, UnknownTable] = Section(
+        'parameters to identify, by address: `"joint.k_theta"`', TableOf(UnknownTable)
+    ).default(_EMPTY)
+    series: SeriesTable | None = TableOf(
+        SeriesTable, "levels of a condition at which the same measurements were repeated"
+    ).default(None)
+    settings: SettingsTable = TableOf(SettingsTable, "settings of the fit").default(SettingsTable())
+    prediction: PredictionTable = TableOf(PredictionTable, "settings of predictions").default(PredictionTable())
+    stability: StabilityTable = TableOf(StabilityTable, "speeds and probability of stable depths").default(
+        StabilityTable()
+    )
+    catalogue: CatalogueTable | None = TableOf(
+        CatalogueTable, "tools and holders in CSV files, and their machine"
+    ).default(None)

@@ -5,45 +5,48 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from receptance.campaign.schema import CampaignTable
+from receptance.campaign import schema as tables
+from receptance.campaign.keys import ElementOf, Table
+from receptance.model.beams import Section
+from receptance.model.joints import PointJoint
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_SECTIONS = (
-    ("CampaignTable", "The file"),
-    ("MaterialTable", "`[materials.NAME]`"),
-    ("PartTable", "`[parts.NAME]`"),
-    ("SegmentTable", "`[[parts.NAME.segments]]`"),
-    ("ModalPartTable", "`[modal_parts.NAME]`"),
-    ("ModeTable", "`[[modal_parts.NAME.modes]]`"),
-    ("PointJointTable", "`[joints.NAME]`"),
-    ("SpreadJointTable", '`[joints.NAME]` with `kind = "spread"`'),
-    ("SectionMemberTable", "`shank` and `sleeve` of a spread joint"),
-    ("ColletJointTable", '`[joints.NAME]` with `kind = "collet"`'),
-    ("PointJointMemberTable", "`inner` and `outer` of a collet"),
-    ("MicroslipJointTable", '`[joints.NAME]` with `kind = "micro-slip"`'),
-    ("SensorTable", "`[sensors.NAME]`"),
-    ("PointMassTable", '`[attachments.NAME]` with `kind = "mass"`'),
-    ("GroundSpringTable", '`[attachments.NAME]` with `kind = "ground"`'),
-    ("ResonatorTable", '`[attachments.NAME]` with `kind = "resonator"`'),
-    ("AssemblyTable", "`[assemblies.NAME]`"),
-    ("FRFTable", '`[measurements.NAME]` with `kind = "frf"`'),
-    ("HammerTable", '`[measurements.NAME]` with `kind = "hammer records"`'),
-    ("FrequenciesTable", '`[measurements.NAME]` with `kind = "natural frequencies"`'),
-    ("CandidateFRFTable", '`[candidates.NAME]` with `kind = "frf"`'),
-    ("CandidateFrequenciesTable", '`[candidates.NAME]` with `kind = "natural frequencies"`'),
-    ("MillingTable", '`[cuts.NAME]` with `kind = "milling"`'),
-    ("TurningTable", '`[cuts.NAME]` with `kind = "turning"`'),
-    ("TipTable", "`x` and `y` of a cut"),
-    ("EntryTable", "`entry` of a measurement or a tip"),
-    ("CoordinateTable", "`response` and `excitation`"),
-    ("UnknownTable", '`[unknowns."ADDRESS"]`'),
-    ("PriorTable", "`prior` of an unknown"),
-    ("SeriesTable", "`[series]`"),
-    ("SettingsTable", "`[settings]`"),
-    ("PredictionTable", "`[prediction]`"),
-    ("StabilityTable", "`[stability]`"),
-    ("CatalogueTable", "`[catalogue]`"),
-    ("CatalogueSpread", "`[catalogue.tolerance]`"),
+_SECTIONS: tuple[tuple[Any, str], ...] = (
+    (tables.CampaignTable, "The file"),
+    (tables.MATERIAL, "`[materials.NAME]`"),
+    (tables.PartTable, "`[parts.NAME]`"),
+    (tables.SEGMENT, "`[[parts.NAME.segments]]`"),
+    (tables.MODAL_PART, "`[modal_parts.NAME]`"),
+    (tables.MODE, "`[[modal_parts.NAME.modes]]`"),
+    (tables.JOINTS.by_word["point"], "`[joints.NAME]`"),
+    (tables.JOINTS.by_word["spread"], '`[joints.NAME]` with `kind = "spread"`'),
+    (ElementOf(Section, name="SectionMemberTable"), "`shank` and `sleeve` of a spread joint"),
+    (tables.JOINTS.by_word["collet"], '`[joints.NAME]` with `kind = "collet"`'),
+    (ElementOf(PointJoint, name="PointJointMemberTable"), "`inner` and `outer` of a collet"),
+    (tables.JOINTS.by_word["micro-slip"], '`[joints.NAME]` with `kind = "micro-slip"`'),
+    (tables.SENSOR, "`[sensors.NAME]`"),
+    (tables.ATTACHMENTS.by_word["mass"], '`[attachments.NAME]` with `kind = "mass"`'),
+    (tables.ATTACHMENTS.by_word["ground"], '`[attachments.NAME]` with `kind = "ground"`'),
+    (tables.ATTACHMENTS.by_word["resonator"], '`[attachments.NAME]` with `kind = "resonator"`'),
+    (tables.AssemblyTable, "`[assemblies.NAME]`"),
+    (tables.FRFTable, '`[measurements.NAME]` with `kind = "frf"`'),
+    (tables.HammerTable, '`[measurements.NAME]` with `kind = "hammer records"`'),
+    (tables.FrequenciesTable, '`[measurements.NAME]` with `kind = "natural frequencies"`'),
+    (tables.CandidateFRFTable, '`[candidates.NAME]` with `kind = "frf"`'),
+    (tables.CandidateFrequenciesTable, '`[candidates.NAME]` with `kind = "natural frequencies"`'),
+    (tables.CUTS.by_word["milling"], '`[cuts.NAME]` with `kind = "milling"`'),
+    (tables.CUTS.by_word["turning"], '`[cuts.NAME]` with `kind = "turning"`'),
+    (tables.TipTable, "`x` and `y` of a cut"),
+    (tables.EntryTable, "`entry` of a measurement or a tip"),
+    (tables.CoordinateTable, "`response` and `excitation`"),
+    (tables.UnknownTable, '`[unknowns."ADDRESS"]`'),
+    (tables.PriorTable, "`prior` of an unknown"),
+    (tables.SeriesTable, "`[series]`"),
+    (tables.SettingsTable, "`[settings]`"),
+    (tables.PredictionTable, "`[prediction]`"),
+    (tables.StabilityTable, "`[stability]`"),
+    (tables.CatalogueTable, "`[catalogue]`"),
+    (tables.CatalogueSpread, "`[catalogue.tolerance]`"),
 )
 _TYPES = {"string": "text", "integer": "whole number", "number": "number", "boolean": "`true` or `false`"}
 
@@ -59,38 +62,20 @@ def json_schema() -> dict[str, Any]:
     >>> json_schema()["anyOf"]
     [{'required': ['materials', 'parts', 'assemblies']}, {'required': ['cuts']}]
     """
-    schema = CampaignTable.model_json_schema()
+    schema = tables.CampaignTable.definition()
     needed = schema.pop("required")
     return {
         "$schema": _DIALECT,
         "title": "receptance campaign",
         # A file with cuts and measured tips needs no other section.
         "anyOf": [{"required": needed}, {"required": ["cuts"]}],
-        **{k: _plain(v) for k, v in schema.items() if k != "title"},
+        **schema,
+        "$defs": {_name(table): table.definition() for table, _ in _SECTIONS[1:]},
     }
 
 
-def _plain(node: Any) -> Any:
-    """Remove null, which TOML does not have, and titles that repeat keys."""
-    if isinstance(node, list):
-        return [_plain(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    found = {key: _plain(value) for key, value in node.items() if not (key == "title" and isinstance(value, str))}
-    if "default" in found and (found["default"] in (None, [], "") or isinstance(found["default"], dict)):
-        del found["default"]
-    if found.get("type") == "string" and not isinstance(found.get("default", ""), str):
-        del found["default"]  # of a quantity, which is text, the default is a number in SI units
-    if "patternProperties" in found:
-        found.setdefault("additionalProperties", False)
-    choices = found.get("anyOf")
-    if isinstance(choices, list):
-        kept = [choice for choice in choices if choice != {"type": "null"}]
-        found["anyOf"] = kept
-        if len(kept) == 1:
-            del found["anyOf"]
-            found = {**kept[0], **found}
-    return found
+def _name(table: type[Table] | ElementOf) -> str:
+    return table.title if isinstance(table, ElementOf) else table.__name__
 
 
 def field_tables() -> str:
@@ -102,14 +87,7 @@ def field_tables() -> str:
     >>> field_tables().splitlines()[0]
     '## The file'
     """
-    schema = json_schema()
-    definitions = {"CampaignTable": {**schema, **schema["anyOf"][0]}, **schema["$defs"]}
-    # Tables of tolerances have the keys of their elements.
-    missing = {name for name in definitions if not name.endswith("Tolerance")} - {name for name, _ in _SECTIONS}
-    if missing:
-        raise LookupError(f"tables without a heading: {', '.join(sorted(missing))}")
-    blocks = [_block(heading, definitions[name]) for name, heading in _SECTIONS]
-    return "\n\n".join(blocks) + "\n"
+    return "\n\n".join(_block(heading, table.definition()) for table, heading in _SECTIONS) + "\n"
 
 
 def _block(heading: str, table: dict[str, Any]) -> str:

@@ -117,8 +117,8 @@ def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, O
     cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
     spread = {
         key: deviation.of(getattr(own, key)) / getattr(own, key)
-        for key, deviation in own.tolerance
-        if deviation is not None and getattr(own, key) > 0.0
+        for key, deviation in own.tolerance.items()
+        if getattr(own, key) > 0.0
     }
     x = y = _tip((*path, "x"), own.x, reader, measurements)
     if own.kind == "turning" or own.y == "rigid":
@@ -140,7 +140,7 @@ def _tip(
         problems.add(path, f"has {found}, expected one of the three")
         return None
     if table.file is None:
-        for key in sorted(table.model_fields_set - {"assembly", "measurement", "bands"}):
+        for key in sorted(table.written - {"assembly", "measurement", "bands"}):
             where = "" if table.measurement is None else f" or in [measurements.{table.measurement}]"
             problems.add(
                 (*path, key), f"is given without `file`, whose contents it describes, expected it there{where}"
@@ -403,7 +403,7 @@ def stability_of_campaign(
     elif identified is None and campaign.unknowns:
         identified = campaign.identify()
     found = {}
-    provenance = campaign.provenance(settings=settings.model_dump())
+    provenance = campaign.provenance(settings=settings.data())
     for number, cut in enumerate(chosen, 1):
         campaign.progress(f"lobes of {cut.name}, {number} of {len(chosen)}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)

@@ -7,7 +7,7 @@ that variable. Tolerances with the same name are one error.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from receptance.campaign.build import addresses_of, unknown_address
 from receptance.campaign.problems import path_text
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from receptance.campaign.build import Builder, Built
+    from receptance.campaign.keys import ElementTable
     from receptance.campaign.problems import KeyPath
-    from receptance.campaign.schema import CampaignTable, ElementTable
+    from receptance.campaign.schema import CampaignTable
     from receptance.model.assembly import Assembly
 
 Errors = dict[tuple[str, bool], dict[str, float]]
@@ -165,9 +166,7 @@ def _prefixed(first: str, member: Member) -> str:
     return f"{first}.{member.prefix}".removesuffix(".")
 
 
-def _own(place: KeyPath, owner: str, tolerance: Any) -> Iterator[_Inherited]:
+def _own(place: KeyPath, owner: str, tolerance: Mapping[str, Deviation]) -> Iterator[_Inherited]:
     """Yield the standard deviations that stand in one table."""
-    for field in type(tolerance).model_fields:
-        deviation = getattr(tolerance, field)
-        if deviation is not None:
-            yield f"{owner}.{field}", (*place, field), deviation
+    for name, deviation in tolerance.items():
+        yield f"{owner}.{name}", (*place, name), deviation

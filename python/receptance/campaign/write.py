@@ -27,7 +27,7 @@ from receptance.identification.unknowns import Law, Move, Prior, Unknown, covere
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Choice, Count, Element, Member, Number
-from receptance.model.joints import GroundSpring, MicroslipJoint, PointMass, Resonator
+from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.model.terminals import ModalPart
 from receptance.units import Quantity
 
@@ -84,7 +84,7 @@ def _element_table(element: Any, materials: _Materials) -> dict[str, Any]:
         modes = [_field_table(mode, materials) for mode in element.modes]
         return {"modes": modes, **_field_table(element, materials)}
     kind = JOINTS.kind_of(element)
-    if kind is None or isinstance(element, MicroslipJoint):  # its reference force is not a field of the element
+    if kind is None:
         raise ValueError(f"{element!r} cannot be written as a table of a campaign")
     return {**({"kind": kind} if kind != "point" else {}), **_field_table(element, materials)}
 

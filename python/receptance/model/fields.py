@@ -8,6 +8,7 @@ are derived from the declaration.
 from __future__ import annotations
 
 import inspect
+import math
 import textwrap
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
@@ -16,23 +17,71 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_type_h
 
 import numpy as np
 
-from receptance import _checks
-from receptance.units import Quantity
+from receptance import _checks, units
+from receptance._text import did_you_mean, shown
+from receptance.units import Quantity, parse
 
 
 class Field:
-    """A field that is not passed to the core, with a description without a verb."""
+    """A field with a description without a verb; by default it is neither passed to the core nor read from files."""
 
     doc: str
 
     def __init__(self, doc: str) -> None:
         self.doc = doc
 
+    def default(self, value: Any) -> Any:
+        """Return the declaration of a key with a default, to be assigned in the class of a table."""
+        return Key(self, value)
+
+    def needed(self) -> Any:
+        """Return the declaration of a key without a default, to be assigned in the class of a table."""
+        return Key(self, needed=True)
+
+    def read(self, written: Any, place: Any) -> Any:
+        """Return the value of a key of a file; the text of a ValueError is a predicate of the key.
+
+        The `place` is where a value with several parts reads them, see `receptance.campaign.keys.Place`.
+        """
+        raise NotImplementedError(type(self).__name__)
+
+    def schema(self) -> dict[str, Any]:
+        raise NotImplementedError(type(self).__name__)
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a table: its declaration, and its default unless it is needed."""
+
+    of: Field
+    default: Any = None
+    needed: bool = False
+
+
+class AttachedTo(Field):
+    """The name of a part."""
+
+
+class Position(Field):
+    """A distance in m from the tip-side end of a part, or "end"."""
+
+    def read(self, written: Any, place: Any) -> float | Literal["end"]:
+        if written == "end":
+            return "end"
+        try:
+            return parse(written, units.LENGTH_OR_ZERO)
+        except ValueError as error:
+            expected = 'a distance from the tip-side end of the part such as "0 mm" or "62.3 mm", or "end"'
+            raise ValueError(f"{str(error).split(', expected', 1)[0]}, expected {expected}") from None
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string", "minLength": 1, "examples": ["62.3 mm", "end"]}
+
 
 Name = Annotated[str, Field("first word of the addresses of its parameters")]
-AttachedPart = Annotated[str, Field("name of the part to which it is attached; by default the first part")]
+AttachedPart = Annotated[str, AttachedTo("name of the part to which it is attached; by default the first part")]
 AttachedPosition = Annotated[
-    float | Literal["end"], Field("distance in m from the tip-side end of the part, or its far end")
+    float | Literal["end"], Position("distance in m from the tip-side end of the part, or its far end")
 ]
 
 
@@ -45,6 +94,25 @@ class Number(Field):
     _: KW_ONLY
     parameter: bool = True
 
+    def read(self, written: Any, place: Any) -> float:
+        return parse(written, self.quantity)
+
+    def schema(self) -> dict[str, Any]:
+        quantity = self.quantity
+        if quantity.unit:
+            pattern = rf"^\s*{units.NUMBER}(\s+\S|[^\s\d]).*$"
+            return {"type": "string", "pattern": pattern, "examples": [quantity.example]}
+        bounds = {"exclusiveMinimum": quantity.above, "minimum": quantity.least, "maximum": quantity.most}
+        finite = {key: bound for key, bound in bounds.items() if math.isfinite(bound)}
+        return {"type": "number", "examples": [float(quantity.example)], **finite}
+
+
+@dataclass(frozen=True)
+class Numbers(Field):
+    """Numbers of zero or more."""
+
+    doc: str
+
 
 @dataclass(frozen=True)
 class Count(Field):
@@ -52,8 +120,21 @@ class Count(Field):
 
     doc: str
     least: int = 1
-    most: int = 1000
+    most: float = 1000
     column: bool = False
+
+    def read(self, written: Any, place: Any) -> int:
+        if isinstance(written, bool) or not isinstance(written, int):
+            raise ValueError(f"is {shown(written)}, expected a whole number")
+        if written < self.least:
+            raise ValueError(f"is {written}, expected at least {self.least}")
+        if written > self.most:
+            raise ValueError(f"is {written}, expected at most {self.most:g}")
+        return written
+
+    def schema(self) -> dict[str, Any]:
+        most = {"maximum": self.most} if math.isfinite(self.most) else {}
+        return {"type": "integer", "minimum": self.least, **most}
 
 
 @dataclass(frozen=True)
@@ -62,6 +143,15 @@ class Choice(Field):
 
     doc: str
     words: tuple[str, ...]
+
+    def read(self, written: Any, place: Any) -> str:
+        if written not in self.words:
+            expected = ", ".join(f'"{word}"' for word in self.words)
+            raise ValueError(f"is {shown(written)}, expected one of {expected}{did_you_mean(str(written), self.words)}")
+        return str(written)
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string", "enum": list(self.words)}
 
 
 @dataclass(frozen=True)
@@ -179,28 +269,23 @@ class Element:
         """Check types and bounds of all fields, and convert numbers to float; errors name class, element and field."""
         for name, field in self.declared.items():
             value = getattr(self, name)
+            optional = getattr(type(self), name, field) is None
+            if value is None and optional:
+                continue
+            or_none = " or None" if optional else ""
             if isinstance(field, Number):
                 _checks.set_fields(self, {name: _checks.quantity(self.owner, name, value, field.quantity)})
             elif isinstance(field, Choice):
                 if value not in field.words:
                     raise ValueError(f"{self.owner}: {name} is {value!r}, expected one of {', '.join(field.words)}")
             elif isinstance(field, Count):
-                self._check_count(name, value, field)
-            elif isinstance(field, Member):
-                optional = getattr(type(self), name, field) is None
-                if not (isinstance(value, field.kind) or (optional and value is None)):
-                    expected = f"a {field.kind.__name__}{' or None' if optional else ''}"
+                expected = f"a whole number from {field.least} to {field.most}{or_none}"
+                if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
                     raise TypeError(f"{self.owner}: {name} is {value!r}, expected {expected}")
-
-    def _check_count(self, name: str, value: Any, field: Count) -> None:
-        optional = getattr(type(self), name, field) is None
-        if value is None and optional:
-            return
-        expected = f"a whole number from {field.least} to {field.most}{' or None' if optional else ''}"
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-            raise TypeError(f"{self.owner}: {name} is {value!r}, expected {expected}")
-        if not field.least <= value <= field.most:
-            raise ValueError(f"{self.owner}: {name} is {value}, expected {expected}")
+                if not field.least <= value <= field.most:
+                    raise ValueError(f"{self.owner}: {name} is {value}, expected {expected}")
+            elif isinstance(field, Member) and not isinstance(value, field.kind):
+                raise TypeError(f"{self.owner}: {name} is {value!r}, expected a {field.kind.__name__}{or_none}")
 
     @cached_property
     def columns(self) -> tuple[float, ...]:

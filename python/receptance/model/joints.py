@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
-from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number
+from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number, Numbers
 
 if TYPE_CHECKING:
     from receptance.model.addresses import Flat
@@ -152,7 +152,7 @@ class GroundSpring(_Spring):
     ] = 0.0
     points: Annotated[int, Count("number of points, in the middles of equal parts of the length")] = 8
     weights: Annotated[
-        tuple[float, ...], Field("relative weights of the points, from the tip on; by default equal")
+        tuple[float, ...], Numbers("relative weights of the points, from the tip on; by default equal")
     ] = ()
     name: Name = field(default="", compare=False)
 
@@ -419,6 +419,14 @@ class MicroslipJoint(_Interface):
     reference_theta: Annotated[
         float, Number(units.ANGLE, "amplitude of the relative rotation at the level 1; needed with a given force")
     ] = 0.0
+    reference_force: Annotated[
+        float | None,
+        Number(
+            units.FORCE,
+            "force that is the level 1, where measurements give their `level` as a force",
+            parameter=False,
+        ),
+    ] = None
     name: Annotated[str, Field("first word of the addresses of its parameters, as in `joint.slip_y`")] = field(
         default="", compare=False
     )
