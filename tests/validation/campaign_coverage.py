@@ -122,9 +122,9 @@ def measure(seed: int, draws: int) -> Coverage:
         found.rms.append(identified.rms)
         held_out = drawn.measurements["long"]
         true = structures["long"].natural_frequencies(7e3)[: len(MODES)]
-        predicted, deviation = identified.predict_natural_frequencies(
-            held_out.observation.assembly, 7e3, configuration="long", tolerances=held_out.tolerances
-        )
+        there = identified.at(held_out.observation.assembly, configuration="long", tolerances=held_out.tolerances)
+        frequencies = there.natural_frequencies(7e3)
+        predicted, deviation = frequencies.predicted_hz, frequencies.standard_error_hz
         inside = np.abs(predicted[: len(MODES)] - true) <= 1.96 * deviation[: len(MODES)]
         for name, yes in zip(MODES, inside, strict=True):
             found.covered[name] += bool(yes)

@@ -901,10 +901,10 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
         raise CampaignError.about(campaign.file, text + did_you_mean(name, choices))
     errors = campaign.tolerances.get(name, ())
     conditions = campaign.site(name).conditions
-    assembly = fit.apply(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
+    predicted = fit.at(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
     upper = campaign.highest_frequency
     assert upper is not None  # a fit has measurements
-    modes = assembly.natural_frequencies(upper)
+    modes = predicted.assembly.natural_frequencies(upper)
     if not modes.size:
         raise CampaignError.about(campaign.file, f'the target "{name}" has no natural frequency below {upper:g} Hz')
     return Candidate(
