@@ -154,8 +154,8 @@ def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
     assert abs(identified.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
     for one in predict_catalogue(Catalogue(replace(machine, threads=1)), identified):
         addresses = ["collet.k_theta", "collet.c_theta", "front.k_y", "tool.segment[0].length"]
-        values, slopes = one.assembly.derivatives(one.frequency_hz, addresses)
-        modes = line_modes(one.frequency_hz, values)
+        values, slopes = one.assembly.derivatives(one.tip.frequency_hz, addresses)
+        modes = line_modes(one.tip.frequency_hz, values)
         exact = damped_modes(one.assembly, 5500.0, addresses)
         scale = np.array([one.assembly.get(address) for address in addresses])
         assert len(modes) >= 3
@@ -391,14 +391,14 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     Path("m.csv").write_text("old")
     from receptance.catalogue import prediction
 
-    original = prediction._ToolPredictor._predict
+    original = prediction.predict_assembly
 
-    def fails(self: Any, tool: Any) -> Any:
-        if tool.row.name == "T3":
+    def fails(campaign: Any, identified: Any, site: Any, *rest: Any) -> Any:
+        if site.configuration == "T3":
             raise ValueError("no such luck")
-        return original(self, tool)
+        return original(campaign, identified, site, *rest)
 
-    monkeypatch.setattr(prediction._ToolPredictor, "_predict", fails)
+    monkeypatch.setattr(prediction, "predict_assembly", fails)
     assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--overwrite") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"
