@@ -21,6 +21,7 @@ import numpy as np
 from receptance.diagnosis.causes import Step, transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.held_out import predictor_of
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
@@ -39,7 +40,7 @@ from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import Floor
 from receptance.identification.mapping import Site
-from receptance.identification.new_observations import Candidate, NewObservations, information_root
+from receptance.identification.new_observations import Candidate
 from receptance.identification.observations import MeasuredFRF
 from receptance.identification.problem import InfeasibleError
 from receptance.identification.unknowns import Tolerance
@@ -89,24 +90,22 @@ class Hypothesis:
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """Sizes of its causes and their standard errors."""
-        fit = self.explanation.fit
-        variables = fit.task.variables
-        inverse = np.linalg.inv(information_root(fit.curvature_root, variables))
-        slopes = variables.slopes(np.array(list(fit.values.values())))
+        fit, predictor = self.explanation.fit, predictor_of(self.explanation.fit)
+        inverse = np.linalg.inv(predictor.information_root)
+        slopes = predictor.variables.slopes(predictor.values)
         errors = dict(zip(fit.values, np.linalg.norm(inverse, axis=1) * slopes, strict=True))
         return {name: (fit.values[name], float(errors[name])) for name in self.explanation.parameters}
 
-    def simulate(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
+    def predict(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
         """Return the noise-free data of a measurement; causes with the ids `absent` do not act on it."""
-        fit, parameters = self.fit, self.explanation.parameters
+        parameters = self.explanation.parameters
         nulls = {name: one.null for name, one in parameters.items() if one.cause in absent}
-        values = np.array([nulls.get(name, value) for name, value in fit.values.items()])
-        x = fit.task.variables.from_values(values) if nulls else fit.x
+        values = np.array(list((self.fit.values | nulls).values()))
         model = measurement.extend(self.base)
-        (one,) = model.observations
-        (data,) = NewObservations(fit.task.parameters, [one], [model.tolerances]).calculated(x)
+        (observation,) = model.observations
+        (data,) = replace(predictor_of(self.fit), values=values).of([observation], [model.tolerances]).mean()
         # A cause that changes the quantity of the data has changed the placeholder data.
-        return data / one.receptance if isinstance(one, MeasuredFRF) else data
+        return data / observation.receptance if isinstance(observation, MeasuredFRF) else data
 
     def chi_square_increase(self, measurement: Hypothetical, data: NDArray[Any], absent: frozenset[str]) -> float:
         """Return the increase of chi-square where one more measurement is fitted as well."""
@@ -212,7 +211,7 @@ class SimulatedMeasurement(MenuItem):
             true, assumed = (self._describe(one, absent) for one in (truth, other))
             if true is None or assumed is None or true.candidate.modes != assumed.candidate.modes:
                 return 0.0
-            return other.chi_square_increase(assumed, truth.simulate(true, absent), absent)
+            return other.chi_square_increase(assumed, truth.predict(true, absent), absent)
         except (InfeasibleError, ReceptanceError, ValueError):
             return 0.0
 

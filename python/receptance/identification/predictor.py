@@ -5,10 +5,14 @@ covariance of the fit. Errors that are not in the fit, those of a new clamping f
 are standard normal. To first order a result with the gradient g has the variance g' C g. A receptance is not linear in
 the variables where a resonance may move by more than its width; then vectors are drawn from the posterior and each is
 evaluated.
+
+Data of new observations have the residuals of every fit, and the information of the fit in place of the priors. They
+are hypothetical ones for the next measurement and the advice of a diagnosis, or those of held-out configurations.
 """
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,10 +23,11 @@ import numpy as np
 
 from receptance.errors import ReceptanceError
 from receptance.identification.covariance import square_root
-from receptance.identification.mapping import FACTORS, Parameters, Site
-from receptance.identification.new_observations import calculated
+from receptance.identification.mapping import FACTORS, ParameterMap, Parameters, Site
+from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF, Observation
 from receptance.identification.peaks import PredictedMode, match_peaks
 from receptance.identification.prediction import PredictedFrequencies, PredictedFRF, Scatter
+from receptance.identification.problem import End, Observed, Problem
 from receptance.identification.unknowns import Tolerance, Variables, error_of
 from receptance.model.addresses import MovingCoordinate
 from receptance.model.coordinates import Coordinate
@@ -31,7 +36,6 @@ from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from receptance.identification.observations import MeasuredFrequencies, MeasuredFRF
     from receptance.model.assembly import Assembly
 
 _Value = TypeVar("_Value")
@@ -53,6 +57,8 @@ class Predictor:
         Of the covariance, where the scatter was estimated; None where it was known.
     threads : int, optional
         As in `Assembly.receptance`.
+    root : ndarray, optional
+        Any matrix R with R^T R the information of data and priors at `values`, for predictions of data, see `of`.
 
     Examples
     --------
@@ -76,6 +82,7 @@ class Predictor:
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     degrees_of_freedom: int | None = None
     threads: int | None = None
+    root: NDArray[np.float64] | None = None
 
     @cached_property
     def variables(self) -> Variables:
@@ -94,6 +101,25 @@ class Predictor:
         assembly, or if it has no model with the identified values.
         """
         return PredictedAssembly(self, site, tolerances)
+
+    def of(self, observations: Sequence[Observation], tolerances: Sequence[Sequence[Tolerance]]) -> PredictedData:
+        """Return the predictions of the data of observations that were not fitted, each with its errors.
+
+        Errors of one name are one error, in the fit and in all observations.
+        """
+        return PredictedData(self, observations, tolerances)
+
+    @cached_property
+    def information_root(self) -> NDArray[np.float64]:
+        """R, `(p, p)`, with R^T R the information of the fit, and of the bounds of unknowns without a prior.
+
+        Bounds count as a prior of the same variance, so that every direction has information.
+        """
+        low, high = self.variables.limits
+        free = [unknown.prior is None for unknown in self.variables.unknowns]
+        spans = np.diag(np.where(free, math.sqrt(12.0) / (high - low), 0.0))
+        rows = spans if self.root is None else np.vstack([self.root, spans])
+        return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
 
     def scatter(
         self,
@@ -408,6 +434,102 @@ class PredictedAssembly:
             except (ValueError, ReceptanceError):  # waves too short for an absurd length, say
                 drawn.append(None)
         return drawn
+
+
+class PredictedData:
+    """Data of observations that were not fitted, beside the information of the fit; see `Predictor.of`.
+
+    Attributes
+    ----------
+    fresh : tuple of str
+        Names of the `q` errors that only these observations have.
+    variables : Variables
+        The `p` fitted variables, followed by these errors.
+    start : ndarray
+        `(p + q,)` the posterior mean of these.
+    """
+
+    def __init__(
+        self, predictor: Predictor, observations: Sequence[Observation], tolerances: Sequence[Sequence[Tolerance]]
+    ) -> None:
+        self._predictor, self._observations = predictor, tuple(observations)
+        sites = [observation.site(index) for index, observation in enumerate(self._observations)]
+        self._mappings, self.fresh = predictor.parameters.extended(sites, tolerances)
+        self.variables = Variables((*predictor.parameters.unknowns, *map(error_of, self.fresh)))
+        self.start = np.append(predictor.x, np.zeros(len(self.fresh)))
+
+    def mean(self) -> list[NDArray[np.inexact]]:
+        """Return the noise-free data of each observation; see `calculated`."""
+        pairs = zip(self._observations, self._mappings, strict=True)
+        return [calculated(observation, mapping, self.variables, self.start) for observation, mapping in pairs]
+
+    def problem(self, observations: Sequence[Observation] | None = None) -> Problem:
+        """Return the residuals of the observations, followed by those of the information of the fit.
+
+        Other `observations` have the same parameters and other data.
+        """
+        count = self._predictor.values.size
+        root = np.eye(count + len(self.fresh))
+        root[:count, :count] = self._predictor.information_root
+        pairs = zip(self._observations if observations is None else observations, self._mappings, strict=True)
+        observed = [Observed(observation, mapping, "standard deviations") for observation, mapping in pairs]
+        return Problem(self.variables, observed, known=(root, self.start))
+
+    @cached_property
+    def _problem(self) -> Problem:
+        return self.problem()
+
+    def fit(self, most: int, least: float, *, all_variables: bool = False) -> End:
+        """Return the fit of the errors that only these observations have, or of all variables, to their data.
+
+        `most` is the largest number of evaluations; a fit ends where the next step lowers the cost by at most `least`.
+        """
+        free = np.arange(self.start.size) >= (0 if all_variables else self._predictor.values.size)
+        return self._problem.fit_one(self.start, most, free=free, least=least)
+
+    def residuals(self, end: End) -> list[NDArray[np.float64]]:
+        """Return the residuals of each observation in standard deviations at the end of a fit."""
+        return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
+
+    def assemblies(self, end: End) -> list[Assembly]:
+        """Return the assembly of each observation at the end of a fit."""
+        values = self.variables.to_values(end.x)
+        pairs = zip(self._observations, self._mappings, strict=True)
+        return [mapping.apply(observation.assembly, values) for observation, mapping in pairs]
+
+    def log_score(self, end: End) -> float:
+        """Return the logarithm of the predictive density of the data: of log FRFs, and of frequencies in Hz.
+
+        It is a Laplace approximation about the fit of all variables, `end`: one that is linear about the prediction
+        fails where a peak moves by more than its width.
+        """
+        if not np.isfinite(end.cost):
+            return -math.inf
+        rows = self._problem.jacobian(end.x)
+        jacobian, root = np.split(rows, [len(rows) - rows.shape[1]])
+        wide = np.linalg.solve(root.T, jacobian.T)
+        _, volume = np.linalg.slogdet(np.eye(len(root)) + wide @ wide.T)
+        spread = np.concatenate([observation.standard_deviations for observation in self._observations])
+        return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))
+
+
+def calculated(
+    observation: Observation, mapping: ParameterMap, variables: Variables, x: NDArray[np.float64]
+) -> NDArray[np.complex128] | NDArray[np.float64]:
+    """Return the noise-free data of an observation: receptances with its measuring chain, or frequencies in Hz.
+
+    Its parameters are functions of variables with the values `x`; the data that it has do not matter. Where the model
+    has no value, an InfeasibleError, ReceptanceError or ValueError is raised.
+    """
+    if not isinstance(observation, MeasuredFrequencies):
+        problem = Problem(variables, [Observed(observation, mapping, "logarithm")])
+        real, imaginary = problem.parts(problem.value(x))[0].reshape(2, -1)
+        recorded: NDArray[np.complex128] = observation.data * np.exp(-real - 1j * imaginary)
+        return recorded
+    assembly = mapping.apply(observation.assembly, variables.to_values(x))
+    lowest, _ = assembly.lowest_natural_frequencies(max(observation.modes))
+    frequencies: NDArray[np.float64] = lowest[np.array(observation.modes) - 1]
+    return frequencies
 
 
 def _draw_errors(names: Sequence[str], count: int, seed: int) -> NDArray[np.float64]:
