@@ -265,33 +265,29 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
     frfs: list[PredictedFRF] = []
     reasons: dict[str, str] = {}
     count = len(held_out) + len(unmeasured)
-    for name, measured in held_out.items():
-        campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
-        seen = measured.observation
-        site = Site(seen.assembly, seen.configuration, "", seen.conditions)
+    for number, (name, measured) in enumerate([*held_out.items(), *((name, None) for name in unmeasured)], start=1):
+        campaign.progress(f"predicting {name}, {number} of {count}")
+        if measured is None:
+            site, tolerances = campaign.site(name), campaign.tolerances.get(name, ())
+        else:
+            observation = measured.observation
+            site = Site(observation.assembly, observation.configuration, "", observation.conditions)
+            tolerances = measured.tolerances
         try:
-            predicted = predict_assembly(campaign, identified, site, measured.tolerances, name, notes)
+            predicted = predict_assembly(campaign, identified, site, tolerances, name, notes)
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
         with errors_about(campaign.file, f"{name}: "):
-            if isinstance(seen, MeasuredFRF):
-                frfs.append(replace(predicted.observed(seen), name=name, assembly=measured.assembly))
+            if measured is None:
+                modes, frf = _unmeasured(name, campaign, predicted, notes)
+                frequencies += [] if modes is None else [modes]
+                frfs.append(frf)
+            elif isinstance(observation, MeasuredFRF):
+                frfs.append(replace(predicted.observed(observation), name=name, assembly=measured.assembly))
             else:
-                frequencies.append(replace(predicted.observed_modes(seen), name=name, assembly=measured.assembly))
-    for name in unmeasured:
-        campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
-        try:
-            predicted = predict_assembly(
-                campaign, identified, campaign.site(name), campaign.tolerances.get(name, ()), name, notes
-            )
-        except CampaignError as error:
-            reasons[name] = error.problems[0].text
-            continue
-        with errors_about(campaign.file, f"{name}: "):
-            found = _unmeasured(name, campaign, predicted, notes)
-        frequencies += [found[0]] if found[0] is not None else []
-        frfs.append(found[1])
+                modes = predicted.observed_modes(observation)
+                frequencies.append(replace(modes, name=name, assembly=measured.assembly))
     if not frequencies and not frfs:
         raise CampaignError.about(campaign.file, "; ".join(reasons.values()))
     notes += [f"not predicted: {reason}" for reason in reasons.values()]
