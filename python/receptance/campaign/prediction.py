@@ -342,10 +342,9 @@ def predict_assembly(
         The prediction is not possible, for example without the condition of a law.
     """
     if identified is None:
-        return Predictor(threads=threads).at(site, tolerances)
-    predictor = identified.predictor if threads is None else replace(identified.predictor, threads=threads)
+        return Predictor().at(site, tolerances, threads)
     try:
-        predicted = predictor.at(site, tolerances)
+        predicted = identified.predictor.at(site, tolerances, threads)
     except ValueError as error:
         raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}

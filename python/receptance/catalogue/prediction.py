@@ -175,7 +175,7 @@ def _predict(
     return ToolPrediction(
         row=row,
         assembly=predicted.assembly,
-        tip=predicted.receptance(lines, draws=draws, seed=seed, linear=linear),
+        tip=predicted.receptance(lines, draws=draws, seed=seed, linear=linear, phase=False),
         modes=modes.values,
         modes_deviation=np.sqrt(deviation**2 + modes.log_variances(linear.variance)),
         level=catalogue.campaign.table.prediction.level,

@@ -129,7 +129,7 @@ class PredictedFRF:
     receptance : ndarray
         `(n,)` complex, with the identified values.
     scatter, phase_scatter : Scatter
-        Of the real and of the imaginary part of its logarithm, to first order.
+        Of the real and of the imaginary part of its logarithm, to first order; the latter is None if not computed.
     drawn : ndarray
         `(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws.
     degrees_of_freedom : int or None
@@ -149,7 +149,7 @@ class PredictedFRF:
     frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128] = field(repr=False)
     scatter: Scatter = field(repr=False)
-    phase_scatter: Scatter = field(repr=False)
+    phase_scatter: Scatter | None = field(repr=False)
     drawn: NDArray[np.complex128] = field(repr=False)
     degrees_of_freedom: int | None = None
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
@@ -228,7 +228,7 @@ class PredictedFRF:
             "frequency_hz": self.frequency_hz.real,
             "receptance": self.receptance,
             "magnitude_interval": [low, high],
-            "standard_error_of_log": [self.scatter.total, self.phase_scatter.total],
+            "standard_error_of_log": [part.total for part in (self.scatter, self.phase_scatter) if part is not None],
         }
         if np.iscomplexobj(self.frequency_hz):
             found["decay_rate"] = -2.0 * np.pi * float(self.frequency_hz[0].imag)

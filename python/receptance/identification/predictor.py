@@ -94,13 +94,15 @@ class Predictor:
         """Mean of the fitted variables, `(p,)`."""
         return self.variables.from_values(self.values) if self.values.size else self.values
 
-    def at(self, site: Site, tolerances: Sequence[Tolerance] | None = None) -> PredictedAssembly:
+    def at(
+        self, site: Site, tolerances: Sequence[Tolerance] | None = None, threads: int | None = None
+    ) -> PredictedAssembly:
         """Return the predictions of an assembly as described, in its configuration and conditions.
 
-        `tolerances` are its errors; by default those of the fit. A ValueError is raised if a law has no value for the
-        assembly, or if it has no model with the identified values.
+        `tolerances` are its errors, `threads` its threads; by default those of the fit. A ValueError is raised if a law
+        has no value for the assembly, or if it has no model with the identified values.
         """
-        return PredictedAssembly(self, site, tolerances)
+        return PredictedAssembly(self, site, tolerances, threads or self.threads)
 
     def of(self, observations: Sequence[Observation], tolerances: Sequence[Sequence[Tolerance]]) -> PredictedData:
         """Return the predictions of the data of observations that were not fitted, each with its errors.
@@ -208,8 +210,11 @@ class PredictedAssembly:
         The `q` errors that are not in the fit; they have their priors.
     """
 
-    def __init__(self, predictor: Predictor, site: Site, tolerances: Sequence[Tolerance] | None) -> None:
+    def __init__(
+        self, predictor: Predictor, site: Site, tolerances: Sequence[Tolerance] | None, threads: int | None
+    ) -> None:
         fresh: list[str] = []
+        self._threads = threads
         self.predictor, self._site, self._tolerances = predictor, site, tolerances
         self._mapping = predictor.parameters.at(site, tolerances, fresh)
         values = np.append(predictor.values, np.zeros(len(fresh)))
@@ -300,6 +305,7 @@ class PredictedAssembly:
         draws: int = 0,
         seed: int = 0,
         linear: LinearFRF | None = None,
+        phase: bool = True,
     ) -> PredictedFRF:
         """Return a receptance with its band.
 
@@ -312,6 +318,8 @@ class PredictedAssembly:
             which is accurate while resonances move by less than about half their width.
         linear : LinearFRF, optional
             The result of `linear`, where it was computed before.
+        phase : bool, optional
+            Whether the scatter of the phase is computed as well.
 
         Raises
         ------
@@ -320,7 +328,7 @@ class PredictedAssembly:
         """
         linear = linear or self.linear(frequency_hz, response, excitation, force)
         options = self._options(response, excitation, force)
-        assemblies = [assembly for assembly in self.assemblies(draws, seed) if assembly is not None]
+        assemblies = [one for one in self.assemblies(draws, seed) if one is not None] if draws else []
         if 2 * len(assemblies) < draws:
             raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
         drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
@@ -336,7 +344,7 @@ class PredictedAssembly:
             frequency_hz=np.asarray(frequency_hz),
             receptance=linear.receptance,
             scatter=self.scatter(log_slope.real).widened(log_deviation),
-            phase_scatter=self.scatter(log_slope.imag).widened(log_deviation),
+            phase_scatter=self.scatter(log_slope.imag).widened(log_deviation) if phase else None,
             drawn=drawn,
             degrees_of_freedom=self.predictor.degrees_of_freedom,
         )
@@ -345,7 +353,7 @@ class PredictedAssembly:
         self, response: Coordinate | None, excitation: Coordinate | None, force: ArrayLike | None
     ) -> dict[str, Any]:
         places = {"response": response or Coordinate(), "excitation": excitation or Coordinate()}
-        return {**places, "force": force, "threads": self.predictor.threads}
+        return {**places, "force": force, "threads": self._threads}
 
     def observed(
         self,
