@@ -35,8 +35,8 @@ from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction, directions, look_alike
 from receptance.diagnosis.thresholds import LARGE_SIZE
 from receptance.identification import Tolerance
-from receptance.identification.new_observations import NewObservations
 from receptance.identification.observations import altered
+from receptance.identification.predictor import Predictor
 from receptance.report.figure import COLOURS, INK, PALE, new_figure, set_up
 
 if TYPE_CHECKING:
@@ -164,10 +164,10 @@ _SETUPS: dict[str, Callable[[], Model]] = {
 def _calculated(model: Model, values: dict[str, float]) -> list[NDArray[np.complex128]]:
     """Return the responses of a model at values of its unknowns, the others at their starts."""
     unknowns = model.task.variables.unknowns
-    x = model.task.variables.from_values(np.array([values.get(one.name, one.start or 0.0) for one in unknowns]))
-    new = NewObservations(model.task.parameters, model.observations, [model.tolerances] * len(model.observations))
+    numbers = np.array([values.get(one.name, one.start or 0.0) for one in unknowns])
+    new = Predictor(model.task.parameters, numbers).of(model.observations, [model.tolerances] * len(model.observations))
     # A cause that changes the quantity of the data has changed the ones.
-    return [own / one.receptance for own, one in zip(new.calculated(x), model.observations, strict=True)]
+    return [own / one.receptance for own, one in zip(new.mean(), model.observations, strict=True)]
 
 
 def _with_data(model: Model, data: list[NDArray[np.complex128]]) -> Model:

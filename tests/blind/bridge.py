@@ -383,8 +383,8 @@ def ask(
         conditions = _conditions(tool, level) | {"plane": 1.0}
         where: dict[str, Any] = {"configuration": tool.name, "conditions": conditions, "tolerances": every}
         try:
-            predictions[tool.name] = _lists(verdict.predict_natural_frequencies(assembly, UPPER_HZ, **where))
-            before[tool.name] = _lists(verdict.base.predict_natural_frequencies(assembly, UPPER_HZ, **where))
+            predictions[tool.name] = _lists(verdict.at(assembly, **where))
+            before[tool.name] = _lists(verdict.base.at(assembly, **where))
         except Exception as error:  # the table counts it as a missing prediction
             problem = f"prediction: {type(error).__name__}: {error}"
     return answer_from(verdict, seconds, predictions, before, problem)
@@ -424,8 +424,9 @@ def advisable() -> list[str]:
     return [choice.action for choice in MENU]
 
 
-def _lists(found: tuple[NDArray[np.float64], NDArray[np.float64]]) -> tuple[list[float], list[float]]:
-    return found[0].tolist(), found[1].tolist()
+def _lists(there: Any) -> tuple[list[float], list[float]]:
+    predicted = there.natural_frequencies(UPPER_HZ)
+    return predicted.predicted_hz.tolist(), predicted.standard_error_hz.tolist()
 
 
 def failed(error: str, seconds: float) -> Answer:

@@ -140,7 +140,7 @@ def fit(case: Case) -> Plain:
     found = identify(observations, unknowns_of(case), tolerances=tolerances_of(case), starts=2, threads=1)
     frequencies: Sequence[float] = ()
     if case.structure == "modelab":
-        bare = found.apply(modelab_assembly(case), configuration="bare")
+        bare = found.at(modelab_assembly(case), configuration="bare").assembly
         frequencies = bare.natural_frequencies(UPPER_HZ).tolist()
     residuals = [own[: 2 * one.frequency_hz.size] for own, one in zip(found.residuals, observations, strict=True)]
     return Plain(

@@ -131,7 +131,7 @@ def test_unknown_applies_to_held_out_assembly(tmp_path: Path) -> None:
     assert any("no observation's assembly has second.k_theta; it affects predictions" in n for n in found.notes)
     predicted = read.predict(found)
     held_out = next(one for one in predicted.frequencies if one.name == "long")
-    applied = found.apply(read.assemblies["long"], tolerances=read.tolerances["long"])
+    applied = found.at(read.assemblies["long"], tolerances=read.tolerances["long"]).assembly
     assert applied.get("second.k_theta") == pytest.approx(2.0 * found.values["joint.k_theta"])
     expected = applied.natural_frequencies(2e4)[:2]
     np.testing.assert_allclose(held_out.predicted_hz, expected, rtol=1e-6)
@@ -182,7 +182,7 @@ def test_a_stepped_sine(tmp_path: Path) -> None:
     difference = np.log(held_out.receptance / held_out.measured)
     assert np.sqrt(np.mean(np.abs(difference) ** 2) / 2.0) < 0.015
     other = next(frf for frf in predicted.frfs if frf.name == "long")
-    again = found.apply(read.assemblies["long"], tolerances=read.tolerances["long"])
+    again = found.at(read.assemblies["long"], tolerances=read.tolerances["long"]).assembly
     np.testing.assert_allclose(other.receptance, again.receptance(other.frequency_hz, force=0.5), rtol=1e-9)
     found.plot(), predicted.plot()
 

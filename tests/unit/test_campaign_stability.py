@@ -14,7 +14,7 @@ from campaign_text import TEXT, changed, load
 from command_line import call
 from receptance import FRF
 from receptance.campaign import CampaignError
-from receptance.campaign.prediction import forecast_of
+from receptance.campaign.prediction import predict_assembly
 from receptance.io import write
 from receptance.stability import Milling, TipModes, receptance_matrix, stability_lobes
 
@@ -218,16 +218,16 @@ def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     one_mode = ('frequencies = ["2500 Hz", "10000 Hz"]', 'frequencies = ["2500 Hz"]')
     read = load(tmp_path, changed(known, one_mode, ("[joints.joint]", '[joints.joint]\nk_y = "5e8 N/m"')))
     identified = read.identify()
-    drawn, forecasts = {}, {}
+    drawn, predicted = {}, {}
     for name in ("long", "longest"):
-        forecast = forecast_of(read, identified, read.site(name), read.tolerances[name], name, [])
-        linear = forecast.modes((1,)).scatter.total
-        forecasts[name] = forecast
-        drawn[name] = np.array([one.natural_frequencies(2e3)[0] for one in forecast.drawn(400, 1) if one is not None])
+        there = predict_assembly(read, identified, read.site(name), read.tolerances[name], name, [])
+        linear = there.natural_frequencies(2e3).standard_error_hz
+        predicted[name] = there
+        drawn[name] = np.array(there.draw(lambda one: one.natural_frequencies(2e3)[0], 400, 1), dtype=np.float64)
         assert drawn[name].std() == pytest.approx(linear[0], rel=0.12)
     # The same joint, holder and material: only the error of the overhang differs.
     assert np.corrcoef(drawn["long"], drawn["longest"])[0, 1] > 0.3
-    assert forecasts["long"].drawn(400, 1)[3] == forecasts["long"].drawn(400, 1)[3]
+    assert predicted["long"].assemblies(400, 1)[3] == predicted["long"].assemblies(400, 1)[3]
 
 
 def test_semi_discretisation(tmp_path: Path) -> None:

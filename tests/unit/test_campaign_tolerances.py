@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 from campaign_text import TEXT, by_name, changed, load
 from receptance import Assembly, Observation, identify
 from receptance.campaign import Campaign, CampaignError
-from receptance.campaign.prediction import forecast_of
+from receptance.campaign.prediction import predict_assembly
 
 SEED = 20161107
 JOINT = {"joint.k_y": 3.5e8, "joint.k_theta": 6.0e4}
@@ -253,8 +253,8 @@ def test_tolerances_in_receptances(campaign: Campaign) -> None:
     identified = measured.identify()
     stated = next(one for one in measured.predict(identified).frfs if one.name == "long")
     place = replace(campaign.site("long"), assembly=found["long"].assembly)
-    forecast = forecast_of(campaign, identified, place, campaign.tolerances["long"], "long", [])
-    drawn = [one for one in forecast.drawn(700, SEED) if one is not None]
+    predicted = predict_assembly(campaign, identified, place, campaign.tolerances["long"], "long", [])
+    drawn = [one for one in predicted.assemblies(700, SEED) if one is not None]
     logs = np.log([one.receptance(LINES, threads=1) for one in drawn])
     away = logs.real.std(axis=0) < 0.03  # in the linear range
     assert away.mean() > 0.5

@@ -18,7 +18,7 @@ from machine_with_catalogue import HOLDERS, TEXT, TOOLS, TRUE_K_THETA, load
 from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
 from receptance.campaign.measurements import read_frequencies
-from receptance.campaign.prediction import forecast_of
+from receptance.campaign.prediction import predict_assembly
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
 from receptance.io import read_frf
@@ -154,8 +154,8 @@ def test_modes_are_those_of_the_model(machine: Any, identified: Any) -> None:
     assert abs(identified.values["collet.k_theta"] / TRUE_K_THETA - 1.0) < 1e-3
     for one in predict_catalogue(Catalogue(replace(machine, threads=1)), identified):
         addresses = ["collet.k_theta", "collet.c_theta", "front.k_y", "tool.segment[0].length"]
-        values, slopes = one.assembly.derivatives(one.frequency_hz, addresses)
-        modes = line_modes(one.frequency_hz, values)
+        values, slopes = one.assembly.derivatives(one.tip.frequency_hz, addresses)
+        modes = line_modes(one.tip.frequency_hz, values)
         exact = damped_modes(one.assembly, 5500.0, addresses)
         scale = np.array([one.assembly.get(address) for address in addresses])
         assert len(modes) >= 3
@@ -174,7 +174,7 @@ def test_a_tool_without_a_peak_has_no_modes(identified: Any, tmp_path: Path) -> 
     read = load(tmp_path, text=TEXT.replace('upper = "5 kHz"', 'upper = "80 Hz"'))
     for tool in predict_catalogue(Catalogue(read), identified):
         assert tool.modes.shape == tool.modes_deviation.shape == (0, 3)
-        assert np.isfinite(tool.deviation).all()
+        assert np.isfinite(tool.tip.scatter.total).all()
 
 
 def test_lines_without_an_order_are_refused(identified: Any, tmp_path: Path) -> None:
@@ -189,9 +189,8 @@ def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     catalogue = Catalogue(machine)
     for one, tool in list(zip(predict_catalogue(catalogue, identified), catalogue, strict=True))[:2]:
         found = []
-        for assembly in forecast_of(machine, identified, tool.site, tool.tolerances, tool.row.name, []).drawn(
-            150, SEED
-        ):
+        there = predict_assembly(machine, identified, tool.site, tool.tolerances, tool.row.name, [])
+        for assembly in there.assemblies(150, SEED):
             assert assembly is not None
             modes = damped_modes(assembly, 5200.0, threads=1)
             values = np.stack([modes.frequency_hz, modes.damping_ratio, modes.dynamic_stiffness], axis=1)
@@ -216,7 +215,7 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     """The same tips as those of the modes; intervals include the variance of the lines, against noisy tables."""
     print(f"seed {SEED}")
     whole = next(predict_catalogue(Catalogue(machine), identified))
-    lines = whole.frequency_hz
+    lines = whole.tip.frequency_hz
     table = _as_table(machine.built.assemblies["short"], lines)
     share = 0.001 * np.abs(np.stack([table.matrix[:, 0, 0], table.matrix[:, 1, 1], table.matrix[:, 0, 1]], axis=1))
     covariance = np.einsum("ni,ij->nij", share**2, np.eye(3)).astype(complex)
@@ -228,7 +227,7 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     noisy = _as_table(machine.built.assemblies["short"], lines, covariance)
     fit = exact.identify()
     one = next(predict_catalogue(Catalogue(exact, spindle=noisy), fit))
-    np.testing.assert_allclose(one.receptance, whole.receptance, rtol=1e-3)
+    np.testing.assert_allclose(one.tip.receptance, whole.tip.receptance, rtol=1e-3)
     # Modes from tables with this noise scatter as the intervals state, without the contribution of the fit.
     residuals = [f"nose.residual_{name}" for name in ("y", "theta", "ytheta")]
     slope = one.assembly.derivatives(lines, residuals)[1]
@@ -247,7 +246,7 @@ def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> No
     alone = next(predict_catalogue(Catalogue(exact, spindle=_as_table(machine.built.assemblies["short"], lines)), fit))
     of_table = np.sqrt(one.modes_deviation[0] ** 2 - alone.modes_deviation[0] ** 2)
     np.testing.assert_allclose(of_table, spread, rtol=0.25)
-    assert (one.deviation > alone.deviation).all()
+    assert (one.tip.scatter.total > alone.tip.scatter.total).all()
 
 
 def test_drift_in_a_spindle_table_is_noted(machine: Any, tmp_path: Path) -> None:
@@ -282,7 +281,7 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
     fit = read.identify()
     one = next(predict_catalogue(Catalogue(read), fit))
     other = next(predict_catalogue(Catalogue(read, spindle=nose), fit))
-    np.testing.assert_array_equal(one.receptance, other.receptance)
+    np.testing.assert_array_equal(one.tip.receptance, other.tip.receptance)
     np.testing.assert_array_equal(one.modes_deviation, other.modes_deviation)
     (tmp_path / "nose.npz").write_bytes(b"PK nothing")
     with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz: this is not a complete NPZ file"):
@@ -392,14 +391,14 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     Path("m.csv").write_text("old")
     from receptance.catalogue import prediction
 
-    original = prediction._ToolPredictor._predict
+    original = prediction.predict_assembly
 
-    def fails(self: Any, tool: Any) -> Any:
-        if tool.row.name == "T3":
+    def fails(campaign: Any, identified: Any, site: Any, *rest: Any) -> Any:
+        if site.configuration == "T3":
             raise ValueError("no such luck")
-        return original(self, tool)
+        return original(campaign, identified, site, *rest)
 
-    monkeypatch.setattr(prediction._ToolPredictor, "_predict", fails)
+    monkeypatch.setattr(prediction, "predict_assembly", fails)
     assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--overwrite") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"

@@ -132,7 +132,8 @@ def test_a_gain_is_named_with_its_size_and_kept_out_of_predictions() -> None:
     value, low, high = verdict.causes[0].parameters["calibration_gain.log_gain"]
     assert low < np.log(1.05) < high
     assert value == pytest.approx(np.log(1.05), abs=2e-3)
-    found, _ = verdict.predict_natural_frequencies(make_assembly(0.06), 6000.0)
+    predicted = verdict.at(make_assembly(0.06)).natural_frequencies(6000.0)
+    found = predicted.predicted_hz
     np.testing.assert_allclose(found, make_assembly(0.06).natural_frequencies(6000.0), rtol=2e-3)
     assert json.loads(json.dumps(verdict.to_dict(), allow_nan=False))["verdict"] == "named"
     assert "Calibration gain: the calibration of hammer or sensor is off" in verdict.summary(1000)
@@ -298,7 +299,8 @@ def test_an_unusual_size_is_suspected_and_shown() -> None:
     assert verdict.to_dict()["causes"][0]["vetoed"] == size
     assert note in html.unescape(verdict.to_html())
     # The reported model counts in predictions, with a finite error.
-    _, errors = verdict.predict_natural_frequencies(make_assembly(0.06), 6000.0)
+    predicted = verdict.at(make_assembly(0.06)).natural_frequencies(6000.0)
+    errors = predicted.standard_error_hz
     assert (errors < 50.0).all()
 
 
@@ -752,7 +754,8 @@ def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
     _, low, high = verdict.causes[0].parameters["joint_spread.length"]
     assert low < 0.02 < high
     # A tool with another overhang, without a measurement on the holder.
-    found, _ = verdict.predict_natural_frequencies(make_stepped_assembly(0.06), 6000.0)
+    predicted = verdict.at(make_stepped_assembly(0.06)).natural_frequencies(6000.0)
+    found = predicted.predicted_hz
     truth = make_stepped_assembly(0.06, joint=replace(LAYER, k_theta=1e4), cut=0.02)
     np.testing.assert_allclose(found, truth.natural_frequencies(6000.0), rtol=2e-3)
 

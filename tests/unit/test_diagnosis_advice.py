@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,15 +13,13 @@ from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, 
 from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
 from receptance.diagnosis.advice import (
     MENU,
-    DirectMeasurement,
     Hypothesis,
-    SimulatedMeasurement,
+    MenuItem,
     advise,
     assembly_again,
     at_the_nose,
-    holder_alone,
     other_overhang,
-    tool_alone,
+    part_alone,
 )
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
@@ -93,7 +92,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
     model = selection.base.model
     requested = describe(model, ()).candidate.observation  # type: ignore[operator]
     hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "fluted_part"))
-    expected = SimulatedMeasurement("", 1.0, describe).discriminate(*hypotheses)  # type: ignore[arg-type]
+    expected = MenuItem("", 1.0, describe=describe).discriminate(*hypotheses)  # type: ignore[arg-type]
     # The sensor is at the response, with the fitted mass.
     at = requested.response
     mass = truth.fit.values["sensor_mass.mass"]
@@ -124,19 +123,19 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
 
 def test_explanation_is_not_refuted_by_its_data(selection: Selection) -> None:
     for one in (Hypothesis(single, selection.base.model) for single in selection.singles):
-        for describe in (at_the_nose, other_overhang, tool_alone, holder_alone):
-            assert SimulatedMeasurement("", 1.0, describe).discriminate(one, one) < 0.01
+        for describe in (at_the_nose, other_overhang, partial(part_alone, "tool"), partial(part_alone, "holder")):
+            assert MenuItem("", 1.0, describe=describe).discriminate(one, one) < 0.01
 
 
 def test_weights_and_marked_places(selection: Selection) -> None:
     sensor, offset, flutes = (hypothesis(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
     mass, _ = sensor.sizes["sensor_mass.mass"]
-    weighed = DirectMeasurement("", 1.0, {"sensor_mass.mass": 2e-5})
+    weighed = MenuItem("", 1.0, {"sensor_mass.mass": 2e-5})
     assert weighed.discriminate(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
     # In the other direction the fitted mass is uncertain itself.
     assert 50.0 < weighed.discriminate(offset, sensor) < weighed.discriminate(sensor, offset)
     assert weighed.discriminate(offset, flutes) == 0.0
-    marked = SimulatedMeasurement("", 1.0, assembly_again, frozenset({"hammer_offset"}))
+    marked = MenuItem("", 1.0, describe=assembly_again, without=frozenset({"hammer_offset"}))
     assert marked.discriminate(sensor, offset) > 30.0
     assert marked.discriminate(sensor, flutes) == 0.0
 

@@ -589,7 +589,8 @@ def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     assert hidden.discrepancy.frequency > 2.0 * hidden.discrepancy_after.frequency
     assert hidden.gains[0].held_out_after < hidden.gains[0].held_out_before
     assert hidden.facts()[0].texts[0].startswith("partly explained: ")
-    frequencies, errors = hidden.predict_natural_frequencies(assembled(0.07), 8e3)
+    predicted = hidden.at(assembled(0.07)).natural_frequencies(8e3)
+    frequencies, errors = predicted.predicted_hz, predicted.standard_error_hz
     assert np.all(errors >= hidden.discrepancy_after.frequency * frequencies)
     # A prediction that is not better contradicts the cause.
     worse = replace(hidden.gains[0], held_out_before=0.1, held_out_after=0.2)
@@ -615,7 +616,8 @@ def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     assert not found.causes
     assert 0.002 < found.discrepancy.frequency < 0.02
     assert found.discrepancy_after is None
-    frequencies, errors = found.predict_natural_frequencies(assembled(0.07), 8e3)
+    predicted = found.at(assembled(0.07)).natural_frequencies(8e3)
+    frequencies, errors = predicted.predicted_hz, predicted.standard_error_hz
     assert np.all(np.isfinite(errors) & (errors >= found.discrepancy.frequency * frequencies))
     assert found.base.standard_errors["joint.k_theta"] > 0.0
     assert "model error beside noise, natural frequencies" in {row[0] for row in found.tables()[0].rows}

@@ -152,7 +152,7 @@ def test_an_axis_that_is_off_is_named(order: int) -> None:
     assert 0.0 < low < np.log1p(0.008) < high
     # A cause of the measurement does not act in the machine.
     np.testing.assert_allclose(
-        verdict.predict_natural_frequencies(assembled(0.06), 6000.0)[0],
+        verdict.at(assembled(0.06)).natural_frequencies(6000.0).predicted_hz,
         assembled(0.06).natural_frequencies(6000.0),
         rtol=4e-3,
     )

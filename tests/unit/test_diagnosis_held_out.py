@@ -23,13 +23,13 @@ from receptance.diagnosis.held_out import (
     SCORE,
     SPECTRAL,
     Gain,
-    PosteriorPrediction,
     _Fold,
     _measure,
     _on_others,
     cross_validate,
     gain_of,
     metrics_of,
+    predicted_data,
     select_without,
 )
 from receptance.diagnosis.judgement import conclude, doubt_prediction
@@ -117,28 +117,28 @@ def test_gains_in_all_metrics_and_a_custom_metric() -> None:
 def test_the_log_score_is_the_density_of_a_linear_model() -> None:
     """Against the Gaussian of the data themselves, where the model is so nearly linear that there is one."""
     tolerances = (Tolerance(name="blank", moves={"tool.segment[*].density": 1e-4}, relative=True),)
-    data = Observation.from_modes(
+    fitted = Observation.from_modes(
         assembly=make_assembly(0.06),
         frequency_hz=make_assembly(0.06).natural_frequencies(9000.0)[:2],
         standard_deviation_hz=0.2,
         label="0.06",
     )
-    fit = refit(Model((data,), tuple(JOINT[:2]), tolerances), {"joint.k_y": 6e8, "joint.k_theta": 1e5})
+    fit = refit(Model((fitted,), tuple(JOINT[:2]), tolerances), {"joint.k_y": 6e8, "joint.k_theta": 1e5})
     other = Observation.from_modes(
         assembly=make_assembly(0.08),
         frequency_hz=make_assembly(0.08).natural_frequencies(9000.0)[:2] * np.array([1.0001, 0.9999]),
         standard_deviation_hz=[0.3, 0.4],
         label="0.08",
     )
-    prediction = PosteriorPrediction(fit, Model((other,), tuple(JOINT[:2]), (*tolerances, *clamping(0.08))))
-    problem = prediction._problem
-    start = np.append(fit.x, np.zeros(problem.variables.start.size - fit.x.size))
+    data = predicted_data(fit, Model((other,), tuple(JOINT[:2]), (*tolerances, *clamping(0.08))))
+    problem, start = data.problem(), data.start
     rows, root = np.split(problem.jacobian(start), [2])
     jacobian = rows * np.array([[0.3], [0.4]])
     off = problem.residual(start)[:2] * np.array([0.3, 0.4])
     covariance = np.diag([0.09, 0.16]) + jacobian @ np.linalg.inv(root.T @ root) @ jacobian.T
     expected = -0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])
-    assert prediction.log_score == pytest.approx(expected, abs=0.02)
+    score = data.log_score(data.fit(100, 0.0, all_variables=True))
+    assert score == pytest.approx(expected, abs=0.02)
     assert start.size == fit.x.size + 1, "the clamping is a new error, the blank is not"
 
 

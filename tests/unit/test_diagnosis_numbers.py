@@ -13,13 +13,13 @@ from scipy import stats
 from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.adequacy import _strain, judge, misfit_limit
-from receptance.diagnosis.averaging import Ensemble, Target
+from receptance.diagnosis.averaging import average
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import CHANCE, MARGIN, MISFIT_LIMIT
-from receptance.identification import Law, Prior
+from receptance.identification import Law, PredictedFrequencies, PredictedMode, Prior, Scatter
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -126,18 +126,16 @@ def test_explanations_within_the_margin_are_reported_and_others_are_not() -> Non
         assert ("exponential_window" in judgement.ambiguous_between) == (answer == "ambiguous")
 
 
-def test_predictions_include_other_adequate_models(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_predictions_include_other_adequate_models() -> None:
     """The law of total variance: the mean of the variances, and that of the squared distances."""
-    predicted = {"base": (np.array([1000.0]), np.array([2.0])), "else": (np.array([1010.0]), np.array([3.0]))}
-    ensemble = Ensemble(SimpleNamespace(), None)  # type: ignore[arg-type]
-    other_explanation: Any = "else"
-    ensemble.__dict__["members"] = [(None, 0.75), (other_explanation, 0.25)]
-    monkeypatch.setattr(ensemble, "_predicted", lambda one, *_: predicted[one or "base"])
-    monkeypatch.setattr(ensemble, "_identified", lambda one: None)
-    found: Any = None
-    middle, spread = ensemble.natural_frequencies(found, Target(make_assembly(0.06)), 2000.0)
-    assert middle == 1000.0
-    assert spread**2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
+    reported, other = (
+        PredictedFrequencies(
+            modes=(PredictedMode(mode=1, predicted_hz=frequency),),
+            scatter=Scatter(np.array([spread]), np.array([spread]), {}),
+        )
+        for frequency, spread in ((1000.0, 2.0), (1010.0, 3.0))
+    )
+    assert average(reported, [(0.25, other)]) ** 2 == pytest.approx(0.75 * 2.0**2 + 0.25 * (3.0**2 + 10.0**2))
 
 
 def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:

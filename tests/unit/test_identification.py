@@ -209,10 +209,11 @@ def test_result_carries_over_to_another_overhang():
     result = identify(simulate_modes(make_assembly(), standard_deviation_hz=5.0), STIFFNESSES)
     guess = make_assembly(0.09, k_y=1e8, k_theta=1e4)
     expected = make_assembly(0.09).natural_frequencies(15e3)
-    np.testing.assert_allclose(result.apply(guess).natural_frequencies(15e3), expected, rtol=1e-6)
-    found, error = result.predict_natural_frequencies(guess, 15e3)
+    np.testing.assert_allclose(result.at(guess).assembly.natural_frequencies(15e3), expected, rtol=1e-6)
+    predicted = result.at(guess).natural_frequencies(15e3)
+    found, error = predicted.predicted_hz, predicted.standard_error_hz
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     assert np.all((error > 0.1) & (error < 50.0))
     other = Assembly([Part([Segment(length=0.1, outer_diameter=0.01, material=STEEL)])])
     with pytest.raises(ValueError, match="none of the identified"):
-        result.apply(other)
+        result.at(other)

@@ -134,7 +134,8 @@ def test_parameter_without_influence_is_undetermined():
     assert any("do not determine joint.c_y" in text for text in result.advice)
     assert any("fit as well with other values" in text for text in result.advice)
     assert result.interval("joint.c_y") == (0.0, np.inf)
-    found, error = result.predict_natural_frequencies(make_assembly(0.09), 15e3)
+    predicted = result.at(make_assembly(0.09)).natural_frequencies(15e3)
+    found, error = predicted.predicted_hz, predicted.standard_error_hz
     assert found.shape == error.shape
     assert np.isfinite(error).all()
 

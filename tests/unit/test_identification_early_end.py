@@ -134,7 +134,8 @@ def test_early_end_is_detected_and_named(records: list[Observation]) -> None:
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["coarse_resolution"])
     (parameter,) = verdict.causes[0].parameters.values()
     assert parameter[0] == pytest.approx(END_AT, abs=2e-4)
-    found, _ = verdict.predict_natural_frequencies(make_assembly(0.08), 5000.0)
+    predicted = verdict.at(make_assembly(0.08)).natural_frequencies(5000.0)
+    found = predicted.predicted_hz
     np.testing.assert_allclose(found, make_assembly(0.08).natural_frequencies(5000.0), rtol=2e-3)
 
 

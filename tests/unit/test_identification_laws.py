@@ -147,7 +147,7 @@ def test_an_unknown_reaches_assemblies_that_were_not_observed():
     unknown = Unknown(address="joint.k_theta", lower=1e3, upper=1e7, also={"other.k_theta": 0.5})
     found = identify(data, unknown)
     assert found.values["joint.k_theta"] == pytest.approx(1.3e5, rel=1e-3)
-    assert found.apply(held_out).get("other.k_theta") == pytest.approx(0.65e5, rel=1e-3)
+    assert found.at(held_out).assembly.get("other.k_theta") == pytest.approx(0.65e5, rel=1e-3)
     assert any("no observation's assembly has other.k_theta; it affects predictions" in n for n in found.notes)
     with pytest.raises(ValueError, match=r"no observation's assembly has other\.k_theta"):
         identify(data, Unknown(address="other.k_theta", lower=1e3, upper=1e7, also={"other.k_y": 1e4}))
@@ -172,7 +172,7 @@ def test_a_power_law_is_found_over_overhangs():
     assert found.standard_errors[exponent] < 0.05
     assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=0.05)
     # Unmeasured configurations follow the law.
-    other = found.apply(make_assembly(0.07))
+    other = found.at(make_assembly(0.07)).assembly
     assert other.get("joint.k_theta") == pytest.approx(
         found.values["joint.k_theta"] * (0.07 / 0.0623) ** found.values[exponent]
     )
@@ -192,13 +192,13 @@ def test_law_follows_conditions_and_free_values_do_not():
     assert with_law.values["joint.k_theta ~ torque"] == pytest.approx(0.5, abs=0.05)
     ratio = without.values["joint.k_theta @ tight"] / without.values["joint.k_theta @ loose"]
     assert ratio == pytest.approx(3.0 ** with_law.values["joint.k_theta ~ torque"], rel=1e-4)
-    assert with_law.apply(make_assembly(), conditions={"torque": 40.0}).get("joint.k_theta") == pytest.approx(
+    assert with_law.at(make_assembly(), conditions={"torque": 40.0}).assembly.get("joint.k_theta") == pytest.approx(
         4e4 * 2.0**0.5, rel=0.05
     )
     with pytest.raises(ValueError, match="no condition 'torque'"):
-        with_law.apply(make_assembly())
+        with_law.at(make_assembly())
     with pytest.raises(ValueError, match="free in each configuration"):
-        without.apply(make_assembly(), configuration="other")
+        without.at(make_assembly(), configuration="other")
 
 
 def test_tolerances_widen_intervals_and_are_fitted_if_observable():
@@ -221,7 +221,8 @@ def test_tolerances_widen_intervals_and_are_fitted_if_observable():
     again = pickle.loads(pickle.dumps(found))
     assert again.values == found.values
     # A new tool of that blank has the same error.
-    frequency, spread = found.predict_natural_frequencies(make_assembly(0.07), 6000.0)
+    predicted = found.at(make_assembly(0.07)).natural_frequencies(6000.0)
+    frequency, spread = predicted.predicted_hz, predicted.standard_error_hz
     assert np.all(
         np.abs(frequency - make_assembly(0.07, diameter=0.0127 * 1.004).natural_frequencies(6000.0)) < 5 * spread
     )

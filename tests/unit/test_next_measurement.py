@@ -220,13 +220,14 @@ def test_predictions_as_targets(rng):
     candidate = hypothetical(label="90 mm", assembly=other, frequency_hz=lines, standard_deviation=0.001)
     found = next_measurement(fit, candidate, targets=[modes, curve, "joint.k_y"])
     assert found.targets == ("90 mm: mode 1 [Hz]", "90 mm: mode 2 [Hz]", "90 mm: log receptance", "joint.k_y")
-    frequencies, spreads = fit.predict_natural_frequencies(other, 10e3)
+    predicted = fit.at(other).natural_frequencies(10e3)
+    frequencies, spreads = predicted.predicted_hz, predicted.standard_error_hz
     for mode in (1, 2):
         one = found.best.expected[f"90 mm: mode {mode} [Hz]"]
         assert one.value == pytest.approx(frequencies[mode - 1], rel=1e-9)
         assert one.deviation_now == pytest.approx(spreads[mode - 1], rel=1e-6)
         assert one.shrink < 1.0
-    h, dh = fit.apply(other).derivatives(lines, STIFF)
+    h, dh = fit.at(other).assembly.derivatives(lines, STIFF)
     slopes = dh / h[:, None] * np.array([fit.values[name] for name in STIFF]) * np.log(10.0)
     parts = np.concatenate([slopes.real, slopes.imag])
     rms = np.sqrt(np.mean(np.einsum("ni,ij,nj->n", parts, fit.covariance, parts)))

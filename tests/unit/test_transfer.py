@@ -85,7 +85,7 @@ def test_every_configuration_is_held_out_once() -> None:
         alone = identify(others, STIFFNESSES, starts=1)
         assert split.identified is not None
         assert split.identified.values == alone.values
-        predicted = alone.apply(one.assembly).natural_frequencies(2e4)[:2]
+        predicted = alone.at(one.assembly).assembly.natural_frequencies(2e4)[:2]
         assert [mode.predicted_hz for mode in split.modes] == pytest.approx(predicted.tolist(), rel=1e-12)
     assert found.inside == (6, 6)
     assert found.rms_percent is not None
@@ -144,11 +144,11 @@ def test_drawn_and_linear_bands_agree_for_small_uncertainty() -> None:
     fit = identify(responses(noise=1e-3), [*STIFFNESSES, *DAMPINGS], starts=1)
     longer = make_assembly(0.09)
     away = np.linspace(300.0, 600.0, 5)
-    linear = fit.predict_receptance(longer, away)
-    drawn = fit.predict_receptance(longer, away, draws=1500, seed=1)
+    linear = fit.at(longer).receptance(away)
+    drawn = fit.at(longer).receptance(away, draws=1500, seed=1)
     ratio = np.log(drawn.band()[1] / np.abs(drawn.receptance)) / np.log(linear.band()[1] / np.abs(linear.receptance))
     assert ratio == pytest.approx(np.ones(5), abs=0.1)
-    assert np.std(drawn.drawn, axis=0) == pytest.approx(linear.scatter.total, rel=0.08)
+    assert np.std(np.log(np.abs(drawn.drawn)), axis=0) == pytest.approx(linear.scatter.total, rel=0.08)
     low, high = linear.band(0.95, noise=0.01)
     assert np.all(high / low > np.exp(2 * 1.95 * 0.01))
 
@@ -159,7 +159,7 @@ def test_receptance_of_undetermined_parameters_has_an_open_band() -> None:
         assembly=rigid, frequency_hz=rigid.natural_frequencies(5e3)[:1], standard_deviation_hz=5.0
     )
     fit = identify([mode, mode], STIFFNESSES, starts=1)
-    wide = fit.predict_receptance(make_assembly(0.06), [3e3]).scatter.total
+    wide = fit.at(make_assembly(0.06)).receptance([3e3]).scatter.total
     assert wide[0] > 0.1
 
 
@@ -220,12 +220,12 @@ def test_unpredictable_quantities_are_reported() -> None:
 
 
 def test_linear_band_replaces_impossible_draws_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
-    from receptance.identification.prediction import Forecast
+    from receptance.identification.predictor import PredictedAssembly
 
-    def none_has_a_model(self: Forecast, count: int, seed: int) -> list[Assembly | None]:
+    def none_has_a_model(self: PredictedAssembly, count: int, seed: int) -> list[Assembly | None]:
         return [None] * count
 
-    monkeypatch.setattr(Forecast, "drawn", none_has_a_model)
+    monkeypatch.setattr(PredictedAssembly, "assemblies", none_has_a_model)
     found = transfer(responses(), [*STIFFNESSES, *DAMPINGS], splits=["80 mm"], starts=1)
     assert found.notes == (
         "80 mm: its band is linear, because only 0 of 200 vectors drawn from the posterior have a model",

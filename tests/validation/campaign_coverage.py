@@ -124,9 +124,9 @@ def measure(seed: int, draws: int) -> Coverage:
         found.rms.append(identified.rms)
         held_out = drawn.measurements["long"]
         true = structures["long"].natural_frequencies(7e3)[: len(MODES)]
-        predicted, deviation = identified.predict_natural_frequencies(
-            held_out.assembly, 7e3, configuration="long", tolerances=drawn.errors["long"]
-        )
+        there = identified.at(held_out.assembly, configuration="long", tolerances=drawn.errors["long"])
+        frequencies = there.natural_frequencies(7e3)
+        predicted, deviation = frequencies.predicted_hz, frequencies.standard_error_hz
         inside = np.abs(predicted[: len(MODES)] - true) <= 1.96 * deviation[: len(MODES)]
         for name, yes in zip(MODES, inside, strict=True):
             found.covered[name] += bool(yes)

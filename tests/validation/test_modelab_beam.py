@@ -78,7 +78,7 @@ def test_natural_frequencies_are_those_of_a_timoshenko_beam(measured):
     beam = timoshenko()
     found = identify(Observation.from_modes(assembly=beam, frequency_hz=frequency), UNKNOWNS, starts=4)
     assert found.converged
-    left = 100.0 * (found.apply(beam).natural_frequencies(1100.0) / frequency - 1.0)
+    left = 100.0 * (found.at(beam).assembly.natural_frequencies(1100.0) / frequency - 1.0)
     beta = np.array([4.730041, 7.853205, 10.995608, 14.137165])
     euler = 100.0 * ((beta / beta[0]) ** 2 * frequency[0] / frequency - 1.0)
     print("left in %: Timoshenko", left.round(4), "Euler-Bernoulli", euler.round(3))

@@ -79,9 +79,9 @@ def measure(seed: int, case: int, draws: int = 100) -> Outcome:
     # Far enough that the first three modes are among them.
     upper = 6.0 * float(held_out.frequency_hz[-1])
     true = true_assembly(campaign, index).natural_frequencies(upper)
-    predicted, deviation = split.identified.predict_natural_frequencies(
-        held_out.assembly, upper, configuration=held_out.configuration, tolerances=campaign.tolerances
-    )
+    there = split.identified.at(held_out.assembly, configuration=held_out.configuration, tolerances=campaign.tolerances)
+    frequencies = there.natural_frequencies(upper)
+    predicted, deviation = frequencies.predicted_hz, frequencies.standard_error_hz
     mode = int(rng.integers(3))
     linear = replace(frf, drawn=frf.drawn[:0])
     return Outcome(

@@ -1,7 +1,7 @@
 from .check import CampaignCheck as CampaignCheck
 from .comparison import Comparison as Comparison
 from .prediction import Prediction as Prediction
-from .prediction import forecast_of as forecast_of
+from .prediction import predict_assembly as predict_assembly
 from .problems import CampaignError as CampaignError
 from .problems import Issue as Issue
 from .run import Campaign as Campaign

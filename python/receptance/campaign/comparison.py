@@ -16,7 +16,6 @@ from receptance.campaign.values import kind_of
 from receptance.identification import Identification, Observation
 from receptance.identification.mapping import FACTORS
 from receptance.identification.observations import altered
-from receptance.identification.prediction import Forecast
 from receptance.identification.unknowns import Law, covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -251,8 +250,8 @@ def _observations(
         observation = altered(measured, assembly=assembly)
         if measured.is_receptance and any(unknown.address in FACTORS for unknown in fit.unknowns):
             # Candidates are structures, so the identified effect of the measuring chain is removed from the data.
-            forecast = Forecast(fit, measured.site(0), campaign.errors[name])
-            chain = forecast.recorded(measured) / assembly.receptance(
+            predicted = fit.predictor.at(measured.site(0), campaign.errors[name])
+            chain = predicted.recorded(measured) / assembly.receptance(
                 measured.frequency_hz, response=measured.response, excitation=measured.excitation
             )
             observation = altered(observation, receptance=measured.receptance / chain)

@@ -12,7 +12,8 @@ import numpy as np
 from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.identification.mapping import Site
-from receptance.identification.prediction import Forecast, PredictedFrequencies, PredictedFRF
+from receptance.identification.prediction import PredictedFrequencies, PredictedFRF
+from receptance.identification.predictor import PredictedAssembly, Predictor
 from receptance.identification.unknowns import covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -263,32 +264,28 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
     frfs: list[PredictedFRF] = []
     reasons: dict[str, str] = {}
     count = len(held_out) + len(unmeasured)
-    for name, seen in held_out.items():
-        campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
-        site = Site(seen.assembly, seen.configuration, "", seen.conditions)
+    for number, (name, measured) in enumerate([*held_out.items(), *((name, None) for name in unmeasured)], start=1):
+        campaign.progress(f"predicting {name}, {number} of {count}")
+        if measured is None:
+            site, tolerances = campaign.site(name), campaign.tolerances.get(name, ())
+        else:
+            site = Site(measured.assembly, measured.configuration, "", measured.conditions)
+            tolerances = campaign.errors[name]
         try:
-            forecast = forecast_of(campaign, identified, site, campaign.errors[name], name, notes)
+            predicted = predict_assembly(campaign, identified, site, tolerances, name, notes)
         except CampaignError as error:
             reasons[name] = error.problems[0].text
             continue
         with errors_about(campaign.file, f"{name}: "):
-            if seen.is_receptance:
-                frfs.append(replace(forecast.observed(seen), name=name, assembly=seen.configuration))
+            if measured is None:
+                modes, frf = _unmeasured(name, campaign, predicted, notes)
+                frequencies += [] if modes is None else [modes]
+                frfs.append(frf)
+            elif measured.is_receptance:
+                frfs.append(replace(predicted.observed(measured), name=name, assembly=measured.configuration))
             else:
-                frequencies.append(replace(forecast.observed_modes(seen), name=name, assembly=seen.configuration))
-    for name in unmeasured:
-        campaign.progress(f"predicting {name}, {len(frequencies) + len(frfs) + len(reasons) + 1} of {count}")
-        try:
-            forecast = forecast_of(
-                campaign, identified, campaign.site(name), campaign.tolerances.get(name, ()), name, notes
-            )
-        except CampaignError as error:
-            reasons[name] = error.problems[0].text
-            continue
-        with errors_about(campaign.file, f"{name}: "):
-            found = _unmeasured(name, campaign, forecast, notes)
-        frequencies += [found[0]] if found[0] is not None else []
-        frfs.append(found[1])
+                modes = predicted.observed_modes(measured)
+                frequencies.append(replace(modes, name=name, assembly=measured.configuration))
     if not frequencies and not frfs:
         raise CampaignError.about(campaign.file, "; ".join(reasons.values()))
     notes += [f"not predicted: {reason}" for reason in reasons.values()]
@@ -309,15 +306,16 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
     )
 
 
-def forecast_of(
+def predict_assembly(
     campaign: Campaign,
     identified: Identification | None,
     site: Site,
     tolerances: Sequence[Tolerance],
     name: str,
     notes: list[str],
-) -> Forecast:
-    """Return the forecast of an assembly, and add notes on parameters that are not identified or not in it.
+    threads: int | None = None,
+) -> PredictedAssembly:
+    """Return the predictions of an assembly, and add notes on parameters that are not identified or not in it.
 
     Parameters
     ----------
@@ -333,20 +331,20 @@ def forecast_of(
         Name of the prediction in notes and messages.
     notes : list of str
         List to which notes are added.
+    threads : int, optional
+        Number of threads; by default that of the fit.
 
     Raises
     ------
     CampaignError
         The prediction is not possible, for example without the condition of a law.
     """
-    try:
-        found = Forecast(identified, site, tolerances)
-    except ValueError as error:
-        if identified is None:
-            raise
-        raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
     if identified is None:
-        return found
+        return Predictor().at(site, tolerances, threads)
+    try:
+        predicted = identified.predictor.at(site, tolerances, threads)
+    except ValueError as error:
+        raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
     if not any(covered(address, site.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
@@ -354,27 +352,27 @@ def forecast_of(
     rest = [address for address in unknown_addresses if address not in identifiable and covered(address, site.assembly)]
     if rest:
         notes.append(f"{name}: not identified and at start values: {', '.join(rest)}")
-    return found
+    return predicted
 
 
 def _unmeasured(
-    name: str, campaign: Campaign, forecast: Forecast, notes: list[str]
+    name: str, campaign: Campaign, predicted: PredictedAssembly, notes: list[str]
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
-    assembly = forecast.assembly
+    assembly = predicted.assembly
     lines = prediction_lines(campaign, assembly)
     frequencies = None
     if not assembly.countable:
         notes.append(f"{name}: the spindle is a modal part, so natural frequencies are not predicted, only the FRF")
     else:
-        frequencies = replace(forecast.natural_frequencies(float(lines[-1])), name=name, assembly=name)
+        frequencies = replace(predicted.natural_frequencies(float(lines[-1])), name=name, assembly=name)
         if not frequencies.modes:
             frequencies = None
             notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
     response, excitation = campaign.places[name]
     amplitude = campaign.table.prediction.force
     force = None if amplitude is None else np.full(lines.size, amplitude)
-    found = forecast.receptance(lines, response, excitation, force=force)
-    return frequencies, replace(found, name=name, assembly=name)
+    frf = predicted.receptance(lines, response, excitation, force=force)
+    return frequencies, replace(frf, name=name, assembly=name)
 
 
 def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:

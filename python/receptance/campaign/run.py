@@ -910,17 +910,17 @@ def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
         raise CampaignError.about(campaign.file, text + did_you_mean(name, choices))
     errors = campaign.tolerances.get(name, ())
     conditions = campaign.site(name).conditions
-    assembly = fit.apply(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
+    predicted = fit.at(campaign.assemblies[name], configuration=name, conditions=conditions, tolerances=errors)
     upper = campaign.highest_frequency
     assert upper is not None  # a fit has measurements
-    modes = assembly.natural_frequencies(upper)
+    modes = predicted.assembly.natural_frequencies(upper)
     if not modes.size:
         raise CampaignError.about(campaign.file, f'the target "{name}" has no natural frequency below {upper:g} Hz')
-    predicted = Observation.from_modes(
+    observation = Observation.from_modes(
         label=name,
         assembly=campaign.assemblies[name],
         modes=range(1, modes.size + 1),
         configuration=name,
         conditions=conditions,
     )
-    return Candidate(observation=predicted, tolerances=errors)
+    return Candidate(observation=observation, tolerances=errors)

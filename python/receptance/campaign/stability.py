@@ -13,9 +13,8 @@ import numpy as np
 
 from receptance._text import did_you_mean
 from receptance.campaign.measurements import read_entry, restrict_to_bands
-from receptance.campaign.prediction import forecast_of, prediction_lines
+from receptance.campaign.prediction import predict_assembly, prediction_lines
 from receptance.campaign.problems import CampaignError, errors_about
-from receptance.errors import ReceptanceError
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import with_variance
@@ -47,8 +46,7 @@ if TYPE_CHECKING:
     from receptance.campaign.schema import TipTable
     from receptance.diagnosis import HeldOut, Metric
     from receptance.identification import Identification
-    from receptance.identification.observations import Observation
-    from receptance.identification.prediction import Forecast
+    from receptance.identification.predictor import PredictedAssembly
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
 
@@ -214,50 +212,58 @@ class Tips:
         identified: Identification | None,
         tips: Sequence[Tip | None],
     ) -> None:
-        draws, seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
         self.notes: list[str] = []
         # The same tip in both directions has the same draws.
-        given = [tip for tip in tips if tip is not None]
-        own = [tip for i, tip in enumerate(given) if not any(tip is other for other in given[:i])]
-        predicted = [_forecast_of_tip(campaign, identified, tip, self.notes) for tip in own]
-        measured = [tip.frf for tip in own if tip.frf is not None]
+        several = [tip for tip in tips if tip is not None]
+        each = [tip for i, tip in enumerate(several) if not any(tip is other for other in several[:i])]
+        predicted = [_predicted_tip(campaign, identified, tip, self.notes) for tip in each]
+        measured = [tip.frf for tip in each if tip.frf is not None]
         if measured:
             self.lines = receptance_matrix(measured[0], measured[-1])[0]
         else:
             self.lines = prediction_lines(campaign, next(p.assembly for p in predicted if p is not None))
-        self._sources: list[_Source] = []
-        for tip, made in zip(own, predicted, strict=True):
-            if made is not None:
-                self._sources.append(_PredictedTip(made, self.lines, draws, seed, campaign.threads))
+        self._draws, self._seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
+        self._threads = campaign.threads
+        self._sources: list[PredictedAssembly | _MeasuredTip] = []
+        for tip, prediction in zip(each, predicted, strict=True):
+            if prediction is not None:
+                self._sources.append(prediction)
             elif tip.frf is not None:
                 self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, campaign, self.notes))
-        self._directions = [None if t is None else next(i for i, o in enumerate(own) if o is t) for t in tips]
+        self._directions = [None if t is None else next(i for i, o in enumerate(each) if o is t) for t in tips]
         self.uncertain = any(source.uncertain for source in self._sources)
 
     def receptance(self) -> NDArray[np.complex128]:
         """Return the receptance of the tip in m/N, `(n, d, d)` for d directions."""
-        return self._matrix([source.values() for source in self._sources])
+        return self._matrix(
+            [s.values() if isinstance(s, _MeasuredTip) else self._receptance_of(s.assembly) for s in self._sources]
+        )
 
     def receptances(self) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
         """Return valid draws of the receptance `(m, n, d, d)`, and a mask of the valid draws."""
-        drawn = [source.drawn_values() for source in self._sources]
-        good = np.all([np.isfinite(values).all(axis=1) for values in drawn], axis=0)
-        self._count(good)
-        return self._matrix([values[good] for values in drawn]), good
+        drawn, good = self._drawn(_MeasuredTip.drawn_values, self._receptance_of)
+        return self._matrix([np.array(values) for values in drawn]), good
 
     def modes(self) -> TipModes:
         """Return the modes in x and y."""
-        return self._modes([source.modes() for source in self._sources])
+        return self._joined(
+            [s.modes() if isinstance(s, _MeasuredTip) else self._modes_of(s.assembly) for s in self._sources]
+        )
 
     def drawn_modes(self) -> tuple[list[TipModes], NDArray[np.bool_]]:
         """Return valid draws of the modes, and a mask of the valid draws."""
-        drawn = [source.drawn_modes() for source in self._sources]
-        together = list(zip(*drawn, strict=True))
-        good = np.array([all(one is not None for one in each) for each in together])
-        self._count(good)
-        return [self._modes([m for m in each if m is not None]) for each in together if None not in each], good
+        drawn, good = self._drawn(_MeasuredTip.drawn_modes, self._modes_of)
+        return [self._joined(list(each)) for each in zip(*drawn, strict=True)], good
 
-    def _count(self, good: NDArray[np.bool_]) -> None:
+    def _drawn(
+        self, measured: Callable[[_MeasuredTip], Sequence[_Value]], predicted: Callable[[Assembly], _Value]
+    ) -> tuple[list[list[_Value]], NDArray[np.bool_]]:
+        """Return a value of each source for all draws that can be evaluated, and a mask of these."""
+        drawn: list[Sequence[_Value | None]] = [
+            measured(s) if isinstance(s, _MeasuredTip) else s.draw(predicted, self._draws, self._seed)
+            for s in self._sources
+        ]
+        good = np.array([all(value is not None for value in each) for each in zip(*drawn, strict=True)])
         lost = int(np.count_nonzero(~good))
         if lost:
             self.notes.append(
@@ -266,6 +272,21 @@ class Tips:
             )
         if 2 * lost > good.size:
             raise ValueError(f"only {good.size - lost} of {good.size} draws can be evaluated; give smaller tolerances")
+        kept = np.flatnonzero(good).tolist()
+        return [[value for i in kept if (value := values[i]) is not None] for values in drawn], good
+
+    def _receptance_of(self, assembly: Assembly) -> NDArray[np.complex128]:
+        return assembly.receptance(self.lines, threads=self._threads)
+
+    def _modes_of(self, assembly: Assembly) -> TipModes:
+        modes = damped_modes(assembly, float(self.lines[-1]), threads=self._threads)
+        constant = modes.modal_constant.real
+        seen = constant > 1e-9 * np.max(constant, initial=0.0)
+        return TipModes(
+            frequency_hz=modes.frequency_hz[seen],
+            damping_ratio=modes.damping_ratio[seen],
+            shapes=np.stack([np.sqrt(constant[seen]), np.zeros(np.count_nonzero(seen))], axis=1),
+        )
 
     def _matrix(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
         size = len(self._directions)
@@ -275,7 +296,7 @@ class Tips:
                 matrix[..., i, i] = values[source]
         return matrix
 
-    def _modes(self, modes: list[TipModes]) -> TipModes:
+    def _joined(self, modes: list[TipModes]) -> TipModes:
         """Return the modes of all directions from sources with shapes in x."""
         chosen = [(i, modes[source]) for i, source in enumerate(self._directions) if source is not None]
         return TipModes(
@@ -285,58 +306,13 @@ class Tips:
         )
 
 
-def _forecast_of_tip(
+def _predicted_tip(
     campaign: Campaign, identified: Identification | None, tip: Tip, notes: list[str]
-) -> Forecast | None:
+) -> PredictedAssembly | None:
     if not tip.assembly:
         return None
     tolerances = campaign.tolerances.get(tip.assembly, ())
-    return forecast_of(campaign, identified, campaign.site(tip.assembly), tolerances, tip.assembly, notes)
-
-
-class _PredictedTip:
-    """A tip that is predicted by the model."""
-
-    def __init__(
-        self, forecast: Forecast, lines: NDArray[np.float64], draws: int, seed: int, threads: int | None
-    ) -> None:
-        self._forecast, self._lines, self._draws, self._seed = forecast, lines, draws, seed
-        self._threads = threads
-        self.uncertain = forecast.uncertain
-
-    def values(self) -> NDArray[np.complex128]:
-        return self._forecast.assembly.receptance(self._lines, threads=self._threads)
-
-    def drawn_values(self) -> NDArray[np.complex128]:
-        nothing = np.full(self._lines.size, np.nan, np.complex128)
-        drawn = self._evaluated(lambda assembly: assembly.receptance(self._lines, threads=self._threads))
-        return np.array([nothing if values is None else values for values in drawn])
-
-    def modes(self) -> TipModes:
-        return self._modes_of(self._forecast.assembly)
-
-    def drawn_modes(self) -> list[TipModes | None]:
-        return self._evaluated(self._modes_of)
-
-    def _evaluated(self, value: Callable[[Assembly], _Value]) -> list[_Value | None]:
-        """Return a value of each draw; None where it cannot be evaluated."""
-        found: list[_Value | None] = []
-        for assembly in self._forecast.drawn(self._draws, self._seed):
-            try:
-                found.append(None if assembly is None else value(assembly))
-            except (ValueError, ReceptanceError):  # waves too short for an absurd length, say
-                found.append(None)
-        return found
-
-    def _modes_of(self, assembly: Assembly) -> TipModes:
-        found = damped_modes(assembly, float(self._lines[-1]), threads=self._threads)
-        constant = found.modal_constant.real
-        seen = constant > 1e-9 * np.max(constant, initial=0.0)
-        return TipModes(
-            frequency_hz=found.frequency_hz[seen],
-            damping_ratio=found.damping_ratio[seen],
-            shapes=np.stack([np.sqrt(constant[seen]), np.zeros(np.count_nonzero(seen))], axis=1),
-        )
+    return predict_assembly(campaign, identified, campaign.site(tip.assembly), tolerances, tip.assembly, notes)
 
 
 class _MeasuredTip:
@@ -361,15 +337,15 @@ class _MeasuredTip:
     def values(self) -> NDArray[np.complex128]:
         return np.asarray(self._frf.values[:, 0, 0])
 
-    def drawn_values(self) -> NDArray[np.complex128]:
+    def drawn_values(self) -> list[NDArray[np.complex128]]:
         if not self.uncertain:
-            return np.repeat(self.values()[None], self._draws, axis=0)
-        return receptance_draws(self._frf, draws=self._draws, seed=self._seed)[:, :, 0, 0]
+            return [self.values()] * self._draws
+        return list(receptance_draws(self._frf, draws=self._draws, seed=self._seed)[:, :, 0, 0])
 
     def modes(self) -> TipModes:
         return TipModes.from_estimates(self._estimates())
 
-    def drawn_modes(self) -> list[TipModes | None]:
+    def drawn_modes(self) -> list[TipModes]:
         if not self.uncertain:
             return [self.modes()] * self._draws
         return list(TipModes.drawn_from_estimates(self._estimates(), draws=self._draws, seed=self._seed))
@@ -380,8 +356,6 @@ class _MeasuredTip:
         found = fit_modes(self._frf, progress=self._progress)
         return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
 
-
-_Source = _MeasuredTip | _PredictedTip
 
 _SEARCH_RATIO = 10.0
 """Largest depth of semi-discretisation, over the smallest depth by the mean force, by default."""

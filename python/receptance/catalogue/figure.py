@@ -42,15 +42,16 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
     """
     figure = new_figure(9.0, 5.0)
     axes = figure.subplots()
-    size = 1e6 * np.abs(prediction.receptance)
-    low, high = (1e6 * side for side in prediction.band())
-    kind = f"{100 * prediction.level:g} % band" + ("" if len(prediction.drawn) else ", to first order")
-    axes.fill_between(prediction.frequency_hz, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=kind)
-    axes.plot(prediction.frequency_hz, size, color=COLOURS[0], lw=1.3, label="predicted")
+    tip = prediction.tip
+    size = 1e6 * np.abs(tip.receptance)
+    low, high = (1e6 * side for side in tip.band(prediction.level))
+    kind = f"{100 * prediction.level:g} % band" + ("" if len(tip.drawn) else ", to first order")
+    axes.fill_between(tip.frequency_hz, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=kind)
+    axes.plot(tip.frequency_hz, size, color=COLOURS[0], lw=1.3, label="predicted")
     top = 3.0 * float(np.max(size))
     axes.set_yscale("log")
     axes.set_ylim(max(float(np.min(size)) / 2.0, top * 10.0**-_DECADES), top)
-    axes.set_xlim(prediction.frequency_hz[0], prediction.frequency_hz[-1])
+    axes.set_xlim(tip.frequency_hz[0], tip.frequency_hz[-1])
     modes = zip(prediction.modes, prediction.modes_interval, strict=True)
     for number, ((frequency, damping, stiffness), interval) in enumerate(modes):
         height = 1e6 / stiffness
@@ -68,7 +69,7 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
         )
         half_width = 50.0 * (interval[1, 1] - interval[1, 0])
         text = f"{frequency:.0f} Hz\n{100 * damping:.2f} \u00b1 {half_width:.2g} %\n{1e-6 * stiffness:.3g} N/\u00b5m"
-        at_end = frequency > 0.85 * prediction.frequency_hz[-1]
+        at_end = frequency > 0.85 * tip.frequency_hz[-1]
         label_point(axes, text, (frequency, height), left=bool(at_end), offset=(8.0, 4.0))
     set_up(
         axes, f"{prediction.row.name} in {prediction.row.holder}", "frequency (Hz)", "receptance of the tip (\u00b5m/N)"

@@ -224,11 +224,11 @@ def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobe
     identity = np.eye(2 if isinstance(chosen.cut, Milling) else 1)
     lobes = stability_lobes(
         chosen.cut,
-        prediction.frequency_hz,
-        prediction.receptance[:, None, None] * identity,
+        prediction.tip.frequency_hz,
+        prediction.tip.receptance[:, None, None] * identity,
         speeds_rpm=campaign.spindle_speeds(),
-        draws=prediction.drawn[:, :, None, None] * identity,
-        cuts=chosen.drawn(len(prediction.drawn), settings.seed),
+        draws=prediction.tip.drawn[:, :, None, None] * identity,
+        cuts=chosen.drawn(len(prediction.tip.drawn), settings.seed),
     )
     rejection = (*prediction.rejection, *lobes.rejection)
     probability = None if lobes.draws is None else settings.probability

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from receptance.diagnosis.causes import Step, transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit, refit
+from receptance.diagnosis.held_out import predictor_of
 from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
@@ -39,7 +39,7 @@ from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
 from receptance.identification.from_frf import Floor
 from receptance.identification.mapping import Site
-from receptance.identification.new_observations import Candidate, NewObservations, information_root
+from receptance.identification.new_observations import Candidate
 from receptance.identification.observations import Observation
 from receptance.identification.problem import InfeasibleError
 from receptance.identification.unknowns import Tolerance
@@ -90,24 +90,22 @@ class Hypothesis:
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """Sizes of its causes and their standard errors."""
-        fit = self.explanation.fit
-        variables = fit.task.variables
-        inverse = np.linalg.inv(information_root(fit.curvature_root, variables))
-        slopes = variables.slopes(np.array(list(fit.values.values())))
+        fit, predictor = self.explanation.fit, predictor_of(self.explanation.fit)
+        inverse = np.linalg.inv(predictor.information_root)
+        slopes = predictor.variables.slopes(predictor.values)
         errors = dict(zip(fit.values, np.linalg.norm(inverse, axis=1) * slopes, strict=True))
         return {name: (fit.values[name], float(errors[name])) for name in self.explanation.parameters}
 
-    def simulate(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
+    def predict(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
         """Return the noise-free data of a measurement; causes with the ids `absent` do not act on it."""
-        fit, parameters = self.fit, self.explanation.parameters
+        parameters = self.explanation.parameters
         nulls = {name: one.null for name, one in parameters.items() if one.cause in absent}
-        values = np.array([nulls.get(name, value) for name, value in fit.values.items()])
-        x = fit.task.variables.from_values(values) if nulls else fit.x
+        values = np.array(list((self.fit.values | nulls).values()))
         model = measurement.extend(self.base)
-        (one,) = model.observations
-        (data,) = NewObservations(fit.task.parameters, [one], [model.tolerances]).calculated(x)
+        (observation,) = model.observations
+        (data,) = replace(predictor_of(self.fit), values=values).of([observation], [model.tolerances]).mean()
         # A cause that changes the quantity of the data has changed the placeholder data.
-        return data / one.receptance if one.is_receptance else data
+        return data / observation.receptance if observation.is_receptance else data
 
     def chi_square_increase(self, measurement: Hypothetical, data: NDArray[Any], absent: frozenset[str]) -> float:
         """Return the increase of chi-square where one more measurement is fitted as well."""
@@ -132,8 +130,8 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class MenuItem(ABC):
-    """A measurement that can be advised.
+class MenuItem:
+    """A measurement that can be advised: of the sizes of causes, or one that is simulated.
 
     Attributes
     ----------
@@ -141,35 +139,35 @@ class MenuItem(ABC):
         Instruction to the user.
     cost : float
         Effort, about that of so many hits on the machine.
+    accuracy : dict of str to float
+        Standard deviation of a direct measurement of sizes in SI units, by parameter ("sensor_mass.mass").
+    presence : frozenset of str
+        Ids of causes without a size that it shows as well.
+    describe : callable or None
+        Gets the base model and the causes that act on a simulated measurement, and returns it; None where the model
+        does not have it.
+    without : frozenset of str
+        Ids of the causes that the measurement excludes, and for which it is made.
+    elsewhere : frozenset of str
+        Ids of causes that act only at the places that were hit before.
     """
 
     action: str
     cost: float
-
-    @abstractmethod
-    def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """Return the increase of chi-square of another hypothesis if one is true; zero where it does not apply."""
-
-
-@dataclass(frozen=True)
-class DirectMeasurement(MenuItem):
-    """A direct measurement of the sizes of causes: a weight, a length, a gain.
-
-    Attributes
-    ----------
-    action, cost
-        As in `MenuItem`.
-    accuracy : dict of str to float
-        Standard deviation of the measurement in SI units, by parameter ("sensor_mass.mass").
-    presence : frozenset of str
-        Ids of causes without a size that it shows as well.
-    """
-
-    accuracy: Mapping[str, float]
+    accuracy: Mapping[str, float] = field(default_factory=dict)
     presence: frozenset[str] = frozenset()
+    describe: Callable[[Model, tuple[Step, ...]], Hypothetical | None] | None = None
+    without: frozenset[str] = frozenset()
+    elsewhere: frozenset[str] = frozenset()
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """See `MenuItem`."""
+        """Return the expected increase of chi-square of another hypothesis if one is true.
+
+        It is zero where the measurement does not apply.
+        """
+        return self._by_sizes(truth, other) if self.describe is None else self._by_simulation(truth, other)
+
+    def _by_sizes(self, truth: Hypothesis, other: Hypothesis) -> float:
         increase = QUANTITY_SHOWN * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
         parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
@@ -182,47 +180,25 @@ class DirectMeasurement(MenuItem):
             increase += (true - expected) ** 2 / (accuracy**2 + error**2)
         return increase
 
-
-@dataclass(frozen=True)
-class SimulatedMeasurement(MenuItem):
-    """One more FRF, or natural frequencies of a part alone.
-
-    Attributes
-    ----------
-    action, cost
-        As in `MenuItem`.
-    describe : callable
-        Gets the base model and the causes that act on the measurement, and returns the measurement; None where the
-        model does not have it.
-    without : frozenset of str
-        Ids of the causes that the measurement excludes, and for which it is made.
-    elsewhere : frozenset of str
-        Ids of causes that act only at the places that were hit before.
-    """
-
-    describe: Callable[[Model, tuple[Step, ...]], Hypothetical | None]
-    without: frozenset[str] = frozenset()
-    elsewhere: frozenset[str] = frozenset()
-
-    def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
-        """See `MenuItem`."""
+    def _by_simulation(self, truth: Hypothesis, other: Hypothesis) -> float:
         if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
             return 0.0
         absent = self.without | self.elsewhere
         try:
-            true, assumed = (self._describe(one, absent) for one in (truth, other))
+            true, assumed = (self._describe(hypothesis, absent) for hypothesis in (truth, other))
             if (
                 true is None
                 or assumed is None
                 or true.candidate.observation.modes != assumed.candidate.observation.modes
             ):
                 return 0.0
-            return other.chi_square_increase(assumed, truth.simulate(true, absent), absent)
+            return other.chi_square_increase(assumed, truth.predict(true, absent), absent)
         except (InfeasibleError, ReceptanceError, ValueError):
             return 0.0
 
-    def _describe(self, one: Hypothesis, absent: frozenset[str]) -> Hypothetical | None:
-        return self.describe(one.base, tuple(step for step in one.explanation.steps if step.cause.id not in absent))
+    def _describe(self, hypothesis: Hypothesis, absent: frozenset[str]) -> Hypothetical | None:
+        steps = tuple(step for step in hypothesis.explanation.steps if step.cause.id not in absent)
+        return None if self.describe is None else self.describe(hypothesis.base, steps)
 
 
 def assembly_again(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
@@ -268,18 +244,11 @@ def other_force(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
     return Hypothetical(_frf(model, index, conditions=conditions), steps)
 
 
-def tool_alone(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return natural frequencies of the tool with the longest overhang alone, free-free."""
-    return _alone(model, "tool", steps)
+def part_alone(side: str, model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
+    """Return natural frequencies of the "tool" with the longest overhang, or of the "holder", alone and free-free.
 
-
-def holder_alone(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return natural frequencies of the holder alone, free-free."""
-    return _alone(model, "holder", steps)
-
-
-def _alone(model: Model, side: str, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return natural frequencies of the parts on one side of the joint, with the causes in their assembly."""
+    The causes are in their assembly.
+    """
     index = max(range(len(model.observations)), key=lambda i: _overhang(model, i))
     one, names = model.observations[index], getattr(model.anatomies[index], side)
     if not names:
@@ -349,47 +318,41 @@ def _overhang(model: Model, index: int) -> float:
 
 
 MENU = (
-    DirectMeasurement("weigh the blank", 1.0, {"tool_density.log_density": 5e-4, "tool_material.log_density": 5e-4}),
-    DirectMeasurement("weigh the sensor and state its mass", 1.0, {"sensor_mass.mass": 2e-5}),
-    DirectMeasurement("weigh collet and nut", 1.0, {"collet_mass.mass": 2e-3}),
-    DirectMeasurement("weigh the holder", 1.0, {"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3}),
-    DirectMeasurement("measure the overhangs again with a caliper", 1.0, {"overhang_error.length": 3e-5}),
-    DirectMeasurement("look up which exponential window the analyser had", 1.0, {"exponential_window.decay_rate": 0.1}),
-    DirectMeasurement(
-        "measure a generator of known frequency with the analyser", 1.0, {"frequency_scale.log_scale": 1e-4}
-    ),
-    DirectMeasurement(
+    MenuItem("weigh the blank", 1.0, {"tool_density.log_density": 5e-4, "tool_material.log_density": 5e-4}),
+    MenuItem("weigh the sensor and state its mass", 1.0, {"sensor_mass.mass": 2e-5}),
+    MenuItem("weigh collet and nut", 1.0, {"collet_mass.mass": 2e-3}),
+    MenuItem("weigh the holder", 1.0, {"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3}),
+    MenuItem("measure the overhangs again with a caliper", 1.0, {"overhang_error.length": 3e-5}),
+    MenuItem("look up which exponential window the analyser had", 1.0, {"exponential_window.decay_rate": 0.1}),
+    MenuItem("measure a generator of known frequency with the analyser", 1.0, {"frequency_scale.log_scale": 1e-4}),
+    MenuItem(
         "measure frequency and decay of the swing on the suspension",
         1.0,
         {"suspension.stiffness": 2e3, "suspension.damping": 2.0},
     ),
-    SimulatedMeasurement(
+    MenuItem(
         "repeat one measurement without the exponential window",
         2.0,
-        assembly_again,
+        describe=assembly_again,
         without=frozenset({"exponential_window"}),
     ),
-    SimulatedMeasurement(
-        "hit once exactly at a marked place", 2.0, assembly_again, without=frozenset({"hammer_offset"})
-    ),
-    DirectMeasurement(
+    MenuItem("hit once exactly at a marked place", 2.0, describe=assembly_again, without=frozenset({"hammer_offset"})),
+    MenuItem(
         "measure a free mass that is known",
         3.0,
         {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
         presence=frozenset({"wrong_quantity", "reversed_polarity"}),
     ),
-    SimulatedMeasurement(
-        "hang it softer and repeat one measurement", 3.0, assembly_again, without=frozenset({"suspension"})
+    MenuItem(
+        "hang it softer and repeat one measurement", 3.0, describe=assembly_again, without=frozenset({"suspension"})
     ),
-    SimulatedMeasurement(
-        "measure an FRF at the holder's nose", 3.0, at_the_nose, elsewhere=frozenset({"hammer_offset"})
-    ),
-    SimulatedMeasurement("measure at a longer overhang", 3.0, other_overhang),
-    SimulatedMeasurement("hit at three times the force", 3.0, other_force),
-    SimulatedMeasurement("measure the blank alone, free-free", 4.0, tool_alone),
-    SimulatedMeasurement("measure the holder alone, free-free", 4.0, holder_alone),
-    SimulatedMeasurement(
-        "measure a plain blank of the tool's size", 4.0, assembly_again, without=frozenset({"fluted_part"})
+    MenuItem("measure an FRF at the holder's nose", 3.0, describe=at_the_nose, elsewhere=frozenset({"hammer_offset"})),
+    MenuItem("measure at a longer overhang", 3.0, describe=other_overhang),
+    MenuItem("hit at three times the force", 3.0, describe=other_force),
+    MenuItem("measure the blank alone, free-free", 4.0, describe=partial(part_alone, "tool")),
+    MenuItem("measure the holder alone, free-free", 4.0, describe=partial(part_alone, "holder")),
+    MenuItem(
+        "measure a plain blank of the tool's size", 4.0, describe=assembly_again, without=frozenset({"fluted_part"})
     ),
 )
 """The menu of the advice."""

@@ -11,9 +11,8 @@ variance and of the square of their distance from it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,10 @@ from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import Observation, altered
+from receptance.identification.mapping import Site
+from receptance.identification.observations import altered
+from receptance.identification.prediction import PredictedFrequencies
+from receptance.identification.predictor import PredictedAssembly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,24 +32,23 @@ if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation, Selection
     from receptance.identification.result import Identification
     from receptance.identification.unknowns import Tolerance
-    from receptance.model.assembly import Assembly
 
 
-@dataclass(frozen=True, eq=False)
-class Target:
-    """An assembly in the base model, and its name and conditions."""
+def predict_with(
+    base: Model,
+    explanation: Explanation | None,
+    identified: Identification,
+    site: Site,
+    tolerances: Sequence[Tolerance] | None,
+) -> PredictedAssembly:
+    """Return the predictions of an assembly of the base model with the causes of an explanation.
 
-    assembly: Assembly
-    configuration: str = ""
-    conditions: Mapping[str, float] | None = None
-    tolerances: Sequence[Tolerance] | None = None
-
-
-def extension(
-    base: Model, explanation: Explanation | None, found: Identification, target: Target
-) -> tuple[Identification, Model]:
-    """Return an identification and another assembly as a model, both without what belongs to the measurement."""
-    model = replace(base, observations=(_stand_in(base, target),), tolerances=tuple(target.tolerances or ()))
+    Causes that belong to the measurement do not act on it.
+    """
+    like = next((one for one in base.observations if one.is_receptance), base.observations[0])
+    name = site.configuration
+    stand_in = altered(like, assembly=site.assembly, configuration=name, label=name, conditions=dict(site.conditions))
+    model = replace(base, observations=(stand_in,), tolerances=tuple(tolerances or ()))
     nulls: dict[str, float] = {}
     for step in explanation.steps if explanation is not None else ():
         try:
@@ -57,21 +58,18 @@ def extension(
                 raise
         if explanation is not None and step.cause.group == "measurement":
             nulls |= {n: explanation.parameters[n].null for n in explanation.sizes(step.cause)}
-    return (replace(found, values={**found.values, **nulls}) if nulls else found), model
+    if nulls:
+        identified = replace(identified, values={**identified.values, **nulls})
+    return identified.at(
+        model.observations[0].assembly,
+        configuration=name,
+        conditions=site.conditions,
+        tolerances=None if tolerances is None else model.tolerances,
+    )
 
 
-def _stand_in(base: Model, target: Target) -> Observation:
-    """Return an observation of another assembly, measured like the first one of the base."""
-    name = target.configuration
-    fields = {"configuration": name, "label": name, "conditions": dict(target.conditions or {})}
-    for one in base.observations:
-        if one.is_receptance:
-            return altered(one, assembly=target.assembly, **fields)
-    return altered(base.observations[0], assembly=target.assembly, **fields)
-
-
-class Ensemble:
-    """The fitted models of a selection with their probabilities.
+class AveragedAssembly:
+    """An assembly predicted by all fitted models of a selection; see `Verdict.at`.
 
     Parameters
     ----------
@@ -79,60 +77,85 @@ class Ensemble:
         The fits.
     reported : Explanation or None
         The reported explanation, which counts even with an unusual size.
+    identified : Identification
+        Its fit, or that of the base.
+    site : Site
+        The assembly as the base model describes it.
+    tolerances : sequence of Tolerance or None
+        Its errors; by default those of the fit.
+    discrepancy : float
+        Relative standard deviation of natural frequencies by the error of the model itself.
     """
 
-    def __init__(self, selection: Selection, reported: Explanation | None) -> None:
-        self._selection, self._reported = selection, reported
+    def __init__(
+        self,
+        selection: Selection,
+        reported: Explanation | None,
+        identified: Identification,
+        site: Site,
+        tolerances: Sequence[Tolerance] | None,
+        discrepancy: float,
+    ) -> None:
+        self._selection, self._reported, self._discrepancy = selection, reported, discrepancy
+        self._site, self._tolerances = site, tolerances
+        self._predicted = predict_with(selection.base.model, reported, identified, site, tolerances)
+        self.assembly = self._predicted.assembly
 
-    @cached_property
-    def members(self) -> list[tuple[Explanation | None, float]]:
-        """Models and their probabilities, the base as None; those rejected or of low probability are excluded."""
-        every = self._selection.explanations
-        # A model that the data reject counts as little as one of an implausible size, even where none is adequate.
-        explanations = [one for one in every if one is self._reported or (one.passed and not one.implausible)]
-        count = max(len({cause for one in explanations for cause in one.ids}), 1)
-        logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
-        weights = np.exp(np.array(logs) - max(logs))
-        weights /= weights.sum()
-        kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > LEAST_PROBABILITY]
-        total = sum(w for _, w in kept)
-        return [(one, w / total) for one, w in kept]
+    def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
+        """Return natural frequencies by the reported model, with standard errors by all models.
 
-    def natural_frequencies(
-        self, found: Identification, target: Target, upper_hz: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return natural frequencies by the reported model, and standard deviations by all of them."""
-        middle, own = self._predicted(self._reported, found, target, upper_hz)
-        variance = np.zeros(middle.size)
-        own_weight = 1.0
-        for one, weight in self.members:
-            if one is self._reported or not middle.size:
-                continue
-            try:
-                other, deviation = self._predicted(one, self._identified(one), target, BEYOND_LIMIT * upper_hz)
-            except (ReceptanceError, ValueError):
-                continue  # this assembly cannot be predicted with it
-            if not other.size:
-                continue
-            nearest = np.abs(other[None, :] - middle[:, None]).argmin(axis=1)
-            variance += weight * (deviation[nearest] ** 2 + (other[nearest] - middle) ** 2)
-            own_weight -= weight
-        return middle, np.sqrt(variance + max(own_weight, 0.0) * own**2)
-
-    def _predicted(
-        self, one: Explanation | None, found: Identification, target: Target, upper_hz: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        extended, model = extension(self._selection.base.model, one, found, target)
-        return extended.predict_natural_frequencies(
-            model.observations[0].assembly,
-            upper_hz,
-            configuration=target.configuration,
-            conditions=target.conditions,
-            tolerances=None if target.tolerances is None else model.tolerances,
+        The errors include the differences to the other fitted models, weighted by the probabilities of these, and the
+        discrepancy of the model; infinite where the model is known to be wrong by an unknown amount.
+        """
+        predicted = self._predicted.natural_frequencies(upper_hz)
+        middle, total = predicted.predicted_hz, predicted.scatter.total
+        if middle.size:
+            others: list[tuple[float, PredictedFrequencies]] = []
+            for explanation, weight in models_of(self._selection, self._reported):
+                if explanation is self._reported:
+                    continue
+                try:
+                    other = self._predicted_by(explanation).natural_frequencies(BEYOND_LIMIT * upper_hz)
+                except (ReceptanceError, ValueError):
+                    continue  # this assembly cannot be predicted with it
+                others += [(weight, other)] if other.modes else []
+            total = average(predicted, others)
+        total = np.hypot(total, self._discrepancy * middle)
+        modes = (
+            replace(mode, deviation_hz=deviation)
+            for mode, deviation in zip(predicted.modes, total.tolist(), strict=True)
         )
+        return replace(predicted, modes=tuple(modes), scatter=replace(predicted.scatter, total=total))
 
-    def _identified(self, one: Explanation | None) -> Identification:
-        if one is None:
-            return self._selection.base.identification
-        fit = refit(one.fit.model, one.fit.values) if one.expected else one.fit
-        return fit.identification
+    def _predicted_by(self, explanation: Explanation | None) -> PredictedAssembly:
+        fit = self._selection.base if explanation is None else explanation.fit
+        if explanation is not None and explanation.expected:
+            fit = refit(fit.model, fit.values)
+        base = self._selection.base.model
+        return predict_with(base, explanation, fit.identification, self._site, self._tolerances)
+
+
+def average(
+    predicted: PredictedFrequencies, others: Sequence[tuple[float, PredictedFrequencies]]
+) -> NDArray[np.float64]:
+    """Return standard deviations by a model and by others with their probabilities: the law of total variance."""
+    middle = predicted.predicted_hz
+    variance = max(1.0 - sum(weight for weight, _ in others), 0.0) * predicted.scatter.total**2
+    for weight, other in others:
+        nearest = np.abs(other.predicted_hz[None, :] - middle[:, None]).argmin(axis=1)
+        distance = other.predicted_hz[nearest] - middle
+        variance = variance + weight * (other.scatter.total[nearest] ** 2 + distance**2)
+    return np.asarray(np.sqrt(variance))
+
+
+def models_of(selection: Selection, reported: Explanation | None) -> list[tuple[Explanation | None, float]]:
+    """Return models and their probabilities, the base as None; those rejected or of low probability are excluded."""
+    # A model that the data reject counts as little as one of an implausible size, even where none is adequate.
+    explanations = [one for one in selection.explanations if one is reported or (one.passed and not one.implausible)]
+    count = max(len({cause for one in explanations for cause in one.ids}), 1)
+    logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
+    weights = np.exp(np.array(logs) - max(logs))
+    weights /= weights.sum()
+    kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > LEAST_PROBABILITY]
+    total = sum(w for _, w in kept)
+    return [(one, w / total) for one, w in kept]

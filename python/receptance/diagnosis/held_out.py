@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,9 +21,9 @@ from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
-from receptance.identification.new_observations import NewObservations, information_root
 from receptance.identification.observations import Observation
-from receptance.identification.problem import End, InfeasibleError, Problem
+from receptance.identification.predictor import PredictedData, Predictor
+from receptance.identification.problem import InfeasibleError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -121,80 +121,18 @@ Metric = Callable[[HeldOut], float]
 """An error of a prediction: smaller is better; NaN where it does not apply to an observation."""
 
 
-@dataclass(frozen=True, eq=False)
-class PosteriorPrediction:
-    """Prediction of observations that were not fitted, by a fit.
+def predictor_of(fit: Fit) -> Predictor:
+    """Return the predictor of a fit, from its end point and the normal matrix there."""
+    return Predictor(fit.task.parameters, np.array(list(fit.values.values())), root=fit.curvature_root)
 
-    The fit is known by its end point and the normal matrix there. The new observations have errors of their own, those
-    of a new clamping for example, which only they determine. Two quantities follow: the prediction, in which only these
-    errors are fitted; and the agreement of the new data with the fit, in which all variables are fitted to both. The
-    second one is a Laplace approximation of the predictive density about this joint fit, because an approximation that
-    is linear about the prediction fails where a peak moves by more than its width.
 
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    model : Model
-        The observations with the causes of the fit, see `causes.transfer`, and their errors as tolerances.
+def predicted_data(fit: Fit, model: Model) -> PredictedData:
+    """Return the data of the observations of a model, with its tolerances as their errors, by a fit.
+
+    The observations have errors of their own, those of a new clamping for example, which only they determine. The
+    residuals of a prediction are those with these errors fitted; its score is that of a fit of all variables.
     """
-
-    fit: Fit
-    model: Model
-
-    @cached_property
-    def _new(self) -> NewObservations:
-        observations = self.model.observations
-        return NewObservations(self.fit.task.parameters, observations, [self.model.tolerances] * len(observations))
-
-    @cached_property
-    def _root(self) -> NDArray[np.float64]:
-        return information_root(self.fit.curvature_root, self.fit.task.variables)
-
-    @cached_property
-    def _problem(self) -> Problem:
-        return self._new.problem(self.fit.x, self._root)
-
-    def _fit(self, free: NDArray[np.bool_]) -> End:
-        return self._problem.fit_one(self._new.start(self.fit.x), EVALUATIONS_OF_PREDICTION, free=free, least=CONVERGED)
-
-    @cached_property
-    def _with_own_errors(self) -> End:
-        """The fit of the errors that only the new observations have."""
-        size = self._problem.variables.start.size
-        return self._fit(np.arange(size) >= self.fit.x.size)
-
-    @cached_property
-    def _with_all_variables(self) -> End:
-        return self._fit(np.ones(self._problem.variables.start.size, dtype=np.bool_))
-
-    @cached_property
-    def predicted(self) -> list[NDArray[np.float64]]:
-        """Residuals of each observation in standard deviations, with its own errors fitted; empty without a value."""
-        end = self._with_own_errors
-        if not np.isfinite(end.cost):
-            return []
-        return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
-
-    @cached_property
-    def assemblies(self) -> list[Assembly]:
-        """The assemblies of `predicted`."""
-        values = self._new.variables.to_values(self._with_own_errors.x)
-        pairs = zip(self.model.observations, self._new.mappings, strict=True)
-        return [own.apply(one.assembly, values) for one, own in pairs]
-
-    @property
-    def log_score(self) -> float:
-        """Natural logarithm of the predictive density of the data: of log FRFs, and of frequencies in Hz."""
-        end = self._with_all_variables
-        if not np.isfinite(end.cost):
-            return -math.inf
-        rows = self._problem.jacobian(end.x)
-        jacobian, root = np.split(rows, [len(rows) - rows.shape[1]])
-        wide = np.linalg.solve(root.T, jacobian.T)
-        _, volume = np.linalg.slogdet(np.eye(len(root)) + wide @ wide.T)
-        spread = np.concatenate([one.standard_deviations for one in self.model.observations])
-        return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))
+    return predictor_of(fit).of(model.observations, [model.tolerances] * len(model.observations))
 
 
 Units = Mapping[str, "NDArray[np.float64]"]
@@ -393,14 +331,14 @@ def _measure(
     fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
 ) -> tuple[Units, tuple[ModeResidual, ...]]:
     """Return the units of each metric, and the modes; see `metrics_of`."""
-    prediction = PosteriorPrediction(fit, model)
+    data = predicted_data(fit, model)
     try:
-        residuals = prediction.predicted
-        if not residuals:
+        end = data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED)
+        if not np.isfinite(end.cost):
             return {}, ()
-        assemblies = prediction.assemblies
-        known = scored and all(one.weighted for one in model.observations)
-        score = prediction.log_score if known else math.nan
+        residuals, assemblies, score = data.residuals(end), data.assemblies(end), math.nan
+        if scored and all(one.weighted for one in model.observations):
+            score = data.log_score(data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED, all_variables=True))
     except InfeasibleError:
         return {}, ()
     modes: list[ModeResidual] = []

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from receptance.diagnosis.by_mode import Curve, curve_of
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.held_out import PosteriorPrediction
+from receptance.diagnosis.held_out import predicted_data
 from receptance.diagnosis.model import IndescribableError, Model
+from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION
 from receptance.errors import ReceptanceError
 from receptance.identification.problem import InfeasibleError
 
@@ -68,8 +71,10 @@ def _pairs(base: Fit, best: Explanation | None, held_out: Model) -> list[tuple[C
 
 def _curves(fit: Fit, model: Model) -> list[Curve]:
     try:
-        residuals = PosteriorPrediction(fit, model).predicted
+        data = predicted_data(fit, model)
+        end = data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED)
     except InfeasibleError:
         return []
+    residuals = data.residuals(end) if np.isfinite(end.cost) else []
     pairs = zip(model.observations, residuals, strict=False)
     return [curve_of(one, own) for one, own in pairs if one.is_receptance]

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from receptance.diagnosis import presentation
-from receptance.diagnosis.averaging import Ensemble, Target, extension
+from receptance.diagnosis.averaging import AveragedAssembly
 from receptance.diagnosis.by_mode import residuals_by_mode, residuals_of_frequencies
 from receptance.diagnosis.figure import draw_diagnosis
 from receptance.diagnosis.judgement import doubt_prediction
 from receptance.diagnosis.wording import title_of
+from receptance.identification.mapping import Site
 from receptance.report import Fact, Provenance, Result, Section, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.diagnosis.adequacy import Adequacy
     from receptance.diagnosis.by_mode import Bias, ModeResidual
@@ -284,62 +284,35 @@ class Verdict(Result):
             held_out_modes_after=found.modes_after,
         )
 
-    def extend(
+    def at(
         self,
         assembly: Assembly,
         *,
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
-    ) -> Assembly:
-        """Return an assembly with the identified values and the causes of the structure.
+    ) -> AveragedAssembly:
+        """Return an assembly of the base model as the extended model predicts it, with errors by all fitted models.
 
-        Causes of the measurement, a sensor's mass for example, are left out: they do not act when the machine works.
-        """
-        target = Target(assembly, configuration, conditions, tolerances)
-        extended, model = extension(self.selection.base.model, self.explanation, self.extended or self.base, target)
-        return extended.apply(
-            model.observations[0].assembly,
-            configuration=configuration,
-            conditions=conditions,
-            tolerances=None if tolerances is None else model.tolerances,
-        )
-
-    def predict_natural_frequencies(
-        self,
-        assembly: Assembly,
-        upper_hz: float,
-        *,
-        configuration: str = "",
-        conditions: Mapping[str, float] | None = None,
-        tolerances: Sequence[Tolerance] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Natural frequencies of an assembly by the extended model, or by the base where there is none.
-
-        Parameters
-        ----------
-        assembly : Assembly
-            The assembly as the base model describes it.
-        upper_hz, configuration, conditions, tolerances
-            As in `Identification.predict_natural_frequencies`.
+        Causes of the structure are included. Those of the measurement, a sensor's mass for example, are left out: they
+        do not act when the machine works. Parameters are as of `Identification.at`. Where the verdict is "unexplained"
+        and a discrepancy could not be estimated, standard errors are infinite.
 
         Returns
         -------
-        frequency_hz, standard_error_hz : ndarray
-            `(n_modes,)` each. The errors include the differences to the other fitted models, weighted by the
-            probabilities of these, and the discrepancy of the model. Where the verdict is "unexplained" and a
-            discrepancy could not be estimated, they are infinite.
+        AveragedAssembly
+            With the attribute `assembly` and the method `natural_frequencies`.
         """
-        target = Target(assembly, configuration, conditions, tolerances)
-        found, errors = self._ensemble.natural_frequencies(self.extended or self.base, target, upper_hz)
         left = self.discrepancy_after or self.discrepancy
-        if left is not None:
-            return found, np.hypot(errors, left.frequency * found)
-        return found, np.full_like(errors, np.inf) if self.verdict == "unexplained" else errors
-
-    @cached_property
-    def _ensemble(self) -> Ensemble:
-        return Ensemble(self.selection, self.explanation)
+        relative = np.inf if self.verdict == "unexplained" else 0.0
+        return AveragedAssembly(
+            self.selection,
+            self.explanation,
+            self.extended or self.base,
+            Site(assembly, configuration, "", conditions or {}),
+            tolerances,
+            relative if left is None else left.frequency,
+        )
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return modelled less measured natural frequencies in percent, before and after, by mode."""

@@ -11,7 +11,8 @@
        v
     fit -> result                          identify -> Identification: values, covariance, residuals, advice
        |-- likelihood, sampling            constrained fits, profiles, intervals, draws from the posterior
-       |-- prediction -> transfers         other assemblies, with intervals; held-out measurements (peaks)
+       |-- predictor -> prediction         Predictor: other assemblies, with intervals and draws; held-out data (peaks)
+       |     `-- transfers                 a fit of some configurations predicts the others
        |-- new_observations -> ranking     hypothetical measurements and their information
     pointwise_joint -> inverse_coupling                 the joint line by line, without a fit
 """

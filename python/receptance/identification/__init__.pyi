@@ -15,6 +15,8 @@ from .peaks import find_bands as find_bands
 from .prediction import PredictedFrequencies as PredictedFrequencies
 from .prediction import PredictedFRF as PredictedFRF
 from .prediction import Scatter as Scatter
+from .predictor import PredictedAssembly as PredictedAssembly
+from .predictor import Predictor as Predictor
 from .ranking import Expectation as Expectation
 from .ranking import NextMeasurement as NextMeasurement
 from .ranking import RankedCandidate as RankedCandidate

@@ -1,40 +1,23 @@
-"""Predictions from the posterior of a fit: natural frequencies and receptances of assemblies, and their uncertainty.
+"""Results of predictions: standard deviations with their shares, natural frequencies and frequency responses.
 
-The posterior is Gaussian. The fitted variables, which include the errors of dimensions and materials, have the
-covariance of the fit. Errors that are not in the fit, those of a new clamping for example, have their priors, which
-are standard normal. To first order a result with the gradient g has the variance g' C g. A receptance is not linear in
-the variables where a resonance may move by more than its width; then vectors are drawn from the posterior and each is
-evaluated.
+They are made by `identification.predictor`.
 """
 
 from __future__ import annotations
 
 import math
-import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks
-from receptance.errors import ReceptanceError
-from receptance.identification.covariance import confidence_multiplier, square_root
-from receptance.identification.mapping import FACTORS, Parameters
-from receptance.identification.new_observations import calculated
-from receptance.identification.peaks import PredictedMode, match_peaks
-from receptance.identification.unknowns import Variables, error_of
-from receptance.model.addresses import MovingCoordinate
+from receptance.identification.covariance import confidence_multiplier
+from receptance.identification.peaks import PredictedMode
 from receptance.model.coordinates import Coordinate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-
-    from receptance.identification.mapping import Site
-    from receptance.identification.observations import Observation
-    from receptance.identification.result import Identification
-    from receptance.identification.unknowns import Tolerance
-    from receptance.model.assembly import Assembly
 
 DECIBEL = 20.0 / math.log(10.0)
 """Decibels of a factor of e."""
@@ -61,50 +44,9 @@ class Scatter:
     data: NDArray[np.float64]
     errors: dict[str, NDArray[np.float64]]
 
-    @classmethod
-    def of(
-        cls,
-        gradient: NDArray[np.float64],
-        covariance: NDArray[np.float64],
-        errors: Sequence[tuple[str, int]],
-        *,
-        fresh: NDArray[np.float64] | None = None,
-        fresh_names: Sequence[str] = (),
-    ) -> Scatter:
-        """Return the scatter of results that are linear in Gaussian variables.
-
-        Parameters
-        ----------
-        gradient : ndarray
-            `(n, p)` derivatives by the variables.
-        covariance : ndarray
-            `(p, p)`, infinite for variables that are not determined.
-        errors : sequence of (str, int)
-            Names of the errors among the variables, and their indices.
-        fresh : ndarray, optional
-            `(n, q)` derivatives by further errors, which are standard normal and independent of all others.
-        fresh_names : sequence of str, optional
-            Names of these.
-        """
-        lost = ~np.isfinite(np.diag(covariance))
-        known = np.where(lost[:, None] | lost[None, :], 0.0, covariance)
-        with_results = gradient @ known
-        variance = np.maximum(np.einsum("ni,ni->n", with_results, gradient), 0.0)
-        errors = [(name, index) for name, index in errors if known[index, index] > 0.0]
-        own = [index for _, index in errors]
-        deviation = np.sqrt(np.diag(known)[own])
-        changes = with_results[:, own] / deviation
-        given = variance
-        if own:
-            correlation = known[np.ix_(own, own)] / np.outer(deviation, deviation)
-            given = np.maximum(variance - np.einsum("ni,in->n", changes, np.linalg.solve(correlation, changes.T)), 0.0)
-        moved = np.any(gradient[:, lost] != 0.0, axis=1)
-        named = {name: changes[:, i] for i, (name, _) in enumerate(errors)}
-        if fresh is not None:
-            variance = variance + np.sum(fresh**2, axis=1)
-            named |= {name: fresh[:, i] for i, name in enumerate(fresh_names)}
-        total, data = (np.where(moved, np.inf, np.sqrt(one)) for one in (variance, given))
-        return cls(total, data, named)
+    def widened(self, deviation: NDArray[np.float64]) -> Scatter:
+        """Return the scatter with further independent errors of these standard deviations, `(n,)`."""
+        return replace(self, total=np.hypot(self.total, deviation)) if deviation.any() else self
 
     @property
     def shares(self) -> dict[str, NDArray[np.float64]]:
@@ -136,6 +78,11 @@ class PredictedFrequencies:
     def predicted_hz(self) -> NDArray[np.float64]:
         """Predicted natural frequencies, `(m,)`."""
         return np.array([mode.predicted_hz for mode in self.modes], dtype=np.float64)
+
+    @property
+    def standard_error_hz(self) -> NDArray[np.float64]:
+        """Standard errors of the predictions, `(m,)`; infinite if a relevant parameter is not determined."""
+        return self.scatter.total
 
     @property
     def measured_hz(self) -> NDArray[np.float64] | None:
@@ -182,9 +129,9 @@ class PredictedFRF:
     receptance : ndarray
         `(n,)` complex, with the identified values.
     scatter, phase_scatter : Scatter
-        Of the real and of the imaginary part of its logarithm, to first order.
+        Of the real and of the imaginary part of its logarithm, to first order; the latter is None if not computed.
     drawn : ndarray
-        `(draws, n)` logarithms of the magnitude for vectors drawn from the posterior; `(0, n)` without draws.
+        `(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws.
     degrees_of_freedom : int or None
         Of the scatter, where it was estimated; None where it was known.
     measured : ndarray or None
@@ -202,8 +149,8 @@ class PredictedFRF:
     frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128] = field(repr=False)
     scatter: Scatter = field(repr=False)
-    phase_scatter: Scatter = field(repr=False)
-    drawn: NDArray[np.float64] = field(repr=False)
+    phase_scatter: Scatter | None = field(repr=False)
+    drawn: NDArray[np.complex128] = field(repr=False)
     degrees_of_freedom: int | None = None
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
     measured_deviation: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -228,7 +175,8 @@ class PredictedFRF:
         noise = _checks.unmasked("band", "noise", noise, np.float64)
         middle = np.log(np.abs(self.receptance))
         if len(self.drawn):
-            low, high = np.quantile(self.drawn, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
+            ends = [0.5 - 0.5 * level, 0.5 + 0.5 * level]
+            low, high = np.quantile(np.log(np.abs(self.drawn)), ends, axis=0)
             low, high = np.minimum(low, middle), np.maximum(high, middle)
             # The noise of a measurement is added as if each side were that of a normal distribution.
             low = middle - np.hypot(middle - low, multiplier * noise)
@@ -280,7 +228,7 @@ class PredictedFRF:
             "frequency_hz": self.frequency_hz.real,
             "receptance": self.receptance,
             "magnitude_interval": [low, high],
-            "standard_error_of_log": [self.scatter.total, self.phase_scatter.total],
+            "standard_error_of_log": [part.total for part in (self.scatter, self.phase_scatter) if part is not None],
         }
         if np.iscomplexobj(self.frequency_hz):
             found["decay_rate"] = -2.0 * np.pi * float(self.frequency_hz[0].imag)
@@ -312,239 +260,3 @@ class PredictedFRF:
 
 def _coordinate(at: Coordinate) -> dict[str, Any]:
     return {"part": at.part, "position_m": at.position, "direction": at.direction}
-
-
-class Forecast:
-    """An assembly with the identified values, and its parameters as functions of the variables of the posterior.
-
-    Parameters
-    ----------
-    fit : Identification or None
-        The fit; None where nothing was identified: only the errors of the assembly apply.
-    site : Site
-        The assembly as described, its configuration and conditions.
-    tolerances : sequence of Tolerance, optional
-        Its errors; by default those of the fit. Errors that are not in the fit have their prior.
-
-    Attributes
-    ----------
-    assembly : Assembly
-        With the identified values.
-    addresses : tuple of str
-        Addresses of the `m` uncertain parameters.
-    fresh : tuple of str
-        The `q` errors that are not in the fit.
-
-    Raises
-    ------
-    ValueError
-        A law has no value for this assembly, or the assembly has no model with the identified values.
-    """
-
-    def __init__(self, fit: Identification | None, site: Site, tolerances: Sequence[Tolerance] | None = None) -> None:
-        fresh: list[str] = []
-        parameters = Parameters((), (), ()) if fit is None else fit.task.parameters
-        self._variables = Variables(parameters.unknowns)
-        self._values = np.array([] if fit is None else list(fit.values.values()))
-        self._covariance = np.zeros((0, 0)) if fit is None else fit.covariance
-        self._errors = [(name, fit.index(name)) for name in parameters.errors] if fit is not None else []
-        self._threads = None if fit is None else fit.task.threads
-        self._freedom = None if fit is None or fit.known_scatter else fit.degrees_of_freedom
-        self._parameters, self._site, self._tolerances = parameters, site, tolerances
-        self._mapping = parameters.at(site, tolerances, fresh)
-        self._bare = site.assembly
-        vector = np.append(self._values, np.zeros(len(fresh)))
-        self.assembly = self._mapping.apply(self._bare, vector)
-        self.addresses = self._mapping.addresses
-        self.fresh = tuple(fresh)
-        slope = self._mapping.jacobian(vector)
-        count = self._values.size
-        self._own = slope[:, :count] * self._variables.slopes(self._values)
-        self._new = slope[:, count:]
-
-    @property
-    def uncertain(self) -> bool:
-        """Whether any parameter of the assembly is uncertain."""
-        return bool(self.addresses)
-
-    def scatter(self, slope: NDArray[np.float64]) -> Scatter:
-        """Return the scatter of results with derivatives `(n, m)` per SI unit of the addresses."""
-        return Scatter.of(
-            slope @ self._own, self._covariance, self._errors, fresh=slope @ self._new, fresh_names=self.fresh
-        )
-
-    def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
-        """Return the natural frequencies up to a limit."""
-        found, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
-        return self._frequencies(range(1, found.size + 1), found, self.scatter(slope))
-
-    def modes(self, numbers: Sequence[int]) -> PredictedFrequencies:
-        """Return the natural frequencies of some modes, counted from 1."""
-        found, slope = self.assembly.lowest_natural_frequencies(max(numbers), self.addresses)
-        rows = [number - 1 for number in numbers]
-        return self._frequencies(numbers, found[rows], self.scatter(slope[rows]))
-
-    def _frequencies(
-        self, numbers: Sequence[int], found: NDArray[np.float64], scatter: Scatter
-    ) -> PredictedFrequencies:
-        modes = [
-            PredictedMode(mode=number, predicted_hz=frequency, deviation_hz=deviation, degrees_of_freedom=self._freedom)
-            for number, frequency, deviation in zip(numbers, found.tolist(), scatter.total.tolist(), strict=True)
-        ]
-        return PredictedFrequencies(modes=tuple(modes), scatter=scatter)
-
-    def observed_modes(self, measured: Observation, noise: NDArray[np.float64] | None = None) -> PredictedFrequencies:
-        """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
-        found = self.modes(measured.modes)
-        noise = measured.standard_deviation if noise is None else noise
-        deviations = np.zeros(len(found.modes)) if noise is None else noise
-        modes = [
-            replace(
-                mode,
-                configuration=measured.configuration,
-                label=measured.label,
-                measured_hz=frequency,
-                measured_deviation_hz=deviation,
-            )
-            for mode, frequency, deviation in zip(
-                found.modes, measured.frequency_hz.tolist(), deviations.tolist(), strict=True
-            )
-        ]
-        name = measured.label or measured.configuration
-        return replace(found, name=name, assembly=measured.configuration, modes=tuple(modes))
-
-    def receptance(
-        self,
-        frequency_hz: ArrayLike,
-        response: Coordinate | None = None,
-        excitation: Coordinate | None = None,
-        *,
-        force: ArrayLike | None = None,
-        draws: int = 0,
-        seed: int = 0,
-    ) -> PredictedFRF:
-        """Return a receptance with its scatter, and with its magnitudes for vectors drawn from the posterior.
-
-        A ReceptanceError is raised if fewer than half of the vectors have a model.
-        """
-        response, excitation = response or Coordinate(), excitation or Coordinate()
-        options: dict[str, Any] = {
-            "response": response,
-            "excitation": excitation,
-            "force": force,
-            "threads": self._threads,
-        }
-        found, slope = self.assembly.derivatives(frequency_hz, list(self.addresses), **options)
-        slope = slope / found[:, None]
-        assemblies = [one for one in self.drawn(draws, seed) if one is not None]
-        if 2 * len(assemblies) < draws:
-            raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
-        drawn = [np.log(np.abs(assembly.receptance(frequency_hz, **options))) for assembly in assemblies]
-        return PredictedFRF(
-            response=response,
-            excitation=excitation,
-            frequency_hz=np.asarray(frequency_hz),
-            receptance=found,
-            scatter=self.scatter(slope.real),
-            phase_scatter=self.scatter(slope.imag),
-            drawn=np.array(drawn).reshape(-1, found.size),
-            degrees_of_freedom=self._freedom,
-        )
-
-    def observed(
-        self,
-        measured: Observation,
-        noise: NDArray[np.float64] | None = None,
-        *,
-        draws: int = 0,
-        seed: int = 0,
-    ) -> PredictedFRF:
-        """Return the receptance on the lines of a measurement of this assembly, as its measuring chain records it.
-
-        A coordinate on a step between two segments stays on it. Gain, delay, window and early end of the record apply
-        where the fit has identified them. `noise` is the standard deviation of the measured logarithm, by default the
-        stated one; draws are those of `receptance`.
-        """
-        places = (
-            MovingCoordinate(measured.assembly, one).on(self.assembly)
-            for one in (measured.response, measured.excitation)
-        )
-        found = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)
-        if any(unknown.address in FACTORS for unknown in self._parameters.given):
-            chain = self.recorded(measured) / found.receptance
-            found = replace(found, receptance=chain * found.receptance, drawn=found.drawn + np.log(np.abs(chain)))
-        noise = measured.standard_deviation if noise is None else noise
-        return replace(
-            found,
-            name=measured.label or measured.configuration,
-            assembly=measured.configuration,
-            response=measured.response,
-            excitation=measured.excitation,
-            measured=measured.receptance,
-            measured_deviation=noise,
-            peaks=self._peaks(
-                measured, match_peaks(measured.frequency_hz, measured.receptance, found.receptance, noise)
-            ),
-        )
-
-    def _peaks(self, measured: Observation, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
-        """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
-
-        An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
-        """
-        highest = max((peak.predicted_hz or 0.0 for peak in peaks), default=0.0)
-        modes: tuple[PredictedMode, ...] = ()
-        if highest and self.assembly.countable:
-            modes = self.natural_frequencies(1.1 * highest).modes
-        frequencies = np.array([mode.predicted_hz for mode in modes])
-        found = []
-        for peak in peaks:
-            peak = replace(
-                peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=self._freedom
-            )
-            if peak.predicted_hz is not None and modes:
-                near = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
-                peak = replace(peak, mode=near.mode, deviation_hz=near.deviation_hz)
-            found.append(peak)
-        return tuple(found)
-
-    def recorded(self, measured: Observation) -> NDArray[np.complex128]:
-        """Return the receptance that the identified measuring chain records on the lines of a measurement."""
-        mapping = self._parameters.at(replace(self._site, factors=FACTORS), self._tolerances, [])
-        variables = Variables((*self._variables.unknowns, *map(error_of, self.fresh)))
-        values = np.append(self._values, np.zeros(len(self.fresh)))
-        return np.asarray(calculated(measured, mapping, variables, variables.from_values(values)), dtype=np.complex128)
-
-    def drawn(self, count: int, seed: int) -> list[Assembly | None]:
-        """Return assemblies with vectors drawn from the posterior; None where a vector has no model.
-
-        Fitted variables are normal with the covariance of the fit, within their bounds; a variable that the data do not
-        determine is uniform between its bounds. The draws of an error follow from the seed and its name alone, so two
-        assemblies that share the fit or an error get the same draws of it.
-        """
-        vectors = np.concatenate([self._drawn_values(count, seed), _drawn_errors(self.fresh, count, seed)], axis=1)
-        found: list[Assembly | None] = []
-        for vector in vectors:
-            try:
-                found.append(self._mapping.apply(self._bare, vector))
-            except ValueError:
-                found.append(None)  # a joint that is not passive, say
-        return found
-
-    def _drawn_values(self, count: int, seed: int) -> NDArray[np.float64]:
-        if not self._values.size:
-            return np.zeros((count, 0))
-        random = np.random.default_rng(seed)
-        low, high = self._variables.limits
-        known = np.isfinite(np.diag(self._covariance))
-        root = square_root(self._covariance[np.ix_(known, known)])
-        x = low + (high - low) * random.random((count, low.size))
-        centre = self._variables.from_values(self._values)
-        x[:, known] = centre[known] + random.standard_normal((count, len(root))) @ root.T
-        return self._variables.to_values(np.clip(x, low, high))
-
-
-def _drawn_errors(names: Sequence[str], count: int, seed: int) -> NDArray[np.float64]:
-    """Return draws `(count, q)` of standard normal errors, each of which depends on the seed and its name alone."""
-    drawn = [np.random.default_rng([seed, zlib.crc32(name.encode())]).standard_normal(count) for name in names]
-    return np.array(drawn).reshape(len(names), count).T

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance import _checks
 from receptance._text import first_of
 from receptance.errors import ReceptanceError
+from receptance.identification.covariance import confidence_multiplier
 from receptance.identification.likelihood import Profile, require_likelihood
-from receptance.identification.new_observations import Candidate, NewObservations, information_root
+from receptance.identification.new_observations import Candidate
 from receptance.identification.observations import Observation, altered
+from receptance.identification.predictor import PredictedData, Predictor
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import percent
 
@@ -320,24 +322,25 @@ def next_measurement(
     """
     candidates = _check_candidates(candidates)
     require_likelihood(found)
-    known = _Known(found, _check_targets(targets, found), level)
+    chosen = _check_targets(targets, found)
+    confidence_multiplier(level, None)
     report = progress or (lambda _: None)
-    wide = _wide_profiles(known, dict(profiles or {}), report)
-    points, notes = _points(known, wide)
+    wide = _wide_profiles(found, chosen, level, dict(profiles or {}), report)
+    points, notes = _points(found, wide)
     report(f"evaluating {len(candidates)} candidates at {len(points)} points")
-    present = _present(known, points, wide)
+    present = _present(found, chosen, level, points, wide)
     ranking = []
     for candidate in candidates:
         report(f"evaluating {candidate.label}")
-        expected = _expected(known, candidate, points, present)
-        shrink = float(np.exp(np.mean([np.log(max(one.shrink, _SMALLEST)) for one in expected.values()])))
+        expected = _expected(found, chosen, level, candidate, points, present)
+        shrink = float(np.exp(np.mean([np.log(max(e.shrink, _SMALLEST)) for e in expected.values()])))
         ranking.append(
             RankedCandidate(
                 candidate=candidate, expected=expected, shrink=shrink, score=-np.log(shrink) / candidate.cost
             )
         )
-    ranking.sort(key=lambda one: -one.score)
-    if len({one.candidate.cost for one in ranking}) > 1:
+    ranking.sort(key=lambda ranked: -ranked.score)
+    if len({ranked.candidate.cost for ranked in ranking}) > 1:
         notes.append("the ranking is by the reduction of the deviations for the cost")
     if found.warnings():
         notes.append(f"the fit has advice: {found.warnings()[0]}")
@@ -345,7 +348,7 @@ def next_measurement(
         ranking=tuple(ranking),
         targets=tuple(ranking[0].expected),
         level=level,
-        points=tuple(known.problem.named(point.x) for point in points),
+        points=tuple(dict(zip(found.addresses, point.values.tolist(), strict=True)) for point in points),
         profiled=tuple(wide),
         rejection=found.rejection,
         notes=tuple(notes),
@@ -377,96 +380,62 @@ def _check_targets(targets: Target | Sequence[Target] | None, found: Identificat
     return given
 
 
-class _InformationPoint(NamedTuple):
-    """A point of the fitted variables `(p,)`, and R `(p, p)` with R^T R the information of the fit there."""
-
-    x: NDArray[np.float64]
-    root: NDArray[np.float64]
+def _data(predictor: Predictor, hypotheses: Sequence[Candidate]) -> PredictedData:
+    tolerances = [_tolerances_of(hypothesis, predictor.parameters.tolerances) for hypothesis in hypotheses]
+    return predictor.of([hypothesis.observation for hypothesis in hypotheses], tolerances)
 
 
-class _Known:
-    """The fit with the information of its measurements, the targets and the level of their intervals."""
-
-    def __init__(self, found: Identification, targets: tuple[Target, ...], level: float) -> None:
-        self.found, self.targets, self.level = found, targets, level
-        self.multiplier = found.confidence_multiplier(level)
-        self.parameters = found.task.parameters
-        self.variables = found.task.variables
-        self.problem = found.task.problem()
-        self.x = found.vector
-        self._variance = max(found.residual_variance, _SMALLEST)
-
-    def point(self, x: NDArray[np.float64]) -> _InformationPoint:
-        """Return a point with the information there; raises `ReceptanceError` where the model has no value."""
-        if not np.isfinite(self.problem.residual(x)).all():
-            raise ReceptanceError(self.problem.reason(x))
-        return _InformationPoint(
-            x, information_root(self.problem.jacobian(x) / np.sqrt(self._variance), self.variables)
-        )
+def _values(found: Identification, targets: Sequence[Target]) -> dict[str, float]:
+    """Return the present values of the targets by name; 0 for the logarithm of a receptance."""
+    values: dict[str, float] = {}
+    data = iter(_data(found.predictor, [target for target in targets if isinstance(target, Candidate)]).mean())
+    for target in targets:
+        if isinstance(target, str):
+            values[target] = found.values[target]
+            continue
+        predicted = next(data)
+        values |= zip(_names_of(target), [0.0] if target.observation.is_receptance else predicted.tolist(), strict=True)
+    return values
 
 
-class _Outlook:
-    """The standard deviations of the targets, with a candidate or with the measurements of the fit alone."""
+def _deviations(
+    predictor: Predictor, targets: Sequence[Target], candidate: Candidate | None = None
+) -> dict[str, float]:
+    """Return the standard deviations of the targets by name, with a candidate or without.
 
-    def __init__(self, known: _Known, candidate: Candidate | None = None) -> None:
-        self._known, self._names = known.found, known.variables.names
-        self._targets, self._candidate = known.targets, candidate
-        predicted = [target for target in known.targets if isinstance(target, Candidate)]
-        self._hypotheses = predicted if candidate is None else [*predicted, candidate]
-        self._new = NewObservations(
-            known.parameters,
-            [hypothesis.observation for hypothesis in self._hypotheses],
-            [_tolerances_of(hypothesis, known.parameters.tolerances) for hypothesis in self._hypotheses],
-        )
-
-    def values(self, x: NDArray[np.float64]) -> dict[str, float]:
-        """Return the present values of the targets by name; 0 for the logarithm of a receptance."""
-        found: dict[str, float] = {}
-        data = iter(self._new.calculated(x))
-        for target in self._targets:
-            if isinstance(target, str):
-                found[target] = self._known.values[target]
-                continue
-            own = next(data)
-            found |= zip(_names_of(target), [0.0] if target.observation.is_receptance else own.tolist(), strict=True)
-        return found
-
-    def deviations(self, point: _InformationPoint) -> dict[str, float]:
-        """Return the standard deviations of the targets by name.
-
-        They are those of the fitted variables, of natural frequencies in Hz, and of the logarithm of receptances, as
-        root mean square over the lines.
-        """
-        x = point.x
-        observations = [
-            _expected_data(hypothesis.observation, data)
-            for hypothesis, data in zip(self._hypotheses, self._new.calculated(x), strict=True)
-        ]
-        problem = self._new.problem(x, point.root, observations)
-        start = self._new.start(x)
-        rows = problem.jacobian(start)
-        *parts, known = np.split(rows, np.cumsum(problem.sizes))
-        information = known.T @ known
-        if self._candidate is not None:
-            if not np.any(parts[-1][:, : x.size]):
-                raise ValueError(f"{self._candidate!r} has none of the identified parameters {', '.join(self._names)}")
-            information += parts[-1].T @ parts[-1]
-        scale = np.sqrt(np.diag(information))
-        information /= np.outer(scale, scale)
-        found: dict[str, float] = {}
-        predicted = zip(parts, observations, strict=True)
-        for target in self._targets:
-            if isinstance(target, str):
-                gradients = np.eye(start.size)[None, None, self._names.index(target)]
-            else:
-                part, one = next(predicted)
-                part = part * one.standard_deviations[:, None]
-                gradients = part[None] if target.observation.is_receptance else part[:, None]
-            for name, gradient in zip(_names_of(target), gradients, strict=True):
-                scaled = (gradient / scale).T
-                variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
-                found[name] = float(np.sqrt(np.mean(variances)))
-        return found
+    They are those of the fitted variables, of natural frequencies in Hz, and of the logarithm of receptances, as root
+    mean square over the lines.
+    """
+    names, count = predictor.variables.names, predictor.values.size
+    hypotheses = [target for target in targets if isinstance(target, Candidate)]
+    hypotheses += [] if candidate is None else [candidate]
+    data = _data(predictor, hypotheses)
+    observations = [
+        _expected_data(hypothesis.observation, mean) for hypothesis, mean in zip(hypotheses, data.mean(), strict=True)
+    ]
+    problem = data.problem(observations)
+    *parts, prior = np.split(problem.jacobian(data.start), np.cumsum(problem.sizes))
+    information = prior.T @ prior
+    if candidate is not None:
+        if not np.any(parts[-1][:, :count]):
+            raise ValueError(f"{candidate!r} has none of the identified parameters {', '.join(names)}")
+        information += parts[-1].T @ parts[-1]
+    scale = np.sqrt(np.diag(information))
+    information /= np.outer(scale, scale)
+    deviations: dict[str, float] = {}
+    predicted = zip(parts, observations, strict=True)
+    for target in targets:
+        if isinstance(target, str):
+            gradients = np.eye(data.start.size)[None, None, names.index(target)]
+        else:
+            part, observation = next(predicted)
+            part = part * observation.standard_deviations[:, None]
+            gradients = part[None] if target.observation.is_receptance else part[:, None]
+        for name, gradient in zip(_names_of(target), gradients, strict=True):
+            scaled = (gradient / scale).T
+            variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
+            deviations[name] = float(np.sqrt(np.mean(variances)))
+    return deviations
 
 
 def _names_of(target: Target) -> list[str]:
@@ -484,56 +453,71 @@ def _expected_data(observation: Observation, data: NDArray[Any]) -> Observation:
     return expected if expected.weighted else altered(expected, standard_deviation=np.ones(data.size))
 
 
-def _tolerances_of(candidate: Candidate, known: Sequence[Tolerance]) -> list[Tolerance]:
+def _tolerances_of(candidate: Candidate, of_fit: Sequence[Tolerance]) -> list[Tolerance]:
     """Return the errors of a candidate, and those of the fit that it does not describe itself."""
-    own = {tolerance.name for tolerance in candidate.tolerances}
-    return [*(tolerance for tolerance in known if tolerance.name not in own), *candidate.tolerances]
+    names = {tolerance.name for tolerance in candidate.tolerances}
+    return [*(tolerance for tolerance in of_fit if tolerance.name not in names), *candidate.tolerances]
 
 
-def _wide_profiles(known: _Known, given: dict[str, Profile], report: Callable[[str], None]) -> dict[str, Profile]:
+def _wide_profiles(
+    found: Identification,
+    targets: Sequence[Target],
+    level: float,
+    profiles: dict[str, Profile],
+    report: Callable[[str], None],
+) -> dict[str, Profile]:
     """Return the profiles of parameters with wide intervals; those that are not given are computed."""
-    found = known.found
-    named = [target for target in known.targets if isinstance(target, str) and target not in found.errors]
-    if len(named) < len(known.targets):
+    named = [target for target in targets if isinstance(target, str) and target not in found.errors]
+    if len(named) < len(targets):
         named = [name for name in found.addresses if name not in found.errors]
-    low, high = known.variables.limits
+    (low, high), x = found.task.variables.limits, found.vector
     wide = []
     for name in named:
         i = found.index(name)
         whole = float(high[i] - low[i])
-        half = known.multiplier * float(np.sqrt(found.covariance[i, i]))
+        half = found.confidence_multiplier(level) * float(np.sqrt(found.covariance[i, i]))
         size = half if found.unknowns[i].scale == "log" else half / whole
-        at_bound = min(known.x[i] - low[i], high[i] - known.x[i]) <= _EDGE * whole
+        at_bound = min(x[i] - low[i], high[i] - x[i]) <= _EDGE * whole
         if not size < _WIDE or at_bound:
             wide.append(name)
-    missing = [name for name in wide if name not in given]
+    missing = [name for name in wide if name not in profiles]
     if missing:
-        given |= found.profiles(missing, level=known.level, progress=report)
-    return {name: given[name] for name in wide}
+        profiles |= found.profiles(missing, level=level, progress=report)
+    return {name: profiles[name] for name in wide}
 
 
-def _points(known: _Known, profiles: Mapping[str, Profile]) -> tuple[list[_InformationPoint], list[str]]:
-    """Return the fit, or points along the profiles of parameters with wide intervals, and notes on them."""
+def _points(found: Identification, profiles: Mapping[str, Profile]) -> tuple[list[Predictor], list[str]]:
+    """Return predictors at the fit, or at points along the profiles of parameters with wide intervals, and notes.
+
+    Their information is that of the measurements of the fit at each point.
+    """
+    problem, scale = found.task.problem(), np.sqrt(max(found.residual_variance, _SMALLEST))
+
+    def predictor(x: NDArray[np.float64]) -> Predictor:
+        if not np.isfinite(problem.residual(x)).all():
+            raise ReceptanceError(problem.reason(x))
+        values = found.task.variables.to_values(x)
+        return Predictor(found.task.parameters, values, root=problem.jacobian(x) / scale)
+
     if not profiles:
-        return [known.point(known.x)], []
-    found, lost = [], 0
+        return [predictor(found.vector)], []
+    points, lost = [], 0
     for name, profile in profiles.items():
-        for x in _quantiles_along(known.variables.names.index(name), profile):
+        for x in _quantiles_along(found.index(name), profile):
             try:
-                found.append(known.point(x))
+                points.append(predictor(x))
             except ReceptanceError:
                 lost += 1
-    if not found:
-        found = [known.point(known.x)]
+    points = points or [predictor(found.vector)]
     one = len(profiles) == 1
     notes = [
         f"the interval{'' if one else 's'} of {', '.join(profiles)} {'is' if one else 'are'} so wide that the "
-        f"information at one point would mislead: it is averaged over {len(found)} points along the "
+        f"information at one point would mislead: it is averaged over {len(points)} points along the "
         f"profile{'' if one else 's'}, within the bounds of the fit"
     ]
     if lost:
         notes.append(f"the model has no value at {lost} more points")
-    return found, notes
+    return points, notes
 
 
 def _quantiles_along(index: int, profile: Profile) -> list[NDArray[np.float64]]:
@@ -561,27 +545,31 @@ def _about(value: float, scale: str, half: float) -> tuple[float, float]:
 
 
 def _present(
-    known: _Known, points: Sequence[_InformationPoint], profiles: Mapping[str, Profile]
+    found: Identification,
+    targets: Sequence[Target],
+    level: float,
+    points: Sequence[Predictor],
+    profiles: Mapping[str, Profile],
 ) -> dict[str, Expectation]:
     """Return values, standard deviations and intervals of the targets from the measurements of the fit alone."""
-    outlook = _Outlook(known)
-    found = [outlook.deviations(point) for point in points]
+    deviations = [_deviations(point, targets) for point in points]
+    multiplier = found.confidence_multiplier(level)
     present = {}
-    for name, value in outlook.values(known.x).items():
-        deviation, scale = _geometric_mean([one[name] for one in found]), "linear"
+    for name, value in _values(found, targets).items():
+        deviation, scale = _geometric_mean([at_point[name] for at_point in deviations]), "linear"
         interval: tuple[float, float] | None = None
-        if name in known.targets:
-            i = known.found.index(name)
-            scale = str(known.variables.unknowns[i].scale)
+        if name in targets:
+            i = found.index(name)
+            scale = str(found.unknowns[i].scale)
             if name in profiles:
                 ends = profiles[name]
                 to = np.log10 if scale == "log" else np.asarray
-                low, high = known.variables.limits[:, i]
+                low, high = found.task.variables.limits[:, i]
                 low = low if ends.lower_open else float(to(ends.lower))
                 high = high if ends.upper_open else float(to(ends.upper))
-                deviation = (high - low) / (2.0 * known.multiplier)
+                deviation = (high - low) / (2.0 * multiplier)
                 interval = ends.lower, ends.upper
-        interval = interval or _about(value, scale, known.multiplier * deviation)
+        interval = interval or _about(value, scale, multiplier * deviation)
         present[name] = Expectation(
             name=name,
             value=value,
@@ -598,22 +586,26 @@ def _present(
 
 
 def _expected(
-    known: _Known, candidate: Candidate, points: Sequence[_InformationPoint], present: Mapping[str, Expectation]
+    found: Identification,
+    targets: Sequence[Target],
+    level: float,
+    candidate: Candidate,
+    points: Sequence[Predictor],
+    present: Mapping[str, Expectation],
 ) -> dict[str, Expectation]:
     """Return the expectation of each target with a candidate, from all points."""
-    outlook = _Outlook(known, candidate)
-    found = [outlook.deviations(point) for point in points]
-    low, high = known.variables.limits
+    at_points = [_deviations(point, targets, candidate) for point in points]
+    multiplier, (low, high) = found.confidence_multiplier(level), found.task.variables.limits
     expected = {}
     for name, now in present.items():
-        deviations = [one[name] for one in found]
+        deviations = [at_point[name] for at_point in at_points]
         open_share = 0.0
-        if name in known.targets and name not in known.found.errors:
-            i = known.found.index(name)
-            ends = [(point.x[i], known.multiplier * one) for point, one in zip(points, deviations, strict=True)]
+        if name in targets and name not in found.errors:
+            i = found.index(name)
+            ends = [(point.x[i], multiplier * sd) for point, sd in zip(points, deviations, strict=True)]
             open_share = sum(x + half > high[i] or x - half < low[i] for x, half in ends) / len(points)
         typical = _geometric_mean(deviations)
-        lower, upper = _about(now.value, now.scale, known.multiplier * typical)
+        lower, upper = _about(now.value, now.scale, multiplier * typical)
         expected[name] = replace(
             now,
             # More data do not widen a side that is already bounded closely.

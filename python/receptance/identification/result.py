@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from receptance._text import first_of
 from receptance.identification.covariance import confidence_multiplier
 from receptance.identification.mapping import Site
-from receptance.identification.prediction import Forecast, PredictedFRF, Scatter
+from receptance.identification.prediction import Scatter
+from receptance.identification.predictor import PredictedAssembly, Predictor
 from receptance.identification.unknowns import Law, Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.figure import finished
@@ -20,7 +22,7 @@ from receptance.report.table import Cell, amount, amount_interval, number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from receptance.identification.likelihood import Profiles
     from receptance.identification.observations import Unit
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from receptance.identification.sampling import Samples
     from receptance.identification.unknowns import Tolerance
     from receptance.model.assembly import Assembly
-    from receptance.model.coordinates import Coordinate
 
 _CORRELATED = 0.9
 """Least magnitude of a correlation that is listed in the summary."""
@@ -290,8 +291,7 @@ class Identification(Result):
         >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
         '79% of the variance goes with the length'
         """
-        indices = [(name, self.index(name)) for name in self.errors]
-        return Scatter.of(np.eye(len(self.unknowns)), self.covariance, indices)
+        return self.predictor.scatter(np.eye(len(self.unknowns)))
 
     def profiles(
         self,
@@ -369,15 +369,22 @@ class Identification(Result):
 
         return sample_posterior(self, steps=steps, walkers=walkers, seed=seed, progress=progress)
 
-    def apply(
+    @cached_property
+    def predictor(self) -> Predictor:
+        """Predictor of other assemblies from the posterior of the fit."""
+        values = np.array(list(self.values.values()))
+        freedom = None if self.known_scatter else self.degrees_of_freedom
+        return Predictor(self.task.parameters, values, self.covariance, freedom, self.task.threads)
+
+    def at(
         self,
         assembly: Assembly,
         *,
         configuration: str = "",
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
-    ) -> Assembly:
-        """Return another assembly with the identified values of the parameters that it has.
+    ) -> PredictedAssembly:
+        """Return another assembly with the identified values, and predictions of it.
 
         Parameters
         ----------
@@ -388,73 +395,18 @@ class Identification(Result):
         conditions : mapping of str to float, optional
             Its conditions in SI units, for laws.
         tolerances : sequence of Tolerance, optional
-            Its errors; by default those of the fit. Errors that were not fitted are zero.
+            Its errors; by default those of the fit. Errors that were not fitted are zero in the assembly, and standard
+            normal in standard errors and draws.
+
+        Returns
+        -------
+        PredictedAssembly
+            With the attribute `assembly`, and the methods `natural_frequencies` and `receptance`.
 
         Raises
         ------
         ValueError
             The assembly has none of the identified parameters, or a law has no value for it.
-        """
-        return self._forecast(assembly, configuration, conditions, tolerances).assembly
-
-    def predict_natural_frequencies(
-        self,
-        assembly: Assembly,
-        upper_hz: float,
-        *,
-        configuration: str = "",
-        conditions: Mapping[str, float] | None = None,
-        tolerances: Sequence[Tolerance] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Predict natural frequencies of an assembly with the identified values, and their standard errors.
-
-        Parameters
-        ----------
-        assembly : Assembly
-            Observed or not.
-        upper_hz : float
-            Upper limit in Hz.
-        configuration, conditions, tolerances : optional
-            As in `apply`; errors that were not fitted are standard normal.
-
-        Returns
-        -------
-        frequency_hz, standard_error_hz : ndarray
-            `(n_modes,)` each; to first order, from the identified parameters and errors, and from the individual part
-            and the errors of a new configuration. Infinite if a relevant parameter is not determined.
-        """
-        found = self._forecast(assembly, configuration, conditions, tolerances).natural_frequencies(upper_hz)
-        return found.predicted_hz, found.scatter.total
-
-    def predict_receptance(
-        self,
-        assembly: Assembly,
-        frequency_hz: ArrayLike,
-        *,
-        response: Coordinate | None = None,
-        excitation: Coordinate | None = None,
-        configuration: str = "",
-        conditions: Mapping[str, float] | None = None,
-        tolerances: Sequence[Tolerance] | None = None,
-        draws: int = 0,
-        seed: int = 0,
-    ) -> PredictedFRF:
-        """Predict a receptance of an assembly with the identified values, and its confidence band.
-
-        Parameters
-        ----------
-        assembly, frequency_hz, response, excitation
-            As in `Assembly.receptance`; the assembly may be observed or not.
-        configuration, conditions, tolerances : optional
-            As in `predict_natural_frequencies`.
-        draws, seed : int, optional
-            Number and seed of draws from the posterior for the band. Without draws the band is linear in the errors,
-            which is accurate while resonances move by less than about half their width.
-
-        Raises
-        ------
-        ReceptanceError
-            The model has no value for half or more of the draws.
 
         Examples
         --------
@@ -467,13 +419,17 @@ class Identification(Result):
         ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
         ... )
         >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-        >>> longer = pair.replace({"tool.segment[0].length": 0.12})
-        >>> low, high = found.predict_receptance(longer, np.linspace(100.0, 5000.0, 50)).band()
+        >>> longer = found.at(pair.replace({"tool.segment[0].length": 0.12}))
+        >>> longer.assembly.get("joint.k_theta") == found.values["joint.k_theta"]
+        True
+        >>> low, high = longer.receptance(np.linspace(100.0, 5000.0, 50)).band()
         >>> bool(np.all(low < high))
         True
         """
-        forecast = self._forecast(assembly, configuration, conditions, tolerances)
-        return forecast.receptance(frequency_hz, response, excitation, draws=draws, seed=seed)
+        predicted = self.predictor.at(Site(assembly, configuration, "", conditions or {}), tolerances)
+        if not predicted.uncertain:
+            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
+        return predicted
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
@@ -648,18 +604,6 @@ class Identification(Result):
         count = len(self.starts)
         starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
         return f"{state}, {starts}, {self.evaluations} evaluations, rms {number(self.rms, '.3g')}"
-
-    def _forecast(
-        self,
-        assembly: Assembly,
-        configuration: str,
-        conditions: Mapping[str, float] | None,
-        tolerances: Sequence[Tolerance] | None,
-    ) -> Forecast:
-        found = Forecast(self, Site(assembly, configuration, "", conditions or {}), tolerances)
-        if not found.addresses:
-            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
-        return found
 
     def index(self, address: str) -> int:
         """Return the position of an unknown in `addresses`; raise if it was not identified."""

@@ -16,7 +16,8 @@ from receptance.identification.covariance import UNINFORMATIVE, confidence_multi
 from receptance.identification.fit import FitKeywords, identify
 from receptance.identification.observations import Observation, altered, as_observations
 from receptance.identification.peaks import PredictedMode
-from receptance.identification.prediction import Forecast, PredictedFRF
+from receptance.identification.prediction import PredictedFRF
+from receptance.identification.predictor import PredictedAssembly
 from receptance.identification.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
 from receptance.report import Column, Provenance, Result, Table
 
@@ -301,7 +302,7 @@ def transfer(
     level : float, optional
         Level of the intervals.
     draws : int, optional
-        Number of vectors for the bands of receptances; with 0 they are linear, see `Identification.predict_receptance`.
+        Number of vectors for the bands of receptances; with 0 they are linear, see `PredictedAssembly.receptance`.
     seed : int, optional
         Seed of these draws, and of the starts of the fits.
     progress : callable, optional
@@ -435,11 +436,11 @@ def _with_prediction(
         reason = f"{names} {'is in' if missing else 'in'} no configuration that is left"
     else:
         try:
-            forecast = Forecast(fit, site, tolerances)
+            predicted = fit.predictor.at(site, tolerances)
             if not observation.is_receptance:
-                modes = forecast.observed_modes(observation, _readings(observation, fit)).modes
+                modes = predicted.observed_modes(observation, _readings(observation, fit)).modes
                 return replace(split, modes=(*split.modes, *modes))
-            frf, notes = _predicted_frf(observation, fit, forecast, draws, seed)
+            frf, notes = _predicted_frf(observation, fit, predicted, draws, seed)
             peaks = tuple(peak for peak in frf.peaks if peak.measured_hz is not None)
             return replace(split, frfs=(*split.frfs, frf), modes=split.modes + peaks, notes=(*split.notes, *notes))
         except (ValueError, ReceptanceError) as error:
@@ -449,7 +450,7 @@ def _with_prediction(
 
 
 def _predicted_frf(
-    observation: Observation, fit: Identification, forecast: Forecast, draws: int, seed: int
+    observation: Observation, fit: Identification, predicted: PredictedAssembly, draws: int, seed: int
 ) -> tuple[PredictedFRF, list[str]]:
     """Return the prediction of a receptance, and a note where its band is linear for want of models."""
     noise = observation.standard_deviation
@@ -457,10 +458,10 @@ def _predicted_frf(
         deviation = _residual_deviation(fit) if "logarithm" in fit.units else 0.0
         noise = np.full(observation.frequency_hz.size, deviation)
     try:
-        return forecast.observed(observation, noise, draws=draws, seed=seed), []
+        return predicted.observed(observation, noise, draws=draws, seed=seed), []
     except ReceptanceError as error:
         note = f"{observation.label or observation.configuration}: its band is linear, because {error}"
-        return forecast.observed(observation, noise, seed=seed), [note]
+        return predicted.observed(observation, noise, seed=seed), [note]
 
 
 def _residual_deviation(fit: Identification) -> float:
