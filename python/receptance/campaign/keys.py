@@ -436,7 +436,7 @@ class MapOf(Field):
 
 
 @dataclass(frozen=True)
-class Section(MapOf):
+class NamedTables(MapOf):
     """A table of the file with tables by name; those with mistakes are left out."""
 
     def read(self, written: Any, place: Place) -> dict[str, Any]:
@@ -446,7 +446,7 @@ class Section(MapOf):
         return {key: value for key, value in self._values(written, place).items() if value is not WRONG}
 
 
-class Table:
+class KeyTable:
     """A table of the file, whose attributes are its keys; one that the file does not have has its default."""
 
     declared: ClassVar[dict[str, Field]] = {}
@@ -516,7 +516,7 @@ def _definition(
 class TableOf(Field):
     """A table of a class."""
 
-    table: type[Table]
+    table: type[KeyTable]
     doc: str = ""
 
     def read(self, written: Any, place: Place) -> Any:
@@ -584,7 +584,7 @@ class ElementOf(Field):
     doc: str = ""
     _: KW_ONLY
     kind: str = ""
-    keys: type[Table] = Table
+    keys: type[KeyTable] = KeyTable
     without: tuple[str, ...] = ()
     defaults: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""

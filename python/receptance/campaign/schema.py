@@ -19,16 +19,16 @@ from receptance.campaign.keys import (
     ElementOf,
     ElementTable,
     Flag,
+    KeyTable,
     ListOf,
     MapOf,
+    NamedTables,
     NameInMachine,
     NameOf,
     OneKind,
     Parsed,
     Place,
     Real,
-    Section,
-    Table,
     TableOf,
     Text,
     ValueAtAddress,
@@ -123,7 +123,7 @@ MATERIAL = ElementOf(Material)
 SEGMENT = ElementOf(Segment)
 
 
-class PartTable(Table):
+class PartTable(KeyTable):
     """A tool, a holder, a blank: segments in a row, rigidly connected, from its tip-side end on."""
 
     segments: list[ElementTable] = ListOf(
@@ -152,7 +152,7 @@ class Modes(ListOf):
         return {"anyOf": [{"type": "integer"}, super().schema()]}
 
 
-class ModalPartKeys(Table):
+class ModalPartKeys(KeyTable):
     """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
 
     modes: list[ElementTable] = Modes(
@@ -180,7 +180,7 @@ ATTACHMENTS = OneKind(
 SENSOR = ElementOf(PointMass, without=("part", "position"), name="SensorTable")
 
 
-class CoordinateTable(Table):
+class CoordinateTable(KeyTable):
     """A position on a part, a direction and a sign."""
 
     part: str = NameOf("name of the part; by default the first one of the chain", "parts", optional=True).default("")
@@ -192,7 +192,7 @@ class CoordinateTable(Table):
     ).default("+y")
 
 
-class AssemblyTable(Table):
+class AssemblyTable(KeyTable):
     """A configuration: parts and joints in a row from the tip, and values of its own."""
 
     chain: list[str] = ListOf(
@@ -222,7 +222,7 @@ class AssemblyTable(Table):
 # Measurements --------------------------------------------------------------------------------------------------------
 
 
-class EntryTable(Table):
+class EntryTable(KeyTable):
     """The FRF to read from a file with several FRFs, responses or excitations."""
 
     number: int | None = Count(
@@ -253,7 +253,7 @@ def _sample_rate(doc: str) -> Number:
     return Number(units.FREQUENCY, doc)
 
 
-class FRFReading(Table):
+class FRFReading(KeyTable):
     """Options of reading an FRF."""
 
     format: str | None = _option("format", Text).default(None)
@@ -269,7 +269,7 @@ class FRFReading(Table):
     reverse: bool = _option("reverse", Flag).default(False)
 
 
-class RecordsReading(Table):
+class RecordsReading(KeyTable):
     """Options of reading time records."""
 
     format: str | None = _option("format", Text).default(None)
@@ -299,7 +299,7 @@ class FileFields(FRFReading):
     ).default(None)
 
 
-class _Measured(Table):
+class _Measured(KeyTable):
     assembly: str = NameOf("name of the assembly that was measured", "assemblies").needed()
     role: Literal["identify", "hold out"] = Choice(
         "whether it is used in the fit, or held out for comparison with predictions", ("identify", "hold out")
@@ -448,7 +448,7 @@ MEASUREMENTS = OneKind(TableOf(FRFTable), TableOf(HammerTable), TableOf(Frequenc
 MeasurementTable = FRFTable | HammerTable | FrequenciesTable
 
 
-class _Possible(Table):
+class _Possible(KeyTable):
     assembly: str = NameOf(
         "name of the assembly to measure; one that was measured before is in the same clamping", "assemblies"
     ).needed()
@@ -496,7 +496,7 @@ CandidateTable = CandidateFRFTable | CandidateFrequenciesTable
 # Unknowns and settings -----------------------------------------------------------------------------------------------
 
 
-class PriorTable(Table):
+class PriorTable(KeyTable):
     """Prior knowledge of an unknown: a Gaussian on the scale of the fit."""
 
     value: str | float = Written("most likely value, a quantity of the parameter's kind").needed()
@@ -506,7 +506,7 @@ class PriorTable(Table):
     ).needed()
 
 
-class UnknownTable(Table):
+class UnknownTable(KeyTable):
     """A parameter to identify; all assemblies that have it share it, unless a law across assemblies is given."""
 
     lower: float = ValueOfUnknown("lower bound, a quantity of the parameter's kind").needed()
@@ -564,7 +564,7 @@ class UnknownTable(Table):
     ).default(_EMPTY)
 
 
-class SettingsTable(Table):
+class SettingsTable(KeyTable):
     """Settings of the fit."""
 
     objective: Literal["log", "percentage"] = Choice(
@@ -582,7 +582,7 @@ class SettingsTable(Table):
     band_width: float = share('half width of the bands of the percentage objective, by default `"5 %"`').default(0.05)
 
 
-class PredictionTable(Table):
+class PredictionTable(KeyTable):
     """Predictions of assemblies that were not measured, and the level of intervals."""
 
     lower: float | None = Number(
@@ -603,7 +603,7 @@ class PredictionTable(Table):
     ).default(None)
 
 
-class SeriesTable(Table):
+class SeriesTable(KeyTable):
     """Levels of repeated measurements; a table with `{level}` in its name is the template of a table for each level."""
 
     over: str = Text('name of the condition, such as `"drawbar force"`').needed()
@@ -648,7 +648,7 @@ class TipAcross(TableOf):
         return {"anyOf": [super().schema(), {"type": "string", "enum": ["as x", "rigid"]}]}
 
 
-class TurningKeys(Table):
+class TurningKeys(KeyTable):
     """A turning cut: one tooth in continuous engagement."""
 
     angle: float = Number(units.DIRECTION, "angle between the force and the direction of the chip thickness").default(
@@ -657,7 +657,7 @@ class TurningKeys(Table):
     x: TipTable = TableOf(TipTable, "receptance of the tip in the direction of the chip thickness").needed()
 
 
-class MillingKeys(Table):
+class MillingKeys(KeyTable):
     """A milling cut with straight, evenly spaced teeth."""
 
     x: TipTable = TableOf(TipTable, "receptance of the tip in the direction of feed").needed()
@@ -672,7 +672,7 @@ CUTS = OneKind(
 )
 
 
-class StabilityTable(Table):
+class StabilityTable(KeyTable):
     """Speeds and probability of stable depths."""
 
     speeds: list[float] | None = ListOf(
@@ -708,7 +708,7 @@ class StabilityTable(Table):
         return self.draws or (200 if self.method == "mean force" else 40)
 
 
-class CatalogueSpread(Table):
+class CatalogueSpread(KeyTable):
     """Standard deviations of the dimensions of every tool of a catalogue; the errors of tools are independent."""
 
     overhang: Deviation | None = Deviated(units.LENGTH, "standard deviation of the overhang").default(None)
@@ -718,7 +718,7 @@ class CatalogueSpread(Table):
     ).default(None)
 
 
-class CatalogueTable(Table):
+class CatalogueTable(KeyTable):
     """Tools and holders in CSV files, and their machine."""
 
     tools: str | None = DataFile("CSV file with a tool in each row; not needed if the command names one").default(None)
@@ -757,35 +757,35 @@ class Version(Count):
         return {"const": 1}
 
 
-class CampaignTable(Table):
+class CampaignTable(KeyTable):
     """A measuring campaign: structures, measurements and unknowns."""
 
     format: Literal[1] = Version("version of this format").default(1)
     title: str = Text("free text").default("")
     description: str = Text("free text: the origin of the data, and whether they are simulated").default("")
-    materials: Mapping[str, ElementTable] = Section("materials by name", MATERIAL, check_name).needed()
-    parts: Mapping[str, PartTable] = Section("parts by name", TableOf(PartTable), check_word, WORD).needed()
-    modal_parts: Mapping[str, ElementTable] = Section(
+    materials: Mapping[str, ElementTable] = NamedTables("materials by name", MATERIAL, check_name).needed()
+    parts: Mapping[str, PartTable] = NamedTables("parts by name", TableOf(PartTable), check_word, WORD).needed()
+    modal_parts: Mapping[str, ElementTable] = NamedTables(
         "parts known by their modes, such as a spindle, by name", MODAL_PART, check_word, WORD
     ).default(_EMPTY)
-    joints: Mapping[str, ElementTable] = Section("joints by name", JOINTS, check_word, WORD).default(_EMPTY)
-    sensors: Mapping[str, ElementTable] = Section("sensors by name", SENSOR, check_word, WORD).default(_EMPTY)
-    attachments: Mapping[str, ElementTable] = Section(
+    joints: Mapping[str, ElementTable] = NamedTables("joints by name", JOINTS, check_word, WORD).default(_EMPTY)
+    sensors: Mapping[str, ElementTable] = NamedTables("sensors by name", SENSOR, check_word, WORD).default(_EMPTY)
+    attachments: Mapping[str, ElementTable] = NamedTables(
         "masses and ground springs by name", ATTACHMENTS, check_word, WORD
     ).default(_EMPTY)
-    assemblies: Mapping[str, AssemblyTable] = Section(
+    assemblies: Mapping[str, AssemblyTable] = NamedTables(
         "configurations by name", TableOf(AssemblyTable), check_name
     ).needed()
-    measurements: Mapping[str, MeasurementTable] = Section("measurements by name", MEASUREMENTS, check_name).default(
-        _EMPTY
-    )
-    candidates: Mapping[str, CandidateTable] = Section(
+    measurements: Mapping[str, MeasurementTable] = NamedTables(
+        "measurements by name", MEASUREMENTS, check_name
+    ).default(_EMPTY)
+    candidates: Mapping[str, CandidateTable] = NamedTables(
         "candidates for the next measurement, by name", CANDIDATES, check_name
     ).default(_EMPTY)
-    cuts: Mapping[str, ElementTable] = Section(
+    cuts: Mapping[str, ElementTable] = NamedTables(
         "cuts whose stable depth is computed, by name", CUTS, check_name
     ).default(_EMPTY)
-    unknowns: Mapping[str, UnknownTable] = Section(
+    unknowns: Mapping[str, UnknownTable] = NamedTables(
         'parameters to identify, by address: `"joint.k_theta"`', TableOf(UnknownTable)
     ).default(_EMPTY)
     series: SeriesTable | None = TableOf(

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from receptance.campaign import schema as tables
-from receptance.campaign.keys import ElementOf, Table
+from receptance.campaign.keys import ElementOf, KeyTable
 from receptance.model.beams import Section
 from receptance.model.joints import PointJoint
 
@@ -74,7 +74,7 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-def _name(table: type[Table] | ElementOf) -> str:
+def _name(table: type[KeyTable] | ElementOf) -> str:
     return table.title if isinstance(table, ElementOf) else table.__name__
 
 

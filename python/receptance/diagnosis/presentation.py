@@ -14,7 +14,7 @@ from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.wording import capital, names, odds, share, size_texts, sizes, times
-from receptance.report import Column, Fact, Section, Table
+from receptance.report import Column, Fact, PageSection, Table
 from receptance.report.table import amount, amount_interval, number, percent
 
 if TYPE_CHECKING:
@@ -431,17 +431,17 @@ def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
     return figures
 
 
-def sections(verdict: Verdict) -> list[Section]:
+def sections(verdict: Verdict) -> list[PageSection]:
     """Return held-out and fitted data before and after, all causes, those that the data cannot show, and settings."""
     shown = [*_section_of_held_out_data(verdict), _section_of_fitted_data(verdict), *_section_of_causes(verdict)]
     if verdict.undecidable:
         rows = [(names([id]), reason) for id, reason in verdict.undecidable.items()]
         table = Table("", ("cause", "reason"), rows)
-        shown.append(Section("Causes that these data cannot show", tables=[table]))
+        shown.append(PageSection("Causes that these data cannot show", tables=[table]))
     return [*shown, _section_of_settings(verdict)]
 
 
-def _section_of_held_out_data(verdict: Verdict) -> Iterator[Section]:
+def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
     if not verdict.gains:
         return
     fitted = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
@@ -460,10 +460,10 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[Section]:
     columns = ("held out", "verdict without it", "causes", Column("before"), Column("after"))
     by_fold = Table(f"By configuration: {metric_name(gain.metric)}", columns, folds if len(folds) > 1 else [])
     modes = _mode_table("Held-out modes, predicted less measured", verdict.held_out_modes, verdict.held_out_modes_after)
-    yield Section("Held-out data", texts, drawn, [table for table in (by_fold, modes) if table.rows])
+    yield PageSection("Held-out data", texts, drawn, [table for table in (by_fold, modes) if table.rows])
 
 
-def _section_of_fitted_data(verdict: Verdict) -> Section:
+def _section_of_fitted_data(verdict: Verdict) -> PageSection:
     observations, explanation = verdict.selection.base.model.observations, verdict.explanation
     before = curves(verdict.base_fit)
     after = [None] * len(before) if explanation is None else [*curves(explanation.fit)]
@@ -484,10 +484,10 @@ def _section_of_fitted_data(verdict: Verdict) -> Section:
     if len(records) > len(largest):
         texts.append(f"The {len(largest)} receptances with the largest residuals are drawn.")
     modes = _mode_table("Residuals at each mode, modelled less measured", verdict.modes, verdict.modes_after)
-    return Section("Fitted data", texts, drawn, [modes] if modes.rows else [])
+    return PageSection("Fitted data", texts, drawn, [modes] if modes.rows else [])
 
 
-def _section_of_causes(verdict: Verdict) -> Iterator[Section]:
+def _section_of_causes(verdict: Verdict) -> Iterator[PageSection]:
     if not verdict.candidates:
         return
     text = (
@@ -503,10 +503,10 @@ def _section_of_causes(verdict: Verdict) -> Iterator[Section]:
     every = [alternatives(verdict)] if len(likely) > _LONGEST else []
     every += [Table("Sizes, and causes with a similar effect on these data", columns, rows)] if rows else []
     figure = ("odds of each cause alone to the best", evidence_figure(verdict))
-    yield Section("All causes", [text], [figure], [table.without_empty() for table in every])
+    yield PageSection("All causes", [text], [figure], [table.without_empty() for table in every])
 
 
-def _section_of_settings(verdict: Verdict) -> Section:
+def _section_of_settings(verdict: Verdict) -> PageSection:
     rate = round(verdict.selection.evaluations_per_second)
     settings = {**verdict.settings, "model_evaluations_per_second": rate, "versions": verdict.provenance.versions}
     rows: list[tuple[str, str]] = []
@@ -515,4 +515,4 @@ def _section_of_settings(verdict: Verdict) -> Section:
             rows += [(f"{name}: {key}", str(inner)) for key, inner in value.items()]
         else:
             rows.append((name, ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)))
-    return Section("Settings and versions", tables=[Table("", ("setting", "value"), rows)])
+    return PageSection("Settings and versions", tables=[Table("", ("setting", "value"), rows)])

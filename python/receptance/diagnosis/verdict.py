@@ -16,7 +16,7 @@ from receptance.diagnosis.figure import draw_diagnosis
 from receptance.diagnosis.judgement import doubt_prediction
 from receptance.diagnosis.wording import title_of
 from receptance.identification.mapping import Site
-from receptance.report import Fact, Provenance, Result, Section, Table
+from receptance.report import Fact, PageSection, Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -371,7 +371,7 @@ class Verdict(Result):
         """Return the effect of the causes, the alternatives, and the modes with the largest errors."""
         return presentation.tables(self)
 
-    def sections(self) -> list[Section]:
+    def sections(self) -> list[PageSection]:
         """Return held-out and fitted data, before and after, all causes, and settings."""
         return presentation.sections(self)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from receptance.report.result import Renderable, Result, Section
+    from receptance.report.result import PageSection, Renderable, Result
     from receptance.report.table import Fact, Table
 
 _CODE = re.compile("`([^`]+)`")
@@ -41,7 +41,7 @@ def rejection_html(content: Renderable) -> str:
     return f'<div class="rejected">{items}</div>' if items else ""
 
 
-def content_html(content: Renderable, sections: Sequence[Section] = ()) -> list[str]:
+def content_html(content: Renderable, sections: Sequence[PageSection] = ()) -> list[str]:
     """Return warnings, findings, tables, next step, sections and notes as parts of a page."""
     texts = [*filter(None, [content.description]), *content.sentences()]
     parts = _list("Advice", content.warnings())
@@ -156,7 +156,7 @@ def _header(result: Result, heading: str) -> str:
     return f'<header><h1>{shown(heading)}</h1>{badge}<p class="meta">{shown(" · ".join(about))}</p>{tiles}</header>'
 
 
-def _section_html(section: Section) -> list[str]:
+def _section_html(section: PageSection) -> list[str]:
     figures = "".join(f"<figure>{as_svg(figure, title)}</figure>" for title, figure in section.figures)
     return [
         f"<h2>{shown(section.title)}</h2>",

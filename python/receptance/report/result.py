@@ -234,7 +234,7 @@ class Renderable(ABC):
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A section of the page of a result: paragraphs, figures with their titles, side by side, and tables."""
 
     title: str
@@ -283,7 +283,7 @@ class Result(Renderable):
         """Return the few numbers that a reader of the page looks for first: names, and values before and after."""
         return ()
 
-    def sections(self) -> Sequence[Section]:
+    def sections(self) -> Sequence[PageSection]:
         """Return the sections of the page below the answer, in place of the figure of `plot`."""
         return ()
 
