@@ -262,7 +262,7 @@ def diagnose_rigid(motion: str, step_kn: int, seed: int) -> dict[str, Any]:
     campaign = rigid_campaign(motion, step_kn, seed)
     verdict = campaign.diagnose()
     forces = [
-        [1e-3 * measurement.observation.conditions["drawbar force"] for measurement in measurements.values()]
+        [1e-3 * measurement.conditions["drawbar force"] for measurement in measurements.values()]
         for measurements in (campaign.to_identify, campaign.held_out)
     ]
     return {
