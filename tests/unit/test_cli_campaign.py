@@ -427,7 +427,7 @@ def test_every_assembly_from_the_others(monkeypatch: pytest.MonkeyPatch, capsys:
     from receptance import campaign, examples
 
     read = campaign.load(examples.write("er32", "er32")[0])
-    kept = {name: one for name, one in read.measurements.items() if one.assembly.startswith("d9_")}
+    kept = {name: one for name, one in read.measurements.items() if one.configuration.startswith("d9_")}
     unknowns = tuple(one for one in read.unknowns if one.address.startswith("joint_d9."))
     one_tool = replace(read, measurements=kept, unknowns=unknowns)
     monkeypatch.setattr(campaign, "load", lambda *_, **__: one_tool)
