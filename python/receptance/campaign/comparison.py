@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import special
 
 from receptance._text import instead_of
 from receptance.campaign.problems import CampaignError
@@ -266,14 +267,12 @@ def expected_misfit(
 
     None if an observation has no standard deviation.
     """
-    from scipy.special import chdtri
-
     from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
 
     if not all(observation.weighted for observation in observations):
         return None, None
     count = sum(observation.independent_values for observation in observations)
-    return count, float(np.maximum(MISFIT_LIMIT * count, chdtri(count, CHANCE)))
+    return count, float(np.maximum(MISFIT_LIMIT * count, special.chdtri(count, CHANCE)))
 
 
 def _unit(address: str) -> str:

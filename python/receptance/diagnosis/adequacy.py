@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
-from receptance._chances import chi_square_chance, chi_square_quantile, normal_chance, normal_quantile
 from receptance.diagnosis.thresholds import (
     BLOCK_LINES,
     CHANCE,
@@ -203,15 +203,15 @@ def _strain(fit: Fit) -> Strain:
     largest = float(np.abs(sizes).max())
     return Strain(
         worst=tuple((names[i], float(sizes[i])) for i in order if is_observable[i]),
-        limit=float(-normal_quantile(0.5 * CHANCE / tested)),
+        limit=float(-special.ndtri(0.5 * CHANCE / tested)),
         together=together / count,
         together_limit=_quantile(float(count)),
-        chance=min(2.0 * tested * normal_chance(largest), float(chi_square_chance(together, count)), 1.0),
+        chance=min(2.0 * tested * float(special.ndtr(-largest)), float(special.chdtrc(count, together)), 1.0),
     )
 
 
 def _quantile(freedom: float) -> float:
-    return chi_square_quantile(freedom, CHANCE) / freedom
+    return float(special.chdtri(freedom, CHANCE)) / freedom
 
 
 def _blocks(one: Observation, pair: NDArray[np.float64]) -> tuple[float, float]:

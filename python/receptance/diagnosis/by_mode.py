@@ -10,6 +10,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import special
 
 from receptance.diagnosis.discrepancy import in_antiresonance
 from receptance.diagnosis.fitting import Fit
@@ -325,12 +326,10 @@ def bias_of(modes: Sequence[ModeResidual], slenderness: Mapping[str, float]) -> 
 
 def _test(number: int, errors: Mapping[str, float], slenderness: Mapping[str, float]) -> tuple[float, Bias]:
     """Return the probability of so significant a common sign by chance, and the bias."""
-    from scipy.special import stdtr  # the light part of scipy.stats
-
     values = np.array(list(errors.values()))
     mean, deviation = float(np.mean(values)), float(np.std(values, ddof=1))
     same_sign = bool(np.all(np.sign(values) == np.sign(mean)))
     t = abs(mean) / max(deviation / np.sqrt(values.size), 1e-9)
     ratios = [slenderness[name] for name in errors]
     bias = Bias(number, (min(ratios), max(ratios)), tuple(errors), mean, deviation)
-    return (2.0 * float(stdtr(values.size - 1, -t)) if same_sign else 1.0), bias
+    return (2.0 * float(special.stdtr(values.size - 1, -t)) if same_sign else 1.0), bias

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
-from receptance._chances import f_chance_4
 from receptance._peaks import local_maxima
 from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
@@ -287,7 +287,8 @@ def _fit(frequency_hz: NDArray[np.float64], values: NDArray[np.complex128], top_
     level = float(np.sum(np.abs(straight) ** 2))
     misfit_with_pole = float(np.sum(np.abs(d - c - residue / (x - p))[beside] ** 2)) + np.finfo(float).tiny
     freedom = int(beside.sum()) - 3
-    chance = f_chance_4((level - misfit_with_pole) / 2.0 / misfit_with_pole * freedom, 2 * freedom)
+    ratio = max((level - misfit_with_pole) / 2.0 / misfit_with_pole * freedom, 0.0)
+    chance = float(special.fdtrc(4, 2 * freedom, ratio))
     near = max(abs(p.imag), 1.5 * float(np.abs(np.diff(x)).max()))
     if not (chance <= _FALSE_PEAK_RATE and abs(p.real) <= near):
         return None

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from receptance import _checks
-from receptance._chances import chi_square_chance, normal_quantile
 from receptance.frf.validation import average_count
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ def _fit(
     variance = alpha**2 * total(size) + 2.0 * alpha * beta * total(size * gain) + beta**2 * total(size * gain**2)
     # The freedom of the line is a lower limit, with correlated or steeply weighted neighbours as well.
     freedom = np.maximum(2.0 * power**2 / variance, line_freedom)
-    unlikely = chi_square_chance(line_freedom * scatter / power, line_freedom) < _MIN_PROBABILITY
+    unlikely = special.chdtrc(line_freedom, line_freedom * scatter / power) < _MIN_PROBABILITY
     return np.where(unlikely, scatter, power), np.where(unlikely, line_freedom, freedom)
 
 
@@ -309,9 +309,8 @@ def interval_factor(level: float, degrees_of_freedom: ArrayLike | None) -> NDArr
     upper = 0.5 + 0.5 * level
     freedom = np.asarray(np.inf if degrees_of_freedom is None else degrees_of_freedom, dtype=np.float64)
     estimated = np.isfinite(freedom)
-    normal = normal_quantile(upper)
+    normal = special.ndtri(upper)
     if not estimated.any():
         return np.full(freedom.shape, normal)
-    from scipy.special import stdtrit  # slow to import
 
-    return np.asarray(np.where(estimated, stdtrit(np.where(estimated, freedom, 1.0), upper), normal))
+    return np.asarray(np.where(estimated, special.stdtrit(np.where(estimated, freedom, 1.0), upper), normal))

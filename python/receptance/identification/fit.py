@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, TypedDict, get_args
 
 import numpy as np
+from scipy import special
 
 from receptance import _checks
-from receptance._chances import chi_square_chance
 from receptance._text import first_of
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.covariance import covariance_of, variance_factor
@@ -430,7 +430,7 @@ def _covariance_advice(
 
 def contradicts(chi_square: float, left: float) -> bool:
     """Return whether chi-square with `left` degrees of freedom is significantly large, at the 1 % level."""
-    return left > 0.0 and bool(chi_square_chance(chi_square, left) < _LARGE_PROBABILITY)
+    return left > 0.0 and bool(special.chdtrc(left, chi_square) < _LARGE_PROBABILITY)
 
 
 _DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
@@ -459,7 +459,7 @@ def _overfit_advice(residuals: Sequence[NDArray[np.float64]], independent: float
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
     small = left > 0.0 and chi_square < left / _UNEXPLAINED**2
-    if small and 1.0 - chi_square_chance(chi_square, left) < _SMALL_PROBABILITY:
+    if small and 1.0 - special.chdtrc(left, chi_square) < _SMALL_PROBABILITY:
         share = float(np.sqrt(chi_square / left))
         return [
             f"the rms of the residuals is only {share:.2g} standard deviations, expected about 1: the standard "

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from receptance import _checks
-from receptance._chances import chi_square_chance
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.identification.problem import COST_TOLERANCE
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -170,10 +170,9 @@ def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
     if np.isinf(rise):
         return 0.0
     if degrees_of_freedom is None:
-        return float(chi_square_chance(rise, count))
-    from scipy.special import fdtrc  # the light part of scipy.stats
+        return float(special.chdtrc(count, rise))
 
-    return float(fdtrc(count, max(degrees_of_freedom, 1), rise / count))
+    return float(special.fdtrc(count, max(degrees_of_freedom, 1), rise / count))
 
 
 def log_evidence(found: Identification) -> float:

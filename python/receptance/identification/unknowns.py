@@ -10,9 +10,9 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
+from scipy import special
 
 from receptance import _checks, units
-from receptance._chances import normal_quantile
 from receptance.model.addresses import QUANTITIES
 
 if TYPE_CHECKING:
@@ -555,7 +555,7 @@ class Variables:
             rng.shuffle(rank)
         share = (ranks.T - share) / (starts - 1)
         found = low + (high - low) * share
-        normal = np.array([[normal_quantile(min(one, _LARGEST_SHARE)) for one in row] for row in share.tolist()])
+        normal = special.ndtri(np.minimum(share, _LARGEST_SHARE))
         for i, unknown in enumerate(self.unknowns):
             if unknown.prior is not None:
                 scale = math.log(10.0) if unknown.scale == "log" else 1.0

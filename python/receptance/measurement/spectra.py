@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from receptance import _checks
 from receptance.frf.variance import pool_variance
@@ -509,8 +510,6 @@ def force_outside_window(
     with `correlated` neighbouring lines per independent value. A bounce or the ringing of a sensor has a broad
     spectrum, so neighbouring lines are averaged.
     """
-    from scipy.special import chdtri
-
     hits, n_lines = spectra.shape
     width = min(_SMOOTHED_LINES, n_lines)
     count = np.convolve(np.ones(n_lines), np.ones(width), "same")
@@ -519,7 +518,7 @@ def force_outside_window(
         for values in (np.mean(np.abs(spectra) ** 2, axis=0), np.mean(np.abs(unwindowed - spectra) ** 2, axis=0), noise)
     )
     freedom = 2.0 * hits * max(1.0, width / correlated)
-    clear = removed > _NOISE_MARGIN * chdtri(freedom, _CHANCE) / freedom * expected
+    clear = removed > _NOISE_MARGIN * special.chdtri(freedom, _CHANCE) / freedom * expected
     return np.where(clear, np.sqrt(np.maximum(removed - expected, 0.0) / power), 0.0)
 
 
@@ -527,11 +526,9 @@ def _coherent_part(
     part: NDArray[np.complex128], spectra: NDArray[np.complex128]
 ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
     """Return the FRF from the force to a part of a signal, and the lines on which it exceeds the noise."""
-    from scipy.special import fdtri
-
     hits = len(part)
     power = np.maximum(np.sum(np.abs(spectra) ** 2, axis=0), 1e-300)
     gain = np.sum(np.conj(spectra) * part, axis=0) / power
     noise = np.sum(np.abs(part - gain * spectra) ** 2, axis=0) / (hits - 1) / power
-    clear = np.abs(gain) ** 2 > fdtri(2.0, 2.0 * (hits - 1), 1.0 - _CHANCE) * noise
+    clear = np.abs(gain) ** 2 > special.fdtri(2.0, 2.0 * (hits - 1), 1.0 - _CHANCE) * noise
     return gain, clear

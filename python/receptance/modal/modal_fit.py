@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from receptance import _checks
 from receptance._text import first_of
@@ -344,7 +345,6 @@ def _between_entries(
     """
     if not np.all(np.isfinite(covariance)) or fit.scores.shape[0] < _MIN_ENTRIES:
         return covariance, freedom, []
-    from scipy.special import chdtri
 
     influence = fit.scores @ fit.inverse
     shares = np.einsum("ij,ejk,ki->ei", fit.inverse, fit.information_matrices, fit.inverse)
@@ -353,7 +353,7 @@ def _between_entries(
     between = np.sum(influence**2, axis=0) / np.where(identified, 1.0 - 1.0 / clusters, 1.0)
     ratio = between / np.diag(covariance)
     # Upper 0.1 % point of chi-square over its degrees of freedom.
-    limit = chdtri(clusters, 1e-3) / clusters
+    limit = special.chdtri(clusters, 1e-3) / clusters
     over = identified & (ratio > limit)
     if not over.any():
         return covariance, freedom, []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from receptance import _checks
 from receptance.errors import warn_user
@@ -465,12 +466,10 @@ def _activity(
     eq: Equations, terms: NDArray[np.complex128], covariance: NDArray[np.complex128], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return minus twice the logarithm of the probability that a solution is passive, `(n,)`."""
-    from scipy.special import log_ndtr
-
     matrix, covariance = eq.stiffness(terms), covariance * (scale[:, :, None] * scale[:, None, :])
     usable = np.isfinite(matrix).all(axis=(1, 2)) & (np.abs(np.einsum("nii->ni", matrix)) > 0.0).all(axis=1)
     energy, deviation = _energy_gain(np.where(usable[:, None, None], matrix, np.eye(2)), covariance)
-    return np.where(usable, -2.0 * log_ndtr(-energy / np.maximum(deviation, 1e-300)), 0.0)
+    return np.where(usable, -2.0 * special.log_ndtr(-energy / np.maximum(deviation, 1e-300)), 0.0)
 
 
 def _steps(
