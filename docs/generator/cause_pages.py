@@ -16,7 +16,7 @@ from sphinx.util.docutils import SphinxDirective
 import cause_effects
 import receptance
 from receptance.diagnosis import CATALOGUE, Parameter
-from receptance.diagnosis.advice import MENU, DirectMeasurement, MenuItem, SimulatedMeasurement
+from receptance.diagnosis.advice import MENU, MenuItem
 from receptance.diagnosis.boundary_causes import BOUNDARY_CAUSES
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
@@ -186,9 +186,8 @@ class Measurements(_AboutCause):
 
 
 def _is_for(measurement: MenuItem, id: str) -> bool:
-    if isinstance(measurement, DirectMeasurement):
-        return id in measurement.presence or any(name.partition(".")[0] == id for name in measurement.accuracy)
-    return isinstance(measurement, SimulatedMeasurement) and id in measurement.without
+    causes = {name.partition(".")[0] for name in measurement.accuracy}
+    return id in measurement.presence | measurement.without | causes
 
 
 class CauseList(SphinxDirective):
