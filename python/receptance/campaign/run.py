@@ -698,7 +698,7 @@ class Campaign(Renderable):
                 verdict.selection.base.model,
                 observations=observations,
                 # Held-out records may end at another time, or not at all.
-                truncation=truncation_time([one for one in observations if one.is_receptance]),
+                truncation=truncation_time([observation for observation in observations if observation.is_receptance]),
                 tolerances=tuple(self.errors_of(held_out)),
             )
             found = improvement(verdict.selection, verdict.explanation, unseen, metrics)

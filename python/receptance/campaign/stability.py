@@ -472,11 +472,11 @@ def named_metrics(campaign: Campaign, names: Sequence[str]) -> dict[str, Metric]
     return found
 
 
-def _is_tip_receptance(one: Observation) -> bool:
+def _is_tip_receptance(observation: Observation) -> bool:
     """Return whether an observation is a drive-point FRF of translation without an exponential window."""
-    if not one.is_receptance or one.frequency_hz.dtype.kind == "c":
+    if not observation.is_receptance or observation.frequency_hz.dtype.kind == "c":
         return False
-    response, excitation = one.response, one.excitation
+    response, excitation = observation.response, observation.excitation
     same = (response.part, response.position) == (excitation.part, excitation.position)
     return same and response.direction == excitation.direction == "y"
 

@@ -281,7 +281,7 @@ def _of_assembly(campaign: Campaign, base: Model, explanation: Explanation, name
     """Apply the causes of an explanation to an assembly without sensors."""
     assembly = campaign.assemblies[name]
     own = [observation for observation in campaign.measurements.values() if observation.configuration == name]
-    like = next((one for one in own if one.is_receptance), own[0] if own else None)
+    like = next((observation for observation in own if observation.is_receptance), own[0] if own else None)
     if like is None:
         like = next(iter(campaign.measurements.values()))
         if like.is_receptance:

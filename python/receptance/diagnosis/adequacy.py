@@ -150,17 +150,21 @@ def judge(fit: Fit) -> Adequacy:
     """Return the adequacy of a fit, `Fit.adequacy`."""
     smooth = expected = 0.0
     worst = []
-    for one, residual in zip(fit.model.observations, fit.parts, strict=True):
-        if one.is_receptance:
+    for observation, residual in zip(fit.model.observations, fit.parts, strict=True):
+        if observation.is_receptance:
             pair = residual.reshape(2, -1)
-            of_blocks = _blocks(one, pair)
+            of_blocks = _blocks(observation, pair)
             smooth, expected = smooth + of_blocks[0], expected + of_blocks[1]
-            worst.append(_worst(one, pair))
+            worst.append(_worst(observation, pair))
         else:
             at = int(np.argmax(np.abs(residual)))
-            places = np.append(one.frequency_hz, one.frequency_hz[one.damped])
+            places = np.append(observation.frequency_hz, observation.frequency_hz[observation.damped])
             frequency = float(places[at])
-            worst.append(MisfitBand(one.label or one.configuration, frequency, frequency, float(residual[at] ** 2)))
+            worst.append(
+                MisfitBand(
+                    observation.label or observation.configuration, frequency, frequency, float(residual[at] ** 2)
+                )
+            )
     return Adequacy(
         misfit=fit.misfit,
         limit=misfit_limit(fit),
@@ -214,33 +218,35 @@ def _quantile(freedom: float) -> float:
     return float(special.chdtri(freedom, CHANCE)) / freedom
 
 
-def _blocks(one: Observation, pair: NDArray[np.float64]) -> tuple[float, float]:
+def _blocks(observation: Observation, pair: NDArray[np.float64]) -> tuple[float, float]:
     """Return the sum of squares of sums over neighbouring residuals, and the number of independent ones.
 
     Each square is divided by its expectation for lines that are independent or correlated over less than a block. Where
     c lines are correlated, a residual has the variance 1 / c. A block of fewer than c lines then has the expectation
     BLOCK_LINES / c, and counts as that part of an independent block.
     """
-    if one.standard_deviation is None or pair.shape[1] < 2 * BLOCK_LINES:
+    if observation.standard_deviation is None or pair.shape[1] < 2 * BLOCK_LINES:
         return 0.0, 0.0
     count = pair.shape[1] // BLOCK_LINES
     cut = count * BLOCK_LINES
     sums = pair[:, :cut].reshape(2, count, BLOCK_LINES).sum(axis=2) / np.sqrt(BLOCK_LINES)
-    variance = one.standard_deviation**2
-    floor = Floor().variance(one.frequency_hz.real, one.receptance, variance)
+    variance = observation.standard_deviation**2
+    floor = Floor().variance(observation.frequency_hz.real, observation.receptance, variance)
     share = (np.minimum(floor, variance) / variance)[:cut].reshape(count, BLOCK_LINES).mean(axis=1)
-    alone = np.minimum(1.0, BLOCK_LINES * (1.0 / one.correlated_lines)[:cut].reshape(count, BLOCK_LINES).mean(axis=1))
+    alone = np.minimum(
+        1.0, BLOCK_LINES * (1.0 / observation.correlated_lines)[:cut].reshape(count, BLOCK_LINES).mean(axis=1)
+    )
     squares = sums**2 / (1.0 - share + BLOCK_LINES * share / alone)
     return float(np.sum(squares)), 2.0 * float(np.sum(alone))
 
 
-def _worst(one: Observation, pair: NDArray[np.float64]) -> MisfitBand:
+def _worst(observation: Observation, pair: NDArray[np.float64]) -> MisfitBand:
     count = pair.shape[1]
     bands = np.arange(min(MISFIT_BANDS, count) + 1)
     length, longer = divmod(count, len(bands) - 1)
     edges = length * bands + np.minimum(bands, longer)
     squares = np.add.reduceat(np.sum(pair**2, axis=0), edges[:-1])
-    sizes = squares / (2.0 * np.add.reduceat(1.0 / one.correlated_lines, edges[:-1]))
+    sizes = squares / (2.0 * np.add.reduceat(1.0 / observation.correlated_lines, edges[:-1]))
     at = int(np.argmax(sizes))
-    low, high = one.frequency_hz.real[[edges[at], edges[at + 1] - 1]]
-    return MisfitBand(one.label or one.configuration, float(low), float(high), float(sizes[at]))
+    low, high = observation.frequency_hz.real[[edges[at], edges[at + 1] - 1]]
+    return MisfitBand(observation.label or observation.configuration, float(low), float(high), float(sizes[at]))

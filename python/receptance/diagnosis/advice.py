@@ -278,7 +278,7 @@ def part_alone(side: str, model: Model, steps: tuple[Step, ...]) -> Hypothetical
 
 
 def _first_frf(model: Model) -> int | None:
-    return next((i for i, one in enumerate(model.observations) if one.is_receptance), None)
+    return next((i for i, observation in enumerate(model.observations) if observation.is_receptance), None)
 
 
 def _frf(model: Model, index: int, *, tolerances: tuple[Tolerance, ...] | None = None, **changes: Any) -> Candidate:

@@ -45,7 +45,7 @@ def predict_with(
 
     Causes that belong to the measurement do not act on it.
     """
-    like = next((one for one in base.observations if one.is_receptance), base.observations[0])
+    like = next((observation for observation in base.observations if observation.is_receptance), base.observations[0])
     name = site.configuration
     stand_in = altered(like, assembly=site.assembly, configuration=name, label=name, conditions=dict(site.conditions))
     model = replace(base, observations=(stand_in,), tolerances=tuple(tolerances or ()))

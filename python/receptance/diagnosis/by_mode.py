@@ -95,25 +95,34 @@ def curves(fit: Fit) -> list[Curve]:
     return [curve_of(one, part) for one, part in zip(fit.model.observations, fit.parts, strict=True)]
 
 
-def curve_of(one: Observation, residual: NDArray[np.float64]) -> Curve:
+def curve_of(observation: Observation, residual: NDArray[np.float64]) -> Curve:
     """Return an observation, measured and modelled, from its residual in standard deviations."""
-    label, configuration = one.label or one.configuration, one.configuration or one.label
-    if not one.is_receptance:
+    label, configuration = (
+        observation.label or observation.configuration,
+        observation.configuration or observation.label,
+    )
+    if not observation.is_receptance:
         # Calculated minus measured.
-        own, rest = np.split(residual, [one.frequency_hz.size])
-        measured = one.frequency_hz.real
-        unit = measured if one.standard_deviation is None else one.standard_deviation
+        own, rest = np.split(residual, [observation.frequency_hz.size])
+        measured = observation.frequency_hz.real
+        unit = measured if observation.standard_deviation is None else observation.standard_deviation
         modelled = measured + own * unit
         ratios = np.full(measured.size, np.nan)
-        if one.damping_ratio is not None:
-            given = one.damping_ratio[one.damped]
-            known = one.standard_deviation_damping
-            ratios[one.damped] = given + rest * (np.maximum(given, 1e-4) if known is None else known[one.damped])
+        if observation.damping_ratio is not None:
+            given = observation.damping_ratio[observation.damped]
+            known = observation.standard_deviation_damping
+            ratios[observation.damped] = given + rest * (
+                np.maximum(given, 1e-4) if known is None else known[observation.damped]
+            )
         return Curve(label, configuration, measured, measured, modelled, own[None], ratios)
     pair = residual.reshape(2, -1)
-    deviation = np.ones(one.frequency_hz.size) if one.standard_deviation is None else one.standard_deviation
-    receptance = one.receptance * np.exp(-(pair[0] + 1j * pair[1]) * deviation)
-    return Curve(label, configuration, one.frequency_hz.real, one.receptance, receptance, pair)
+    deviation = (
+        np.ones(observation.frequency_hz.size)
+        if observation.standard_deviation is None
+        else observation.standard_deviation
+    )
+    receptance = observation.receptance * np.exp(-(pair[0] + 1j * pair[1]) * deviation)
+    return Curve(label, configuration, observation.frequency_hz.real, observation.receptance, receptance, pair)
 
 
 def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
@@ -131,30 +140,30 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
 def residuals_of_frequencies(fit: Fit) -> list[ModeResidual]:
     """Return the residuals of a fit at each measured natural frequency, without those of receptances."""
     pairs = zip(fit.model.observations, fit.parts, strict=True)
-    found = [(one, curve_of(one, part)) for one, part in pairs if not one.is_receptance]
+    found = [(observation, curve_of(observation, part)) for observation, part in pairs if not observation.is_receptance]
     return [mode for one, curve in found for mode in _at_frequencies(one, curve)]
 
 
-def modes_of(one: Observation, curve: Curve) -> list[ModeResidual]:
+def modes_of(observation: Observation, curve: Curve) -> list[ModeResidual]:
     """Return the residuals at each mode of one observation."""
-    return _at_peaks(one, curve) if one.is_receptance else _at_frequencies(one, curve)
+    return _at_peaks(observation, curve) if observation.is_receptance else _at_frequencies(observation, curve)
 
 
-def _at_frequencies(one: Observation, curve: Curve) -> list[ModeResidual]:
+def _at_frequencies(observation: Observation, curve: Curve) -> list[ModeResidual]:
     measured, modelled = curve.measured.real, curve.modelled.real
     damping = np.full(measured.size, math.nan)
-    if one.damping_ratio is not None and curve.damping_ratio is not None:
-        given = np.where(one.damping_ratio > 0.0, one.damping_ratio, math.nan)
+    if observation.damping_ratio is not None and curve.damping_ratio is not None:
+        given = np.where(observation.damping_ratio > 0.0, observation.damping_ratio, math.nan)
         damping = 100.0 * (curve.damping_ratio / given - 1.0)
     return [
         ModeResidual(curve.label, curve.configuration, mode, float(f), float(100.0 * (g - f) / f), float(d))
-        for mode, f, g, d in zip(one.modes, measured, modelled, damping, strict=True)
+        for mode, f, g, d in zip(observation.modes, measured, modelled, damping, strict=True)
     ]
 
 
-def _at_peaks(one: Observation, curve: Curve) -> list[ModeResidual]:
-    decay = float(-2.0 * np.pi * np.median(np.imag(one.frequency_hz)))
-    measured = _Record(curve.frequency_hz, curve.measured, decay, one.standard_deviation)
+def _at_peaks(observation: Observation, curve: Curve) -> list[ModeResidual]:
+    decay = float(-2.0 * np.pi * np.median(np.imag(observation.frequency_hz)))
+    measured = _Record(curve.frequency_hz, curve.measured, decay, observation.standard_deviation)
     others = _Record(curve.frequency_hz, curve.modelled, decay, None).modes()
     rows = []
     for number, mode in enumerate(_modes_of_measured(measured)):

@@ -121,26 +121,28 @@ class Discrepancy:
         own = {id(one): records for one, records in zip(model.observations, _records(model), strict=True)}
         return model.map(lambda one: self._enlarge(one, own.get(id(one), 1)))
 
-    def _enlarge(self, one: Observation, records: int) -> Observation:
-        if not one.is_receptance:
-            spread = np.hypot(np.asarray(one.standard_deviation), self.frequency * one.frequency_hz)
-            changed = altered(one, standard_deviation=spread)
-            if self.damping is None or not one.damped.size:
+    def _enlarge(self, observation: Observation, records: int) -> Observation:
+        if not observation.is_receptance:
+            spread = np.hypot(np.asarray(observation.standard_deviation), self.frequency * observation.frequency_hz)
+            changed = altered(observation, standard_deviation=spread)
+            if self.damping is None or not observation.damped.size:
                 return changed
-            ratios = np.nan_to_num(np.asarray(one.damping_ratio))
-            of_damping = np.hypot(np.asarray(one.standard_deviation_damping), self.damping * ratios)
+            ratios = np.nan_to_num(np.asarray(observation.damping_ratio))
+            of_damping = np.hypot(np.asarray(observation.standard_deviation_damping), self.damping * ratios)
             return altered(changed, standard_deviation_damping=of_damping)
-        growth = growth_beside_peaks(one)
-        level, shift = np.square(self.relative or 0.0) * growth, _variance_of_shift(one, self.frequency)
-        noise = np.square(one.standard_deviations[: shift.size])
+        growth = growth_beside_peaks(observation)
+        level, shift = np.square(self.relative or 0.0) * growth, _variance_of_shift(observation, self.frequency)
+        noise = np.square(observation.standard_deviations[: shift.size])
         is_shifted = shift > level
         weights = np.where(is_shifted, 1.0, 1.0 / growth)
-        lines = _common_lines(nearest_peak(one.frequency_hz.real, _peaks(one)), is_shifted, records, weights)
+        lines = _common_lines(
+            nearest_peak(observation.frequency_hz.real, _peaks(observation)), is_shifted, records, weights
+        )
         # `standard_deviation` is that of independent lines with the information of the correlated ones.
-        share = (level + shift) / (level + shift + noise / one.correlated_lines)
-        correlated = one.correlated_lines + share * (lines / weights - one.correlated_lines)
+        share = (level + shift) / (level + shift + noise / observation.correlated_lines)
+        correlated = observation.correlated_lines + share * (lines / weights - observation.correlated_lines)
         return altered(
-            one,
+            observation,
             standard_deviation=np.sqrt(noise + lines * (level + shift)),
             correlated_lines=np.maximum(correlated, 1.0),
         )
@@ -149,10 +151,10 @@ class Discrepancy:
 def resonant(model: Model) -> Model:
     """Return the model on few lines of each receptance, without those of antiresonances."""
 
-    def select(one: Observation) -> Observation:
-        if not one.is_receptance:
-            return one
-        return one.select(~in_antiresonance(one.frequency_hz.real, np.abs(one.receptance)))
+    def select(observation: Observation) -> Observation:
+        if not observation.is_receptance:
+            return observation
+        return observation.select(~in_antiresonance(observation.frequency_hz.real, np.abs(observation.receptance)))
 
     return thin(model.map(select), DISCREPANCY_LINES)
 
@@ -357,13 +359,13 @@ def _errors(model: Model, fit: Fit, shift: float) -> list[_Errors]:
     found: list[_Errors] = []
     records: dict[str, list[tuple[Observation, NDArray[np.float64]]]] = {}
     triples = zip(model.observations, fit.model.observations, fit.parts, strict=True)
-    for name, (one, fitted, residual) in zip(model.configuration_of, triples, strict=True):
-        if one.is_receptance:
+    for name, (observation, fitted, residual) in zip(model.configuration_of, triples, strict=True):
+        if observation.is_receptance:
             records.setdefault(name, []).append(
-                (one, residual.reshape(2, -1) * fitted.standard_deviations[: residual.size // 2])
+                (observation, residual.reshape(2, -1) * fitted.standard_deviations[: residual.size // 2])
             )
-        elif not one.is_receptance and not fitted.is_receptance:
-            found += _errors_of_frequencies(one, fitted, residual)
+        elif not observation.is_receptance and not fitted.is_receptance:
+            found += _errors_of_frequencies(observation, fitted, residual)
     return [*found, *(_errors_of_records(own, shift) for own in records.values())]
 
 
@@ -377,14 +379,16 @@ def _join(errors: Sequence[_Errors]) -> _Errors:
     return _Errors(**joined, modes=np.concatenate(modes), count=count)
 
 
-def _errors_of_frequencies(one: Observation, fitted: Observation, residual: NDArray[np.float64]) -> Iterator[_Errors]:
+def _errors_of_frequencies(
+    observation: Observation, fitted: Observation, residual: NDArray[np.float64]
+) -> Iterator[_Errors]:
     """Yield relative errors of natural frequencies, and of damping ratios; each is an effect of its own."""
-    of_frequency, of_damping = np.split(residual, [one.frequency_hz.size])
-    own, now = (np.asarray(each.standard_deviation) for each in (one, fitted))
-    yield _separate(of_frequency * now / one.frequency_hz, own / one.frequency_hz, FREQUENCY)
+    of_frequency, of_damping = np.split(residual, [observation.frequency_hz.size])
+    own, now = (np.asarray(each.standard_deviation) for each in (observation, fitted))
+    yield _separate(of_frequency * now / observation.frequency_hz, own / observation.frequency_hz, FREQUENCY)
     if of_damping.size:
-        own, now = (np.asarray(each.standard_deviation_damping)[one.damped] for each in (one, fitted))
-        ratios = np.asarray(one.damping_ratio)[one.damped]
+        own, now = (np.asarray(each.standard_deviation_damping)[observation.damped] for each in (observation, fitted))
+        ratios = np.asarray(observation.damping_ratio)[observation.damped]
         yield _separate(of_damping * now / ratios, own / ratios, DAMPING)
 
 
@@ -438,14 +442,14 @@ def _errors_of_records(records: Sequence[tuple[Observation, NDArray[np.float64]]
     )
 
 
-def growth_beside_peaks(one: Observation) -> NDArray[np.float64]:
+def growth_beside_peaks(observation: Observation) -> NDArray[np.float64]:
     """Return the factor by which the variance of errors of level is larger than at the peaks, `(n,)`.
 
     Each peak is taken as that of a mode with its height and its width, which is measured at half of the height.
     """
-    lines, size = one.frequency_hz.real, np.abs(one.receptance)
+    lines, size = observation.frequency_hz.real, np.abs(observation.receptance)
     squares = np.zeros(lines.size)
-    for peak in np.searchsorted(lines, _peaks(one)):
+    for peak in np.searchsorted(lines, _peaks(observation)):
         away = np.abs(np.square(lines / lines[peak]) - 1.0)
         is_lower = size <= 0.5 * size[peak]
         sides = [*np.flatnonzero(is_lower[:peak])[-1:], *(peak + np.flatnonzero(is_lower[peak:])[:1])]
@@ -456,31 +460,31 @@ def growth_beside_peaks(one: Observation) -> NDArray[np.float64]:
     return np.asarray(np.maximum(squares / np.square(size), 1.0))
 
 
-def _variance_of_shift(one: Observation, frequency: float) -> NDArray[np.float64]:
+def _variance_of_shift(observation: Observation, frequency: float) -> NDArray[np.float64]:
     """Return the variance of the logarithm by an error of frequency, for the real and the imaginary part each."""
-    down, at_rest, up = _moved(one, frequency)
+    down, at_rest, up = _moved(observation, frequency)
     return np.asarray((np.square(np.abs(up - at_rest)) + np.square(np.abs(down - at_rest))) / 4.0)
 
 
-def _moved(one: Observation, shift: float) -> list[NDArray[np.complex128]]:
+def _moved(observation: Observation, shift: float) -> list[NDArray[np.complex128]]:
     """Return the logarithm of the receptance at frequencies that are smaller by a share, the same, and larger."""
-    lines = one.frequency_hz.real
-    logarithm = np.log(np.abs(one.receptance)) + 1j * np.unwrap(np.angle(one.receptance))
+    lines = observation.frequency_hz.real
+    logarithm = np.log(np.abs(observation.receptance)) + 1j * np.unwrap(np.angle(observation.receptance))
     return [np.asarray(np.interp(lines * (1.0 + way * shift), lines, logarithm)) for way in (-1.0, 0.0, 1.0)]
 
 
 def _records(model: Model) -> list[int]:
     """Return for each observation the number of receptances of its configuration."""
-    receptances = [one.is_receptance for one in model.observations]
+    receptances = [observation.is_receptance for observation in model.observations]
     names = [name for name, is_one in zip(model.configuration_of, receptances, strict=True) if is_one]
     return [max(names.count(name), 1) for name in model.configuration_of]
 
 
-def _peaks(one: Observation) -> NDArray[np.float64]:
+def _peaks(observation: Observation) -> NDArray[np.float64]:
     """Return the frequencies of the peaks of modes in Hz."""
-    least = max(MODE_PROMINENCE, MODE_NOISE * float(np.median(one.standard_deviations)))
-    lines = one.frequency_hz.real
-    return np.asarray(lines[local_maxima(np.log(np.abs(one.receptance) * lines), least)[0]])
+    least = max(MODE_PROMINENCE, MODE_NOISE * float(np.median(observation.standard_deviations)))
+    lines = observation.frequency_hz.real
+    return np.asarray(lines[local_maxima(np.log(np.abs(observation.receptance) * lines), least)[0]])
 
 
 def _common_lines(

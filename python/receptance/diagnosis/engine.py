@@ -369,7 +369,7 @@ def _data_notes(selection: Selection) -> list[str]:
         not_decided = [id for id, error in selection.undecidable.items() if error.shared == reason]
         if not_decided:
             notes.append(f"{reason}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
-    frequencies = [one for one in model.observations if not one.is_receptance]
+    frequencies = [observation for observation in model.observations if not observation.is_receptance]
     if len(frequencies) == len(model.observations):
         hidden = (
             "gain, delay and hits" if any(one.damped.size for one in frequencies) else "damping, gain, delay and hits"

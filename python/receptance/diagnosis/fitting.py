@@ -142,15 +142,15 @@ class Fit:
         if not self.model.joints:
             return False
         values = self.task.variables.to_values(self.x)
-        for one, placed in zip(self.model.observations, self.task.mappings, strict=True):
-            if not one.is_receptance:
-                if one.frequency_hz.size > 1:
+        for observation, placed in zip(self.model.observations, self.task.mappings, strict=True):
+            if not observation.is_receptance:
+                if observation.frequency_hz.size > 1:
                     return False
                 continue
-            if not one.assembly.countable:
+            if not observation.assembly.countable:
                 return False
-            low, high = (float(one.frequency_hz[i].real) for i in (0, -1))
-            modes = placed.apply(one.assembly, values).natural_frequencies(high)
+            low, high = (float(observation.frequency_hz[i].real) for i in (0, -1))
+            modes = placed.apply(observation.assembly, values).natural_frequencies(high)
             modes = modes[modes > low]
             if modes.size > 1 or (modes.size and not 0.5 * modes[0] < low < high < 2.0 * modes[0]):
                 return False

@@ -46,7 +46,7 @@ def held_out_curves(verdict: Verdict, most: int = 4) -> list[tuple[Curve, Curve 
         return _pairs(base, best, verdict.held_out)[:most]
     found: list[tuple[Curve, Curve | None]] = []
     for name in base.model.configurations:
-        records = tuple(one for one in base.model.of([name]) if one.is_receptance)
+        records = tuple(observation for observation in base.model.of([name]) if observation.is_receptance)
         if not records or len(found) >= most:
             continue
         try:
@@ -77,4 +77,4 @@ def _curves(fit: Fit, model: Model) -> list[Curve]:
         return []
     residuals = data.residuals(end) if np.isfinite(end.cost) else []
     pairs = zip(model.observations, residuals, strict=False)
-    return [curve_of(one, own) for one, own in pairs if one.is_receptance]
+    return [curve_of(observation, own) for observation, own in pairs if observation.is_receptance]

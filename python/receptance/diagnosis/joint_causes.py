@@ -321,12 +321,12 @@ def _fix_places(model: Model, anatomy: Anatomy) -> Model:
 def _spread_model(model: Model, anatomy: Anatomy, points: int | None, *, whole: bool) -> Model:
     """Return the model with a spread joint; coordinates keep their place on the real holder."""
 
-    def change(one: Observation) -> Observation:
-        if not one.is_receptance or anatomy.joint not in one.assembly.elements:
-            return one
-        length = one.assembly.get(f"{anatomy.joint}.length")
+    def change(observation: Observation) -> Observation:
+        if not observation.is_receptance or anatomy.joint not in observation.assembly.elements:
+            return observation
+        length = observation.assembly.get(f"{anatomy.joint}.length")
         sides = ("response", "excitation")
-        return altered(one, **{side: _shift(getattr(one, side), anatomy, length) for side in sides})
+        return altered(observation, **{side: _shift(getattr(observation, side), anatomy, length) for side in sides})
 
     build = partial(_spread_joint, anatomy=anatomy, points=points, whole=whole)
     return model.rebuild(build).map(change)

@@ -28,17 +28,17 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
     dropped: list[str] = []
     kept: list[Observation] = []
     lost = total = 0
-    for name, one, good in zip(model.configuration_of, model.observations, _usable(model), strict=True):
-        if not one.is_receptance or good is None:
-            kept.append(one)
+    for name, observation, good in zip(model.configuration_of, model.observations, _usable(model), strict=True):
+        if not observation.is_receptance or good is None:
+            kept.append(observation)
             continue
         count = int(np.count_nonzero(good))
         total += good.size
         lost += good.size - count
         if count < min(FEWEST_LINES, good.size):
-            dropped.append(f"{one.label or name} ({count} of {good.size})")
+            dropped.append(f"{observation.label or name} ({count} of {good.size})")
             continue
-        kept.append(one if good.all() else one.select(good))
+        kept.append(observation if good.all() else observation.select(good))
     if lost:
         notes.append(
             f"{lost} of {total} lines are not used: the standard deviation of their logarithm, or of the same line in "
@@ -63,11 +63,11 @@ def _usable(model: Model) -> list[NDArray[np.bool_] | None]:
     """
     own: list[NDArray[np.bool_] | None] = []
     groups: dict[tuple[str, bytes], list[int]] = {}
-    for index, one in enumerate(model.observations):
+    for index, observation in enumerate(model.observations):
         own.append(None)
-        if one.is_receptance and one.standard_deviation is not None:
-            own[index] = one.standard_deviation <= NOISIEST_LINE
-            key = (model.configuration_of[index], one.frequency_hz.tobytes())
+        if observation.is_receptance and observation.standard_deviation is not None:
+            own[index] = observation.standard_deviation <= NOISIEST_LINE
+            key = (model.configuration_of[index], observation.frequency_hz.tobytes())
             groups.setdefault(key, []).append(index)
     result = list(own)
     for indices in groups.values():
@@ -86,13 +86,17 @@ def _informative_lines(model: Model, lines: int) -> list[NDArray[np.intp] | None
     """
     paths: dict[_Key, NDArray[np.float64]] = {}
     keys: list[_Key | None] = []
-    for index, one in enumerate(model.observations):
+    for index, observation in enumerate(model.observations):
         keys.append(None)
-        if one.is_receptance and one.frequency_hz.size > lines and one.standard_deviation is not None:
-            path = np.abs(np.diff(np.log(one.receptance))) / one.standard_deviation[1:]
+        if (
+            observation.is_receptance
+            and observation.frequency_hz.size > lines
+            and observation.standard_deviation is not None
+        ):
+            path = np.abs(np.diff(np.log(observation.receptance))) / observation.standard_deviation[1:]
             path = np.minimum(path, 20.0 * np.median(path)) + np.mean(path)
             name = model.configuration_of[index]
-            key = (name, one.response, one.excitation, one.frequency_hz.tobytes())
+            key = (name, observation.response, observation.excitation, observation.frequency_hz.tobytes())
             keys[index] = key
             paths[key] = paths.get(key, 0.0) + path
     chosen: dict[_Key | None, NDArray[np.intp] | None] = {None: None}

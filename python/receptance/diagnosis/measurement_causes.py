@@ -55,15 +55,15 @@ def _require_receptances(model: Model) -> None:
 def _each(model: Model) -> tuple[str | None, ...]:
     """Return None for all configurations together, then each one that has FRFs: only these have a measuring chain."""
     pairs = zip(model.configuration_of, model.observations, strict=True)
-    names = dict.fromkeys(name for name, one in pairs if one.is_receptance)
+    names = dict.fromkeys(name for name, observation in pairs if observation.is_receptance)
     return (None, *names) if len(names) > 1 else (None,)
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    def change(one: Observation) -> Observation:
-        place = one.response if one.is_receptance else Coordinate()
+    def change(observation: Observation) -> Observation:
+        place = observation.response if observation.is_receptance else Coordinate()
         point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
-        return altered(one, assembly=with_points(one.assembly, point))
+        return altered(observation, assembly=with_points(observation.assembly, point))
 
     # A large structure carries a large sensor.
     heaviest = max(sum(part.mass for name in own.tool for part in model.parts(name)[:1]) for own in model.anatomies)
@@ -81,19 +81,19 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
 
 
-def _mass_at_response(one: Observation) -> float:
+def _mass_at_response(observation: Observation) -> float:
     """Return the mass in kg that the model has where the sensor is."""
-    place = one.response if one.is_receptance else Coordinate()
-    points = [point for point in one.assembly.attachments.values() if isinstance(point, PointMass)]
+    place = observation.response if observation.is_receptance else Coordinate()
+    points = [point for point in observation.assembly.attachments.values() if isinstance(point, PointMass)]
     return sum(point.mass for point in points if (point.part, point.position) == (place.part, place.position))
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     places = dict.fromkeys(
-        (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position)
-        for one in model.witnesses or model.observations
-        if one.is_receptance and one.excitation.direction == "y"
+        (observation.excitation.part or next(iter(observation.assembly.elements)), observation.excitation.position)
+        for observation in model.witnesses or model.observations
+        if observation.is_receptance and observation.excitation.direction == "y"
     )
     found = 0
     for part, position in places:
@@ -113,10 +113,13 @@ def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: floa
     is beside it, on either side.
     """
 
-    def hit(one: Observation) -> bool:
-        if not one.is_receptance or one.excitation.direction != "y":
+    def hit(observation: Observation) -> bool:
+        if not observation.is_receptance or observation.excitation.direction != "y":
             return False
-        return (one.excitation.part or next(iter(one.assembly.elements)), one.excitation.position) == (part, position)
+        return (
+            observation.excitation.part or next(iter(observation.assembly.elements)),
+            observation.excitation.position,
+        ) == (part, position)
 
     others = model.map(lambda one: altered(one, excitation=one.response) if hit(one) else one)
     fixed = sorted({0.0, *others.places(part), *model.steps(part)})
@@ -128,8 +131,12 @@ def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: floa
         except ValueError:
             continue  # the place is not in the same segment of all assemblies
 
-        def change(one: Observation, at: float = at) -> Observation:
-            return altered(one, excitation=replace(one.excitation, part=part, position=at)) if hit(one) else one
+        def change(observation: Observation, at: float = at) -> Observation:
+            return (
+                altered(observation, excitation=replace(observation.excitation, part=part, position=at))
+                if hit(observation)
+                else observation
+            )
 
         below = max((x for x in fixed if x < at - HIT_BOUND), default=0.0)
         above = min((x for x in fixed if x > at + HIT_BOUND), default=math.inf)
@@ -220,8 +227,10 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     stated = dict.fromkeys(one.form for one in model.receptances)
     for order in (1, 2, -1, -2):
 
-        def change(one: Observation, order: int = order) -> Observation:
-            return altered(one, receptance=one.receptance / (2j * np.pi * one.frequency_hz) ** order)
+        def change(observation: Observation, order: int = order) -> Observation:
+            return altered(
+                observation, receptance=observation.receptance / (2j * np.pi * observation.frequency_hz) ** order
+            )
 
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
         how = "differentiated" if order > 0 else "integrated"

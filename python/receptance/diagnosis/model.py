@@ -104,12 +104,12 @@ class Model:
         """Return the model in which observations of equal assemblies have the same one, so that it is prepared once."""
         different: list[Assembly] = []
 
-        def share(one: Observation) -> Observation:
+        def share(observation: Observation) -> Observation:
             for own in different:
-                if own == one.assembly:
-                    return altered(one, assembly=own)
-            different.append(one.assembly)
-            return one
+                if own == observation.assembly:
+                    return altered(observation, assembly=own)
+            different.append(observation.assembly)
+            return observation
 
         return self.map(share)
 
@@ -163,12 +163,12 @@ class Model:
     @cached_property
     def receptances(self) -> tuple[Observation, ...]:
         """The observations that are receptances."""
-        return tuple(one for one in self.observations if one.is_receptance)
+        return tuple(observation for observation in self.observations if observation.is_receptance)
 
     @cached_property
     def frequencies(self) -> tuple[Observation, ...]:
         """The observations that are natural frequencies."""
-        return tuple(one for one in self.observations if not one.is_receptance)
+        return tuple(observation for observation in self.observations if not observation.is_receptance)
 
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
@@ -254,7 +254,7 @@ class Model:
 
     def map_receptances(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with changed receptances, witnesses included."""
-        return self.map(lambda one: change(one) if one.is_receptance else one)
+        return self.map(lambda observation: change(observation) if observation.is_receptance else observation)
 
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""
@@ -362,13 +362,13 @@ class Model:
         frozen = {p.of for u in self.unknowns if isinstance(u, Law) for p in u.powers}
         frozen |= {u.of for u in self.unknowns if isinstance(u, Move) and u.of}
 
-        def change(one: Observation) -> Observation:
-            if part not in one.assembly.elements:
-                return one
-            values = {name: one.assembly.get(name) for name in frozen if covered(name, one.assembly)}
-            own = part_of(one.assembly, part)
-            assembly = _divide(one.assembly, part, index, _segment_at(own, place(own))[1])
-            return altered(one, assembly=assembly, conditions={**values, **one.conditions})
+        def change(observation: Observation) -> Observation:
+            if part not in observation.assembly.elements:
+                return observation
+            values = {name: observation.assembly.get(name) for name in frozen if covered(name, observation.assembly)}
+            own = part_of(observation.assembly, part)
+            assembly = _divide(observation.assembly, part, index, _segment_at(own, place(own))[1])
+            return altered(observation, assembly=assembly, conditions={**values, **observation.conditions})
 
         changed = self.map(change).with_shared_assemblies()
         single = all(len(one.segments) == 1 for one in self.parts(part))
@@ -394,13 +394,13 @@ def require_no_table(model: Model, reason: str) -> None:
         raise UndecidableError(f"{TABLE}, {reason}", TABLE)
 
 
-def places_on(one: Observation, part: str) -> Iterator[float]:
+def places_on(observation: Observation, part: str) -> Iterator[float]:
     """Yield the positions of an observation's coordinates and attachments on a part, in m, without its far end."""
-    elements = one.assembly.elements
+    elements = observation.assembly.elements
     end = edges_of(elements[part])[-1]
-    coordinates = (one.response, one.excitation) if one.is_receptance else ()
+    coordinates = (observation.response, observation.excitation) if observation.is_receptance else ()
     own = [place_on(elements, "coordinate", place.part, place.position) for place in coordinates]
-    for name, point in one.assembly.attachments.items():
+    for name, point in observation.assembly.attachments.items():
         carrier, points = points_of(elements, name, point)
         own += [(carrier, x) for x in points]
     yield from (x for carrier, x in own if carrier == part and x != end)

@@ -122,9 +122,9 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, 
 def _is_other_quantity(fit: Fit) -> bool:
     """Return whether receptances differ by factors, which only another measured quantity explains."""
     errors = [
-        float(np.median(np.abs(residual.reshape(2, -1)) * one.standard_deviation))
-        for one, residual in zip(fit.model.observations, fit.parts, strict=True)
-        if one.is_receptance
+        float(np.median(np.abs(residual.reshape(2, -1)) * observation.standard_deviation))
+        for observation, residual in zip(fit.model.observations, fit.parts, strict=True)
+        if observation.is_receptance
     ]
     return bool(errors) and max(errors) > OTHER_QUANTITY
 

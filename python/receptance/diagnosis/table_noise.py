@@ -70,12 +70,12 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
             np.add.at(sums[number], nearest, deviation)
             found[i] = number, nearest, deviation
 
-    def widened(i: int, one: Observation) -> Observation:
-        if i not in found or not one.is_receptance:
-            return one
+    def widened(i: int, observation: Observation) -> Observation:
+        if i not in found or not observation.is_receptance:
+            return observation
         number, nearest, deviation = found[i]
-        variance = np.square(np.asarray(one.standard_deviation)) + deviation * sums[number][nearest]
-        return altered(one, standard_deviation=np.sqrt(variance))
+        variance = np.square(np.asarray(observation.standard_deviation)) + deviation * sums[number][nearest]
+        return altered(observation, standard_deviation=np.sqrt(variance))
 
     names = ", ".join(dict.fromkeys(table.name for table in noisy))
     notes.append(
@@ -86,8 +86,8 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
     return replace(model, observations=observations), tuple(notes)
 
 
-def _table(one: Observation) -> MeasuredPart | None:
-    *_, end = one.assembly.elements.values()
+def _table(observation: Observation) -> MeasuredPart | None:
+    *_, end = observation.assembly.elements.values()
     return end if isinstance(end, MeasuredPart) else None
 
 
@@ -98,20 +98,20 @@ def _nearest(known_hz: NDArray[np.float64], lines_hz: NDArray[np.float64]) -> ND
 
 
 def _deviation(
-    one: Observation, fitted: Assembly, table: MeasuredPart, nearest: NDArray[np.intp]
+    observation: Observation, fitted: Assembly, table: MeasuredPart, nearest: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """Return the standard deviation of the logarithm of each line due to the errors of the table."""
     covariance = table.covariance
     assert covariance is not None
     end = list(fitted.elements)[-1]
-    addresses, (response, excitation) = [f"{end}.{name}" for name in RESIDUALS], one.coordinates
-    h, slopes = fitted.derivatives(one.frequency_hz, addresses, response=response, excitation=excitation)
-    free = _before(fitted).receptance(one.frequency_hz, response=response, excitation=excitation)
-    force = (free - one.receptance) / (free - h)
+    addresses, (response, excitation) = [f"{end}.{name}" for name in RESIDUALS], observation.coordinates
+    h, slopes = fitted.derivatives(observation.frequency_hz, addresses, response=response, excitation=excitation)
+    free = _before(fitted).receptance(observation.frequency_hz, response=response, excitation=excitation)
+    force = (free - observation.receptance) / (free - h)
     force = np.clip(np.abs(force), 1.0 / LARGEST_SENSITIVITY, LARGEST_SENSITIVITY)
     # The change of the receptance is proportional to the force at the plane under the load, and to that under the
     # load at the other coordinate.
-    relative = slopes * np.square(force / np.sqrt(np.abs(one.receptance)))[:, None]
+    relative = slopes * np.square(force / np.sqrt(np.abs(observation.receptance)))[:, None]
     variance = np.einsum("ni,nij,nj->n", relative, covariance[nearest], relative.conj()).real
     return np.asarray(np.sqrt(variance.clip(0.0)))
 

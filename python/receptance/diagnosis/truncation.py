@@ -49,9 +49,9 @@ def truncation_time(records: Sequence[Observation]) -> float | None:
     return at / TRUNCATION_POINTS * periods[0] - spread
 
 
-def _power(one: Observation) -> tuple[float, NDArray[np.float64]] | None:
+def _power(observation: Observation) -> tuple[float, NDArray[np.float64]] | None:
     """Return the period of the lines in s, and the power of the acceleration after a unit impulse along it."""
-    lines = one.frequency_hz.real
+    lines = observation.frequency_hz.real
     if lines.size < 3:
         return None
     numbers = lines / float(np.min(np.diff(lines)))
@@ -60,8 +60,8 @@ def _power(one: Observation) -> tuple[float, NDArray[np.float64]] | None:
     if np.max(np.abs(lines / spacing - numbers)) > UNEVEN_LINES:
         return None
     every = np.arange(numbers[0], numbers[-1] + 1)
-    angular = 2j * np.pi * one.frequency_hz
-    accelerance = np.interp(every, numbers, one.receptance * angular**2)
+    angular = 2j * np.pi * observation.frequency_hz
+    accelerance = np.interp(every, numbers, observation.receptance * angular**2)
     # A window over the band keeps the hit at time zero from ringing over the whole period.
     accelerance = accelerance * np.hanning(every.size)
     size = 8 * TRUNCATION_POINTS * (1 + int(every[-1]) // (4 * TRUNCATION_POINTS))

@@ -67,9 +67,11 @@ _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
     """Draw measurements and fitted model, their ratio, and the intervals of the parameters."""
     everything = list(zip(found.labels, found.task.observed, found.assemblies, strict=True))
-    frfs = [(label, one, assembly) for label, one, assembly in everything if one.is_receptance]
+    frfs = [(label, observation, assembly) for label, observation, assembly in everything if observation.is_receptance]
     shown = frfs[:_MOST_FRFS]
-    lists = [(label, one, assembly) for label, one, assembly in everything if not one.is_receptance]
+    lists = [
+        (label, observation, assembly) for label, observation, assembly in everything if not observation.is_receptance
+    ]
     parameters = [name for name in found.values if name not in found.errors]
     # Many rows take the whole width below the other panels.
     below = 1.4 + 0.24 * len(parameters) if len(parameters) > _MOST_BESIDE else 0.0

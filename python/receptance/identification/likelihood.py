@@ -55,7 +55,7 @@ _TIED_RANGE = 0.02
 def require_likelihood(found: Identification) -> None:
     """Raise ValueError if receptances were fitted with the percentage objective."""
     pairs = zip(found.units, found.task.observed, strict=True)
-    if any(unit == "percent" and one.is_receptance for unit, one in pairs):
+    if any(unit == "percent" and observation.is_receptance for unit, observation in pairs):
         raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
 
 

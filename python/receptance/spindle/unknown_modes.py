@@ -202,7 +202,11 @@ def start_modes(
     """
     observed = tuple(_thinned(one) for one in observations)
     found = _Modes.among(name, unknowns)
-    frfs = [one for one in observations if one.is_receptance and name in one.assembly.elements]
+    frfs = [
+        observation
+        for observation in observations
+        if observation.is_receptance and name in observation.assembly.elements
+    ]
     peaks = _peaks(*_mean(frfs))
     without_peak = [
         index
