@@ -583,10 +583,11 @@ _RATES = {
 """Required units of rates: Hz and 1/s have the same dimension, and confusing them is an error of 2 pi."""
 
 
-def parse(text: Any, quantity: Quantity) -> float:
+def parse(text: Any, quantity: Quantity, expected: str = "") -> float:
     """Return the value of a quantity, a number and a unit as text, in its unit; a plain number without a unit.
 
-    The messages of errors begin with "is", so the caller can put the name of the value before them.
+    The messages of errors begin with "is", so the caller can put the name of the value before them. `expected` is what
+    they state as expected, by default the quantity with an example.
 
     Examples
     --------
@@ -597,27 +598,28 @@ def parse(text: Any, quantity: Quantity) -> float:
     Traceback (most recent call last):
     ValueError: is "62.3 N", a force, expected a length as text with a unit, such as "62.3 mm"
     """
+    expected = expected or quantity.expected
     if quantity.unit:
-        number, unit = split(text, quantity.expected)
+        number, unit = split(text, expected)
         if not unit:
-            raise ValueError(f"is {shown(text)}, without a unit, expected {quantity.expected}")
-        value = number * _factor(text, unit, quantity)
+            raise ValueError(f"is {shown(text)}, without a unit, expected {expected}")
+        value = number * _factor(text, unit, quantity, expected)
     elif isinstance(text, bool) or not isinstance(text, (int, float)):
-        raise ValueError(f"is {shown(text)}, expected {quantity.expected}")
+        raise ValueError(f"is {shown(text)}, expected {expected}")
     else:
         try:
             value = float(text)
         except OverflowError:
-            raise ValueError(f"is a number of more than 300 digits, expected {quantity.expected}") from None
+            raise ValueError(f"is a number of more than 300 digits, expected {expected}") from None
     if not math.isfinite(value):
-        raise ValueError(f"is {shown(text)}, expected a finite value: {quantity.expected}")
+        raise ValueError(f"is {shown(text)}, expected a finite value: {expected}")
     if not quantity.holds(value):
-        raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {quantity.expected}")
+        raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {expected}")
     low, high = quantity.written
     if value and not low <= abs(value) <= high:
         side = f"more than {high:g}" if abs(value) > high else f"less than {low:g}"
         hint = "check the number and its unit"
-        raise ValueError(f"is {shown(text)}, {side} {quantity.unit}, expected {quantity.expected}; {hint}")
+        raise ValueError(f"is {shown(text)}, {side} {quantity.unit}, expected {expected}; {hint}")
     return value
 
 
@@ -658,8 +660,8 @@ def split(text: Any, expected: str) -> tuple[float, str]:
     return number, match["unit"]
 
 
-def _factor(text: str, unit: str, quantity: Quantity) -> float:
-    found, wanted = _bare_unit(text, unit, quantity.expected), _read(quantity.unit)
+def _factor(text: str, unit: str, quantity: Quantity, expected: str) -> float:
+    found, wanted = _bare_unit(text, unit, expected), _read(quantity.unit)
     powers = dict(found.dimension)
     rate = _RATES.get(quantity.unit)
     hint = (
@@ -668,9 +670,9 @@ def _factor(text: str, unit: str, quantity: Quantity) -> float:
     # An angle may be left out, as in "4e4 N m" for "4e4 N m/rad".
     without = tuple(one for one in wanted.dimension if one[0] != "angle")
     if found.dimension not in (wanted.dimension, wanted.dimension if rate else without):
-        raise ValueError(f"is {shown(text)}, {_name_of(found.dimension)}, expected {quantity.expected}{hint}")
+        raise ValueError(f"is {shown(text)}, {_name_of(found.dimension)}, expected {expected}{hint}")
     if rate and not rate[1].fullmatch(unit):
-        raise ValueError(f"is {shown(text)}, expected {quantity.expected}{hint}")
+        raise ValueError(f"is {shown(text)}, expected {expected}{hint}")
     return found.factor / wanted.factor
 
 

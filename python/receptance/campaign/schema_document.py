@@ -117,13 +117,14 @@ def _value(field: dict[str, Any]) -> str:
     if kind == "object":
         return "table"
     if kind == "array":
-        return f"list of {_plural(_value(field.get('items', {})))}"
+        return f"list of {_plural(field.get('items', {}))}"
     return _TYPES.get(kind, "")
 
 
-def _plural(value: str) -> str:
-    if value.startswith("list of "):
-        return "pairs, " + value.removeprefix("list of ")
+def _plural(field: dict[str, Any]) -> str:
+    if field.get("type") == "array":
+        return f"pairs, {_plural(field['items'])}"
+    value = _value(field)
     return {"table": "tables", "text": "texts", "whole number": "whole numbers"}.get(value, value)
 
 

@@ -86,10 +86,7 @@ def parse_deviation(value: Any, quantity: Quantity) -> Deviation:
         name, value = value["name"], value["value"]
     if isinstance(value, str) and value.strip().endswith(("%", "percent")):
         return Deviation(parse_share(value, expected), True, name)
-    try:
-        return Deviation(parse(value, small), False, name)
-    except ValueError as error:
-        raise ValueError(f"{_found(error)}, expected {expected}") from None
+    return Deviation(parse(value, small, expected), False, name)
 
 
 def small_deviation(quantity: Quantity) -> Quantity:
@@ -141,15 +138,7 @@ def parse_force_window(written: Any) -> float | Literal["auto", "none"]:
     """Return the length of the force window in s, "auto" or "none"."""
     if written in ("auto", "none"):
         return "auto" if written == "auto" else "none"
-    try:
-        return parse(written, units.TIME)
-    except ValueError as error:
-        raise ValueError(f'{_found(error)}, expected a time such as "2 ms", "auto" or "none"') from None
-
-
-def _found(error: ValueError) -> str:
-    """Return what was found, without what was expected."""
-    return str(error).split(", expected", 1)[0]
+    return parse(written, units.TIME, 'a time such as "2 ms", "auto" or "none"')
 
 
 # Priors --------------------------------------------------------------------------------------------------------------

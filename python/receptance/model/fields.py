@@ -43,10 +43,11 @@ class Field:
 
         The `place` is where a value with several parts reads them, see `receptance.campaign.keys.Place`.
         """
-        raise NotImplementedError(type(self).__name__)
+        raise TypeError(f"{type(self).__name__}: this field is not read from files")
 
     def schema(self) -> dict[str, Any]:
-        raise NotImplementedError(type(self).__name__)
+        """Return the JSON Schema of the value of a key."""
+        raise TypeError(f"{type(self).__name__}: this field is not read from files")
 
 
 @dataclass(frozen=True)
