@@ -181,7 +181,7 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
         raise ValueError("observations is empty, expected at least one Observation")
     for index, one in enumerate(given):
         if not isinstance(one, Observation):
-            raise TypeError(f"observations[{index}] is {one!r}, expected a Observation")
+            raise TypeError(f"observations[{index}] is {one!r}, expected an Observation")
         if not one.weighted:
             reasons = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
             remedy = "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
