@@ -109,7 +109,7 @@ class HeldOut:
     assembly : Assembly
         The predicted structure as measured, a sensor's mass included.
     receptance : ndarray or None
-        `(n,)` prediction on the lines of a Observation, measuring chain included; None for natural frequencies.
+        `(n,)` prediction on the lines of an observation, measuring chain included; None for natural frequencies.
     """
 
     observation: Observation
