@@ -356,6 +356,18 @@ def test_exchanged_chunks_are_evaluated_again(tmp_path: Path, name: str) -> None
         same(sweep(pair(), lengths, outputs, store=store), expected)
 
 
+def test_exchanged_blocks_are_evaluated_again(tmp_path: Path) -> None:
+    """All files of two blocks, their checksums included."""
+    store, lengths = tmp_path / "s", Listed({"tool.segment[0].length": [0.08, 0.09, 0.1, 0.11]})
+    expected = sweep(pair(), lengths, measure(), store=store, block=2).load()
+    for second in store.glob("*/c/1"):
+        second.rename(second.with_name("moved"))
+        second.with_name("0").rename(second)
+        second.with_name("moved").rename(second.with_name("0"))
+    with pytest.warns(ReceptanceWarning, match="candidates 0 to 1 are damaged.*1 more.*; 4 candidates"):
+        same(sweep(pair(), lengths, measure(), store=store), expected)
+
+
 class Bent:
     """A distribution that differs from the uniform one only between the quantiles in a store."""
 
