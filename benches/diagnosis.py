@@ -51,7 +51,7 @@ def sensor() -> dict[str, Any]:
 
     from receptance import Assembly, Material, Observation, Part, PointJoint, PointMass, Segment, Unknown
     from receptance.diagnosis import diagnose
-    from receptance.identification import Tolerance
+    from receptance.fit import Tolerance
 
     carbide = Material(youngs_modulus=580e9, density=14500.0, poisson_ratio=0.22, loss_factor=0.002)
     steel = Material(youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, loss_factor=0.002)

@@ -12,8 +12,10 @@ from pathlib import Path
 
 from numpydoc.xref import DEFAULT_LINKS
 
+import receptance.coupling
 import receptance.diagnosis
-import receptance.identification
+import receptance.fit
+import receptance.predict
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "generator"))
 
@@ -42,7 +44,7 @@ numpydoc_xref_ignore = "all"
 # Types of Python and NumPy stay words: their documentation is on other servers, which the build does not ask.
 numpydoc_xref_aliases = {name: name for name in DEFAULT_LINKS} | {
     name: f"{package.__name__}.{name}"
-    for package in (receptance.diagnosis, receptance.identification, receptance)
+    for package in (receptance.diagnosis, receptance.coupling, receptance.predict, receptance.fit, receptance)
     for name in package.__all__
 }
 

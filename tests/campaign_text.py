@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from receptance import campaign
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 TEXT = """\
 title = "A blank in a holder"

@@ -8,8 +8,8 @@ import numpy as np
 
 from receptance import Assembly
 from receptance.errors import ReceptanceError
-from receptance.identification.mapping import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN
-from receptance.identification.problem import Observed
+from receptance.fit.parameters import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN
+from receptance.fit.problem import Observed
 from receptance.model.addresses import MovingCoordinate
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import plain_residuals
-from receptance.identification.mapping import Parameters
-from receptance.identification.problem import Observed, Task, prior_table
+from receptance.fit.parameters import Parameters
+from receptance.fit.problem import Observed, Task, prior_table
 
 
 def task_of(observations: Any, unknowns: Any, unit: str = "logarithm", tolerances: Any = (), **settings: Any) -> Task:

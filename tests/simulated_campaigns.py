@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
-from receptance.identification import Profile, Tolerance
-from receptance.identification.mapping import Parameters
+from receptance.fit import Profile, Tolerance
+from receptance.fit.parameters import Parameters
 
 LINES = 1000
 PARAMETERS = ("joint.k_y", "joint.k_theta", "joint.k_ytheta")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
-from receptance.identification import Observation, Unknown
+from receptance.fit import Observation, Unknown
 
 TRUE = {"joint.k_y": 6.3e8, "joint.k_theta": 1.0e5, "joint.c_y": 500.0, "joint.c_theta": 0.1}
 STIFFNESSES = [

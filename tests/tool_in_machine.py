@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from receptance import CARBIDE, STEEL, Assembly, GroundSpring, Observation, Part, PointJoint, Segment, Unknown
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 TRUE = {"joint.k_y": 2e8, "joint.k_theta": 6e4, "joint.c_y": 400.0, "joint.c_theta": 0.15}
 BOUNDS = {

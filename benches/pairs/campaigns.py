@@ -12,7 +12,7 @@ from numpy_reference import campaign as reference
 from numpy_reference.campaign import DENSITY, DIAMETER, LENGTH, MODULUS, CampaignFit, CampaignResidual, Error
 from numpy_reference.cases import segment_row
 from receptance import Assembly, Identification, Observation, PointJoint, Unknown, identify
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 from .models import part
 from .pair import Pair

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from receptance import Observation
 from receptance.diagnosis import Verdict, diagnose
-from receptance.identification.problem import End, Problem
+from receptance.fit.problem import End, Problem
 
 from . import campaigns
 from .pair import Pair

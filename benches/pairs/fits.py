@@ -12,7 +12,7 @@ import numpy as np
 import numpy_reference as reference
 from numpy_reference import identification
 from numpy_reference.cases import GUESS, JOINT, tool_and_holder
-from receptance.identification import Identification, Observation, Unknown, identify
+from receptance.fit import Identification, Observation, Unknown, identify
 
 from .models import JOINT_FIELDS, Array, coupled, sweep
 from .pair import Pair

@@ -16,7 +16,7 @@ from receptance import (
     identify,
 )
 from receptance.diagnosis import diagnose
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 lines = np.linspace(200.0, 6000.0, 400)
 tip = Coordinate("tool", 0.0)

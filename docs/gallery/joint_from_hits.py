@@ -15,7 +15,7 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.measurement import estimate_frf, find_hits, simulate_hits
+from receptance.hammer import estimate_frf, find_hits, simulate_hits
 
 tool = Part([Segment(length=0.06, outer_diameter=0.0127, material=CARBIDE)], name="tool")
 holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")

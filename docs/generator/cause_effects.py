@@ -34,9 +34,9 @@ from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction, directions, look_alike
 from receptance.diagnosis.thresholds import LARGE_SIZE
-from receptance.identification import Tolerance
-from receptance.identification.observations import altered
-from receptance.identification.predictor import Predictor
+from receptance.fit import Tolerance
+from receptance.fit.observation import altered
+from receptance.fit.predictor import Predictor
 from receptance.report.figure import COLOURS, INK, PALE, new_figure, set_up
 
 if TYPE_CHECKING:

@@ -28,10 +28,10 @@ from bt50_levels import axial_hz, axial_level, radial_hz, radial_level
 from bt50_report import PROVENANCE, RESPONSE_HZ, SOURCE
 from output import options, save
 from receptance.campaign import Campaign
+from receptance.coupling import ForceSeries, Holder, fit_laws
 from receptance.examples import EXAMPLES, virtual_rig
 from receptance.examples.simulated import taper_files
 from receptance.examples.virtual_rig import DECAY_RATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, VirtualRig, load_rig
-from receptance.taper import ForceSeries, Holder, fit_laws
 
 PUBLISHED: dict[str, Any] = {
     "forces_kn": [0.0, 25.0],

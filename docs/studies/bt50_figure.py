@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from output import BAD, COLOURS, INK, set_up
-from receptance.taper import ForceSeries
+from receptance.coupling import ForceSeries
 
 _FORCE = "drawbar force (kN)"
 _BAND = "#EDEDED"

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 import receptance as rc
-from receptance.examples.virtual_rig import VirtualRig
-from receptance.modal import ModeEstimate, circle_fit, fit_modes, half_power
-from receptance.taper import (
+from receptance.coupling import (
     AxialSolution,
     Holder,
     RadialSolution,
@@ -21,6 +19,8 @@ from receptance.taper import (
     fit_taper,
     radial_from_modes,
 )
+from receptance.examples.virtual_rig import VirtualRig
+from receptance.modal import ModeEstimate, circle_fit, fit_modes, half_power
 
 BANDS_HZ = {"axial": (3000.0, 6200.0), "radial": (500.0, 6200.0)}
 

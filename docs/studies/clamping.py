@@ -23,7 +23,7 @@ import er32_tables
 import receptance as rc
 import table3
 from output import options, print_table, save
-from receptance.identification import Floor, Law, Power, Prior, Tolerance, log_evidence
+from receptance.fit import Floor, Law, Power, Prior, Tolerance, log_evidence
 
 CLAIMS = {
     "insertion": (

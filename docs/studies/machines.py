@@ -24,10 +24,10 @@ from scipy.signal import find_peaks
 import er32_tables
 import receptance as rc
 from output import options, print_table, save
+from receptance.coupling import SpindleModes, SpindleReceptance, fit_spindle, identify_spindle
 from receptance.diagnosis import Verdict, diagnose
-from receptance.identification import Tolerance
-from receptance.measurement import estimate_frf, find_hits, simulate_hits
-from receptance.spindle import SpindleModes, SpindleReceptance, fit_spindle, identify_spindle
+from receptance.fit import Tolerance
+from receptance.hammer import estimate_frf, find_hits, simulate_hits
 
 STEEL = replace(rc.STEEL, loss_factor=0.002)
 CARBIDE_LOSS, JOINT_LOSS = 0.001, 0.02

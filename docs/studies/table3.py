@@ -23,7 +23,7 @@ from scipy.signal import find_peaks
 import er32_tables
 import receptance as rc
 from output import options, print_table, save
-from receptance.identification import Floor, Tolerance, constrained_fit
+from receptance.fit import Floor, Tolerance, constrained_fit
 
 DIAMETER_MM = 9.53
 OVERHANGS_MM = (114.2, 62.6, 23.8)

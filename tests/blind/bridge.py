@@ -35,7 +35,7 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.identification import Floor, Law, Tolerance
+from receptance.fit import Floor, Law, Tolerance
 
 JOINT_BOUNDS = {
     "joint.k_y": (1e6, 1e10),
@@ -101,8 +101,8 @@ def holder_of(case: Case) -> Holder | None:
 
 def _read_table(table: Table) -> MeasuredPart:
     """Return a table by way of a file, as an engineer would."""
+    from receptance.coupling import read_spindle
     from receptance.io import write
-    from receptance.spindle import read_spindle
 
     frf = FRF(
         frequency_hz=table.frequency_hz,
@@ -118,7 +118,7 @@ def _read_table(table: Table) -> MeasuredPart:
 
 
 def _stated_modes(known: Modes) -> Holder:
-    from receptance.spindle import mode_tolerances
+    from receptance.coupling import mode_tolerances
 
     modes = [Mode(frequency_hz=f, damping_ratio=z, y=y, theta=t) for f, z, y, t in known.rows.tolist()]
     names = ("residual_y", "residual_theta", "residual_ytheta")
@@ -135,7 +135,7 @@ def _stated_modes(known: Modes) -> Holder:
 
 def _from_blank(known: Blank) -> MeasuredPart:
     """Return what the program finds of the holder from the hits on the reference blank."""
-    from receptance.spindle import identify_spindle
+    from receptance.coupling import identify_spindle
 
     p = known.numbers
     material = Material(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import HammerRecords, estimate_frf, find_hits
+from receptance.hammer import HammerRecords, estimate_frf, find_hits
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "12"))
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
-from receptance.identification import Observation, Unknown, identify
+from receptance.fit import Observation, Unknown, identify
 
 overhangs = st.floats(0.03, 0.14)
 diameters = st.floats(0.006, 0.02)

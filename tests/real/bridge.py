@@ -24,7 +24,7 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.identification import Floor, Tolerance
+from receptance.fit import Floor, Tolerance
 
 UPPER_HZ = 1200.0
 SENSOR = Coordinate("beam", SENSOR_PLACE)

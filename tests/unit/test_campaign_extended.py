@@ -16,8 +16,8 @@ from receptance.diagnosis import CATALOGUE, Cause, Step, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
-from receptance.identification.observations import altered
-from receptance.identification.unknowns import Law
+from receptance.fit.observation import altered
+from receptance.fit.unknowns import Law
 from receptance.io import read_frf, write
 
 LINES = np.linspace(300.0, 6000.0, 400)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from receptance import FRF, STEEL, Part, Segment, campaign, io
 from receptance.cli.app import app
-from receptance.taper import Holder
+from receptance.coupling import Holder
 
 HOLDER = Holder(
     part=Part(

@@ -21,8 +21,8 @@ from receptance.campaign.measurements import read_frequencies
 from receptance.campaign.prediction import predict_assembly
 from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
+from receptance.coupling import read_spindle, write_spindle
 from receptance.io import read_frf
-from receptance.spindle import read_spindle, write_spindle
 
 SEED = 20261121
 

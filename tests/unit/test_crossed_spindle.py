@@ -7,7 +7,7 @@ import pytest
 
 from machine_spindle import LINES, make_blank, make_spindle, seen_at_the_plane, with_spindle
 from receptance import Assembly, Coordinate, Observation
-from receptance.spindle import identify_crossed_spindle
+from receptance.coupling import identify_crossed_spindle
 
 SPARSE = LINES[::8]
 ANGLE = 0.5

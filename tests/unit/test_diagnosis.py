@@ -30,10 +30,10 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
-from receptance.identification import Move, Tolerance
-from receptance.identification.mapping import Parameters
-from receptance.identification.observations import altered
-from receptance.identification.problem import Task
+from receptance.fit import Move, Tolerance
+from receptance.fit.observation import altered
+from receptance.fit.parameters import Parameters
+from receptance.fit.problem import Task
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")

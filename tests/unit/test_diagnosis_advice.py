@@ -25,8 +25,8 @@ from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import evaluate, refit
 from receptance.diagnosis.judgement import Judgement
-from receptance.identification import Tolerance
-from receptance.identification.observations import altered
+from receptance.fit import Tolerance
+from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 6000.0, 300)
 TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")

@@ -28,7 +28,7 @@ from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import select_without
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 LINES = np.linspace(200.0, 5000.0, 400)
 JOINT = [

@@ -12,8 +12,8 @@ from receptance.diagnosis import CATALOGUE, Model
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.screening import Direction, detection_threshold, directions
-from receptance.identification import Tolerance
-from receptance.identification.observations import altered
+from receptance.fit import Tolerance
+from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 6000.0, 150)
 CAUSES = ("sensor_mass", "tool_modulus", "tool_density", "calibration_gain", "time_delay", "joint_cross_term")

@@ -21,9 +21,9 @@ from receptance.diagnosis.model import IndescribableError
 from receptance.diagnosis.screening import Direction, directions, rank
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import BEHIND, COLLET_GYRATION, EVALUATIONS_OF_START, SAME_END
-from receptance.identification import Law, Move, Tolerance
-from receptance.identification.observations import altered
-from receptance.identification.problem import Problem
+from receptance.fit import Law, Move, Tolerance
+from receptance.fit.observation import altered
+from receptance.fit.problem import Problem
 
 LINES = np.linspace(200.0, 6000.0, 120)
 

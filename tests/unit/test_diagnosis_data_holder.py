@@ -23,11 +23,11 @@ from receptance import (
     PointMass,
     Segment,
 )
+from receptance.coupling import mode_tolerances, read_spindle, write_spindle
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.table_noise import with_table_noise
-from receptance.identification import Law, Tolerance
-from receptance.spindle import mode_tolerances, read_spindle, write_spindle
+from receptance.fit import Law, Tolerance
 
 LINES = np.arange(160.0, 5000.0, 20.0)
 LOSSY = replace(STEEL, loss_factor=0.002)

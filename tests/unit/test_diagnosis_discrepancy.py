@@ -48,8 +48,8 @@ from receptance.diagnosis.screening import detection_threshold
 from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import DISCREPANCY_LINES, MARGIN
 from receptance.errors import ReceptanceError
-from receptance.identification import Tolerance, Unknown
-from receptance.identification.observations import altered
+from receptance.fit import Tolerance, Unknown
+from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 8000.0, 600)
 OVERHANGS = (0.05, 0.065, 0.08, 0.095)

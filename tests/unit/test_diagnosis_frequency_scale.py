@@ -27,7 +27,7 @@ from receptance import (
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Verdict, diagnose
 from receptance.diagnosis.measurement_causes import _POWERS
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 from receptance.model.addresses import QUANTITIES
 
 LINES = np.linspace(200.0, 9000.0, 300)

@@ -35,8 +35,8 @@ from receptance.diagnosis.held_out import (
 from receptance.diagnosis.judgement import conclude, doubt_prediction
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.wording import sizes
-from receptance.identification import Move, Tolerance
-from receptance.identification.observations import altered
+from receptance.fit import Move, Tolerance
+from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 6000.0, 300)
 LENGTH = "tool.segment[0].length"

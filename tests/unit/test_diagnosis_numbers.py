@@ -19,7 +19,7 @@ from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import CHANCE, MARGIN, MISFIT_LIMIT
-from receptance.identification import Law, PredictedFrequencies, PredictedMode, Prior, Scatter
+from receptance.fit import Law, PredictedFrequencies, PredictedMode, Prior, Scatter
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)

@@ -29,8 +29,8 @@ from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.identification import Law, Move, Tolerance
-from receptance.identification.observations import altered
+from receptance.fit import Law, Move, Tolerance
+from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 5000.0, 200)
 JOINT = [

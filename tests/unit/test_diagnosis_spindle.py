@@ -9,7 +9,7 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, ModalPart, Mode, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import diagnose
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 SPINDLE = ModalPart(
     modes=[

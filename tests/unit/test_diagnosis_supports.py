@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment, Unknown
+from receptance.coupling import Holder
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
 from receptance.diagnosis.fitting import fit_base, with_null
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
-from receptance.identification import Law
-from receptance.taper import Holder
+from receptance.fit import Law
 
 FORCES = (5.0, 25.0)
 HOLDER = Holder(

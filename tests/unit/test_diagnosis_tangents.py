@@ -21,10 +21,10 @@ from receptance.diagnosis.screening import (
 )
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
-from receptance.identification import Law, Move, Tolerance
-from receptance.identification.mapping import Parameters
-from receptance.identification.observations import altered
-from receptance.identification.unknowns import Power
+from receptance.fit import Law, Move, Tolerance
+from receptance.fit.observation import altered
+from receptance.fit.parameters import Parameters
+from receptance.fit.unknowns import Power
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)

@@ -19,7 +19,7 @@ from receptance import (
     Segment,
 )
 from receptance.frf.variance import pool_variance, variance_from_coherence
-from receptance.measurement import HammerRecords
+from receptance.hammer import HammerRecords
 from receptance.modal import ring_down
 from receptance.model.coordinates import UnknownPosition
 from receptance.stability import Milling, TipModes, stability_lobes

@@ -16,7 +16,7 @@ from receptance import (
     ReceptanceWarning,
     Segment,
 )
-from receptance.identification import Observation, Unknown, find_bands, identify
+from receptance.fit import Observation, Unknown, find_bands, identify
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly, simulate, simulate_modes
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Assembly, Part, PointJoint
-from receptance.identification import Observation, Unknown, identify
-from receptance.identification.covariance import confidence_multiplier, covariance_of, square_root
+from receptance.fit import Observation, Unknown, identify
+from receptance.fit.covariance import confidence_multiplier, covariance_of, square_root
 from tool_in_holder import LINES, STIFFNESSES, TRUE, make_assembly, simulate, simulate_modes
 
 SEED = 20160229

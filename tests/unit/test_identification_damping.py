@@ -26,7 +26,7 @@ from receptance.campaign import CampaignError
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import residuals_by_mode
 from receptance.errors import ReceptanceError
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 JOINT = [
     Unknown(address="joint.k_y", lower=1e6, upper=1e11),

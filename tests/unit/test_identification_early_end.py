@@ -14,10 +14,10 @@ from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.screening import directions
 from receptance.diagnosis.starts import starts_of
 from receptance.diagnosis.truncation import truncation_time
-from receptance.identification import Tolerance
-from receptance.identification.mapping import END, Parameters
-from receptance.identification.observations import altered
-from receptance.identification.problem import Problem, Task, Unit
+from receptance.fit import Tolerance
+from receptance.fit.observation import altered
+from receptance.fit.parameters import END, Parameters
+from receptance.fit.problem import Problem, Task, Unit
 
 RECORD = 0.08
 END_AT = 5039.5 / 72e3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, STEEL, Assembly, Observation, Part, Segment
-from receptance.identification import Floor
+from receptance.fit import Floor
 
 LINES = np.arange(900.0, 1100.0, 0.5)
 

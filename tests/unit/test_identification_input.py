@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, Part, PointJoint, ReceptanceWarning, Segment
-from receptance.identification import Observation, Unknown, find_bands, identify
+from receptance.fit import Observation, Unknown, find_bands, identify
 
 BAR = [Segment(length=0.1, outer_diameter=0.02, material=STEEL)]
 PAIR = Assembly([Part(BAR, name="tool"), PointJoint(k_y=1e8, k_theta=1e5, name="joint"), Part(BAR, name="holder")])

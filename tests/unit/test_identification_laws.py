@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
-from receptance.identification import Law, Power, Prior, Tolerance, identify
-from receptance.identification.mapping import Parameters, Site
-from receptance.identification.unknowns import covered
+from receptance.fit import Law, Power, Prior, Tolerance, identify
+from receptance.fit.parameters import Parameters, Site
+from receptance.fit.unknowns import covered
 
 LINES = np.linspace(200.0, 6000.0, 150)
 

@@ -20,7 +20,7 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.identification import Law, Power, Prior, Tolerance, constrained_fit, log_evidence
+from receptance.fit import Law, Power, Prior, Tolerance, constrained_fit, log_evidence
 
 BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
 PAIR = Assembly([Part([BAR], name="tool"), PointJoint(k_y=1e8, k_theta=1e5, name="joint"), Part([BAR], name="holder")])

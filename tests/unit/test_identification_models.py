@@ -25,10 +25,10 @@ from receptance import (
     Unknown,
     _core,
 )
-from receptance.identification import Law, Power, Prior, Tolerance, identify
-from receptance.identification.mapping import Parameters
-from receptance.identification.observations import altered
-from receptance.identification.problem import Task
+from receptance.fit import Law, Power, Prior, Tolerance, identify
+from receptance.fit.observation import altered
+from receptance.fit.parameters import Parameters
+from receptance.fit.problem import Task
 from simulated_campaigns import simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 300)

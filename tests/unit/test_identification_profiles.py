@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
-from receptance.identification import Law, Power, Profiles, Tolerance, identify
-from receptance.identification.likelihood import interval_statement
-from receptance.identification.observations import altered
+from receptance.fit import Law, Power, Profiles, Tolerance, identify
+from receptance.fit.likelihood import interval_statement
+from receptance.fit.observation import altered
 from simulated_campaigns import confidence, simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 400)

@@ -7,9 +7,9 @@ import pytest
 
 import scipy_fits
 from receptance import Coordinate, GroundSpring, Observation, PointMass, Unknown, identify
-from receptance.identification import Prior
-from receptance.identification.problem import InfeasibleError, Observed, only_joint
-from receptance.identification.search import fit_direct
+from receptance.fit import Prior
+from receptance.fit.problem import InfeasibleError, Observed, only_joint
+from receptance.fit.search import fit_direct
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, simulate
 

@@ -9,7 +9,7 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.errors import ReceptanceError
-from receptance.identification import Identification, Prior, Tolerance, identify
+from receptance.fit import Identification, Prior, Tolerance, identify
 
 LINES = np.linspace(200.0, 6000.0, 40)
 

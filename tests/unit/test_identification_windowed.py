@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment, Unknown, identify
-from receptance.identification import find_bands
+from receptance.fit import find_bands
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from receptance import Coordinate, Observation, identify
-from receptance.identification import InverseCoupling, Tolerance, invert_coupling
+from receptance.coupling import InverseCoupling, invert_coupling
+from receptance.fit import Tolerance
 from tool_in_holder import TRUE, make_assembly
 
 TIP, NOSE, SHANK = Coordinate(), Coordinate("holder", 0.0), Coordinate("tool", 0.03)

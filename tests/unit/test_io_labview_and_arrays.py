@@ -11,8 +11,8 @@ import pytest
 
 from properties.good_files import labview
 from receptance import ReceptanceWarning
+from receptance.hammer import HammerRecords, find_hits
 from receptance.io import FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
-from receptance.measurement import HammerRecords, find_hits
 
 SERIES = TimeSeries(
     values=np.round(np.random.default_rng(3).normal(size=(12, 2)), 6),

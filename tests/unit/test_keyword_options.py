@@ -12,9 +12,9 @@ import pytest
 
 import receptance
 from receptance import FRF
+from receptance.fit.identification import FitKeywords, identify
 from receptance.frf.frf import FRFFields
-from receptance.identification.fit import FitKeywords, identify
-from receptance.measurement.estimate import EstimateKeywords, estimate_frf
+from receptance.hammer.estimate import EstimateKeywords, estimate_frf
 
 PARAMETERS_OF_CAUSES = {"Parameter.move", "Parameter.unknown"}
 """Their keywords are fields of the unknown that a cause makes."""

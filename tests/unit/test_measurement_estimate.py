@@ -9,7 +9,7 @@ from scipy import stats
 import hammer
 from receptance import Coordinate
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import HammerRecords, estimate_frf, find_hits
+from receptance.hammer import HammerRecords, estimate_frf, find_hits
 
 RATE = 25600.0
 STRUCTURE = hammer.Structure((0.0, 900.0, 2500.0), (0.0, 0.008, 0.01), (2.0, 3.0, -1.0), RATE)

@@ -9,8 +9,8 @@ from scipy.signal import ellip, firwin, sosfilt
 
 import hammer
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.hits import spectrum_loss_db
+from receptance.hammer import HammerRecords, find_hits
+from receptance.hammer.hits import spectrum_loss_db
 
 RATE = 25600.0
 STRUCTURE = hammer.Structure((0.0, 900.0, 2500.0), (0.0, 0.01, 0.02), (2.0, 3.0, -1.0), RATE)

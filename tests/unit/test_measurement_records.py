@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from receptance import Coordinate
+from receptance.hammer import HammerRecords
 from receptance.io import TimeSeries
-from receptance.measurement import HammerRecords
 from receptance.model.coordinates import UnknownPosition
 from receptance.units import CHANNEL_UNITS
 

@@ -7,7 +7,7 @@ import pytest
 
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, Part, Segment
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import estimate_frf, find_hits, simulate_hits
+from receptance.hammer import estimate_frf, find_hits, simulate_hits
 
 TIP, END = Coordinate("bar"), Coordinate("bar", "end")
 SILENT = {"force_noise_db": -300.0, "response_noise_db": -300.0}

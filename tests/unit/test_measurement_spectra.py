@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import hammer
-from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.estimate import usable_band_notes
-from receptance.measurement.hits import Contact, clipped_samples, find_contacts, second_contact
-from receptance.measurement.spectra import (
+from receptance.hammer import HammerRecords, find_hits
+from receptance.hammer.estimate import usable_band_notes
+from receptance.hammer.hits import Contact, clipped_samples, find_contacts, second_contact
+from receptance.hammer.spectra import (
     Reason,
     correlated_lines,
     estimate_truncation,

@@ -9,16 +9,9 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, Observation, Part, Segment, identify
-from receptance.identification import (
-    Candidate,
-    Floor,
-    Law,
-    Power,
-    Tolerance,
-    Unknown,
-    next_measurement,
-)
-from receptance.identification.observations import altered
+from receptance.fit import Floor, Law, Power, Tolerance, Unknown
+from receptance.fit.observation import altered
+from receptance.predict import Candidate, next_measurement
 from tool_in_holder import LINES, STIFFNESSES, make_assembly
 from tool_in_holder import simulate_modes as modes_of
 from tool_in_machine import clamped, make_machine, measure, tolerances, unknowns

@@ -8,7 +8,7 @@ from scipy.signal import find_peaks
 from scipy.stats import norm, qmc
 
 from receptance._peaks import local_maxima
-from receptance.identification.unknowns import Prior, Unknown, Variables
+from receptance.fit.unknowns import Prior, Unknown, Variables
 
 
 @pytest.mark.parametrize("seed", range(40))

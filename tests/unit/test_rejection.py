@@ -13,7 +13,8 @@ from receptance.campaign import Campaign
 from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue, tool_lobes
 from receptance.catalogue.figure import draw_tool
 from receptance.catalogue.results import summaries
-from receptance.identification import Candidate, Observation, next_measurement
+from receptance.fit import Observation
+from receptance.predict import Candidate, next_measurement
 from receptance.report import Result
 
 HEADING = "Rejected: do not use these numbers"

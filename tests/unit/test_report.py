@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 import receptance
 from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-from receptance.identification import Identification
+from receptance.fit import Identification
 from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
 from receptance.report.figure import finished, surface
 from receptance.report.result import plain

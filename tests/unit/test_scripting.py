@@ -11,7 +11,7 @@ import pytest
 
 import receptance as rc
 from receptance import campaign, examples
-from receptance.identification.unknowns import as_unknowns
+from receptance.fit.unknowns import as_unknowns
 from receptance.model.fields import Element
 from receptance.report import Result
 

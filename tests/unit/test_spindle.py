@@ -21,7 +21,7 @@ from machine_spindle import (
     with_spindle,
 )
 from receptance import Assembly, Coordinate, GroundSpring, Observation, PointMass, ReceptanceWarning
-from receptance.spindle import fit_spindle, identify_spindle, rotations
+from receptance.coupling import fit_spindle, identify_spindle, rotations
 
 SPARSE = LINES[::6]
 TRUE = seen_at_the_plane(make_spindle(), SPARSE)

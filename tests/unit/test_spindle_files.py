@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, MeasuredPart, io
-from receptance.spindle import read_spindle, write_spindle
+from receptance.coupling import read_spindle, write_spindle
 
 LINES = np.linspace(100.0, 2000.0, 40)
 

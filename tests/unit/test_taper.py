@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, STEEL, Coordinate, Part, Segment
-from receptance.examples import virtual_rig
-from receptance.taper import (
+from receptance.coupling import (
     Body,
     ForceSeries,
     Holder,
@@ -22,6 +21,7 @@ from receptance.taper import (
     fit_taper,
     radial_from_modes,
 )
+from receptance.examples import virtual_rig
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261123"))
 RADIAL = {"k_x1": 1.5e9, "k_x2": 9e8, "c_x1": 7000.0, "c_x2": 5000.0}

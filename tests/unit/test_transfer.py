@@ -20,8 +20,9 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.identification import Law, Power, Tolerance, transfer
-from receptance.identification.peaks import match_peaks
+from receptance.fit import Law, Power, Tolerance
+from receptance.fit.peaks import match_peaks
+from receptance.predict import transfer
 
 TRUE = {"joint.k_y": 3e8, "joint.k_theta": 8e4, "joint.c_y": 300.0, "joint.c_theta": 0.08}
 LENGTHS = (0.05, 0.06, 0.08)
@@ -220,7 +221,7 @@ def test_unpredictable_quantities_are_reported() -> None:
 
 
 def test_linear_band_replaces_impossible_draws_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
-    from receptance.identification.predictor import PredictedAssembly
+    from receptance.fit.predictor import PredictedAssembly
 
     def none_has_a_model(self: PredictedAssembly, count: int, seed: int) -> list[Assembly | None]:
         return [None] * count

@@ -31,7 +31,7 @@ from machine_with_catalogue import HOLDERS, TEXT, TRUE_K_THETA
 from receptance import Assembly, Coordinate, DampedModes, MeasuredPart, campaign, damped_modes
 from receptance.catalogue import Catalogue, ToolPrediction, predict_catalogue, read_holders, read_tools
 from receptance.errors import ReceptanceWarning
-from receptance.identification import Tolerance
+from receptance.fit import Tolerance
 
 LEVEL = 0.95
 REJECTED_AT = 0.01

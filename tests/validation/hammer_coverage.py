@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import hammer
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import HammerRecords, estimate_frf
+from receptance.hammer import HammerRecords, estimate_frf
 
 LEVEL = 0.95
 REJECTED_AT = 0.01

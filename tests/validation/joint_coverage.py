@@ -22,7 +22,7 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from receptance.identification import identify
+from receptance.fit import identify
 from simulated_campaigns import PARAMETERS, confidence, simulate_campaign
 
 LEVEL = 0.95

@@ -19,9 +19,9 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from receptance.identification import Identification, identify
-from receptance.identification.problem import Problem, Task
-from receptance.identification.search import different_ends, fit_direct
+from receptance.fit import Identification, identify
+from receptance.fit.problem import Problem, Task
+from receptance.fit.search import different_ends, fit_direct
 from simulated_campaigns import SimulatedCampaign, simulate_campaign
 
 STARTS = 64

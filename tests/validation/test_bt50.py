@@ -16,11 +16,11 @@ import bt50
 import bt50_rig
 import study_scripts
 from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance.coupling import body_of, fit_taper, without_each
 from receptance.examples import virtual_rig
 from receptance.examples.virtual_rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, load_rig
-from receptance.measurement import estimate_frf, find_hits, simulate_hits
+from receptance.hammer import estimate_frf, find_hits, simulate_hits
 from receptance.modal import half_power
-from receptance.taper import body_of, fit_taper, without_each
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261122"))
 CASES = 120

@@ -17,7 +17,7 @@ from er32 import overhang_scatter
 from er32_bias import find_slopes, sign_test
 from er32_joints import JOINT, SHARED, follow_joint, joint_of, with_factors
 from er32_tables import Published, assembly, load
-from receptance.identification import Observation, Unknown, identify
+from receptance.fit import Observation, Unknown, identify
 
 TORQUE = 135.0  # recommended by the manufacturer
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)

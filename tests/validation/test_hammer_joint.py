@@ -21,7 +21,7 @@ from receptance import (
     identify,
 )
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import HammerRecords, estimate_frf
+from receptance.hammer import HammerRecords, estimate_frf
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "7"))
 RUNS = 24

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from receptance.hammer import HammerRecords, find_hits
+from receptance.hammer.spectra import make_windows
 from receptance.io import read_time_series
-from receptance.measurement import HammerRecords, find_hits
-from receptance.measurement.spectra import make_windows
 
 FILE = Path(__file__).resolve().parents[3] / "shared" / "measured" / "uff_io" / "UFFFiles.jl" / "dataset58_time.unv"
 

@@ -10,7 +10,7 @@ import pytest
 from oracle import exact
 from oracle.tables import joint, make, segment
 from receptance import Assembly, Coordinate, Material, Observation, Part, PointJoint, Segment, identify
-from receptance.identification import invert_coupling
+from receptance.coupling import invert_coupling
 from simulated_campaigns import BOUNDS, simulate_campaign
 
 SEED = 20261122

@@ -16,7 +16,7 @@ import joint_coverage
 import joint_global_optimum
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
-from receptance.identification import Identification, Tolerance, identify
+from receptance.fit import Identification, Tolerance, identify
 from simulated_campaigns import confidence
 
 SEED = 20

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from receptance.errors import ReceptanceWarning
+from receptance.hammer import HammerRecords, find_hits
 from receptance.io import read_all
-from receptance.measurement import HammerRecords, find_hits
 
 FILE = Path(__file__).resolve().parents[3] / "shared" / "measured" / "impact_faults" / "impact2_response0.lvm.gz"
 

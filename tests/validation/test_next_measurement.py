@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from receptance import identify
-from receptance.identification import Candidate, Observation, next_measurement
+from receptance.fit import Observation
+from receptance.predict import Candidate, next_measurement
 from simulated_campaigns import PARAMETERS, simulate_campaign
 
 SEED = 20261121

@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 import finite_elements
 from machine_spindle import LINES, at_two_places, make_blank, make_spindle, seen_at_the_plane, with_spindle
 from receptance import Assembly, Coordinate, Material, ModalPart, Mode, Observation, Part, Segment
-from receptance.spindle import fit_spindle, identify_spindle
+from receptance.coupling import fit_spindle, identify_spindle
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "21"))
 EVERY_SECOND = LINES[::2]

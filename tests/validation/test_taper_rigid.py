@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, GroundSpring, Part, Segment
-from receptance.taper import (
-    Body,
-    RadialJoint,
-    Shape,
-    axial_from_mode,
-    body_of,
-    radial_from_modes,
-)
+from receptance.coupling import Body, RadialJoint, Shape, axial_from_mode, body_of, radial_from_modes
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261121"))
 CASES = 300

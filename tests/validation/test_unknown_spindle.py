@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from five_points import MEASURED, measured, simulated
-from receptance.spindle.unknown_modes import bounds_of_modes, start_modes
+from receptance.coupling.unknown_modes import bounds_of_modes, start_modes
 
 
 @pytest.mark.slow

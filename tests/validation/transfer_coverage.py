@@ -22,8 +22,8 @@ from scipy import stats
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from receptance import Assembly
-from receptance.identification import transfer
-from receptance.identification.mapping import Parameters
+from receptance.fit.parameters import Parameters
+from receptance.predict import transfer
 from simulated_campaigns import SimulatedCampaign, simulate_campaign
 
 LEVEL = 0.95

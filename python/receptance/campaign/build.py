@@ -13,8 +13,8 @@ from receptance.campaign.problems import CampaignError, path_text
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
-from receptance.identification.mapping import FACTORS
-from receptance.identification.unknowns import Law, Move, Power, Unknown, covered
+from receptance.fit.parameters import FACTORS
+from receptance.fit.unknowns import Law, Move, Power, Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         MeasurementTable,
         UnknownTable,
     )
-    from receptance.identification.observations import Observation
+    from receptance.fit.observation import Observation
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
@@ -114,7 +114,7 @@ class Builder:
             if None not in segments:
                 made = Part(segments, name=name)
                 if part.rigid:
-                    from receptance.taper.rigid import as_rigid
+                    from receptance.coupling.rigid_holder import as_rigid
 
                     made = as_rigid(made)
                 built.parts[name] = made
@@ -491,7 +491,7 @@ def modal_unknowns(
                 "bounds of its numbers in `unknowns` instead",
             )
             continue
-        from receptance.spindle.unknown_modes import bounds_of_modes
+        from receptance.coupling.unknown_modes import bounds_of_modes
 
         modes = [{key: getattr(row, key) for key in row.written} for row in part.modes]
         residuals = {key: float(getattr(part, key)) for key in RESIDUALS}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.run import Campaign
-    from receptance.identification.observations import Observation
+    from receptance.fit.observation import Observation
 
 _MOST_DRAWN = 8
 """Most assemblies in the figure; those of the same shape are drawn once."""

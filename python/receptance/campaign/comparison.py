@@ -14,10 +14,10 @@ from scipy import special
 from receptance._text import instead_of
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.values import kind_of
-from receptance.identification import Identification, Observation
-from receptance.identification.mapping import FACTORS
-from receptance.identification.observations import altered
-from receptance.identification.unknowns import Law, covered
+from receptance.fit import Identification, Observation
+from receptance.fit.observation import altered
+from receptance.fit.parameters import FACTORS
+from receptance.fit.unknowns import Law, covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:

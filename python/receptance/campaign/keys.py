@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Final, Self
 from receptance._text import did_you_mean, instead_of, nearest, one_of, shown
 from receptance.campaign.problems import KeyPath, Problems
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, parse_deviation, small_deviation
-from receptance.identification.mapping import FACTORS
+from receptance.fit.parameters import FACTORS
 from receptance.model.beams import Material
 from receptance.model.fields import AttachedTo, Element, Field, Key, Member, Number, Numbers
 from receptance.units import NUMBER, Quantity, parse

@@ -18,8 +18,9 @@ from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.tolerances import with_attachments
 from receptance.campaign.values import Deviation, parse_deviation, parse_share
-from receptance.identification import Candidate, Observation
-from receptance.identification.observations import altered
+from receptance.fit import Observation
+from receptance.fit.observation import altered
+from receptance.predict import Candidate
 from receptance.units import FORMS
 
 if TYPE_CHECKING:
@@ -38,9 +39,9 @@ if TYPE_CHECKING:
         HammerTable,
         MeasurementTable,
     )
+    from receptance.fit import Tolerance
     from receptance.frf import FRF
-    from receptance.identification import Tolerance
-    from receptance.measurement import HammerRecords
+    from receptance.hammer import HammerRecords
     from receptance.model.assembly import Assembly
     from receptance.model.coordinates import Coordinate
 
@@ -366,8 +367,8 @@ def integrate_motion(observation: Observation, times: int) -> Observation:
 
 def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
     """Return the time records of all files of a measurement; a file may hold several, one for each hit."""
+    from receptance.hammer import HammerRecords
     from receptance.io import FileFormatError, TimeSeries, read_all
-    from receptance.measurement import HammerRecords
 
     given = _reading(table, folder, records=True)
     given.pop("reverse", None)  # of the FRF that is estimated
@@ -403,7 +404,7 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
 
 def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF:
     """Return the FRF that is estimated from the hits in time records."""
-    from receptance.measurement import estimate_frf, find_hits
+    from receptance.hammer import estimate_frf, find_hits
 
     options: dict[str, Any] = {
         "trigger": table.trigger,

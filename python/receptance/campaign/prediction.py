@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.problems import CampaignError, Issue, errors_about
-from receptance.identification.covariance import UNINFORMATIVE, confidence_multiplier
-from receptance.identification.mapping import Site
-from receptance.identification.prediction import PredictedFrequencies, PredictedFRF
-from receptance.identification.predictor import PredictedAssembly, Predictor
-from receptance.identification.unknowns import covered
+from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
+from receptance.fit.parameters import Site
+from receptance.fit.prediction import PredictedFrequencies, PredictedFRF
+from receptance.fit.predictor import PredictedAssembly, Predictor
+from receptance.fit.unknowns import covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.campaign.run import Campaign
-    from receptance.identification import Identification, PredictedMode, Scatter, Tolerance
+    from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
     from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
 
@@ -139,7 +139,7 @@ class Prediction(Result):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw predictions with their intervals, over the measurements; see `Result.plot`."""
-        from receptance.identification.figures import draw_prediction
+        from receptance.fit.figures import draw_prediction
 
         return draw_prediction(self, ax)
 

@@ -20,7 +20,7 @@ from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable
 from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.errors import warn_user
-from receptance.identification.observations import Observation
+from receptance.fit.observation import Observation
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any

@@ -18,10 +18,10 @@ from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.tolerances import inherited_tolerances
 from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
-from receptance.identification import Identification, Unknown, identify
-from receptance.identification.mapping import Site
-from receptance.identification.observations import Observation
-from receptance.identification.unknowns import Law
+from receptance.fit import Identification, Unknown, identify
+from receptance.fit.observation import Observation
+from receptance.fit.parameters import Site
+from receptance.fit.unknowns import Law
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import PointJoint
@@ -38,11 +38,12 @@ if TYPE_CHECKING:
     from receptance.campaign.prediction import Prediction
     from receptance.campaign.schema import CampaignTable
     from receptance.campaign.stability import CampaignCut
+    from receptance.coupling import InverseCouplings
     from receptance.diagnosis import Cause, Metric, Verdict
     from receptance.diagnosis.model import Model
-    from receptance.identification import Candidate, InverseCouplings, NextMeasurement, Transfer
-    from receptance.identification.ranking import Target
-    from receptance.identification.unknowns import Tolerance
+    from receptance.fit.unknowns import Tolerance
+    from receptance.predict import Candidate, NextMeasurement, Transfer
+    from receptance.predict.ranking import Target
     from receptance.stability import Stability
     from receptance.sweep import Candidates
 
@@ -435,15 +436,15 @@ class Campaign(Renderable):
         joint : str, optional
             Name of a joint; by default all joints with unknown stiffnesses.
         limit : float, optional
-            As in `receptance.identification.invert_coupling`.
+            As in `receptance.coupling.invert_coupling`.
 
         Raises
         ------
         CampaignError
             No such joint was measured with an FRF, or the FRFs have no lines in common.
         """
-        from receptance.identification import InverseCoupling, InverseCouplings, invert_coupling
-        from receptance.identification.pointwise_joint import TERMS
+        from receptance.coupling import InverseCoupling, InverseCouplings, invert_coupling
+        from receptance.coupling.line_equations import TERMS
 
         groups = joints_to_invert(self, joint)
         found: dict[str, InverseCoupling] = {}
@@ -524,7 +525,7 @@ class Campaign(Renderable):
         CampaignError
             There are no candidates, a target does not exist, or as in `identify`.
         """
-        from receptance.identification import next_measurement
+        from receptance.predict import next_measurement
 
         if not self.candidates:
             raise CampaignError.about(self.file, _NO_CANDIDATES)
@@ -598,14 +599,14 @@ class Campaign(Renderable):
         splits : {"leave-one-out", "one-for-all"}, optional
             Each assembly from all others, or all others from each.
         draws : int, optional
-            As in `receptance.identification.transfer`.
+            As in `receptance.predict.transfer`.
 
         Raises
         ------
         CampaignError
             There are no unknowns, fewer than two assemblies were measured, or as in `identify`.
         """
-        from receptance.identification import transfer
+        from receptance.predict import transfer
 
         tolerances = self.transferred()
         notes = list(self.notes)
@@ -770,7 +771,7 @@ def started_by_mode(
         given = {match[1] for address in table.unknowns if (match := _MODE_OF.match(address.removeprefix(f"{name}.")))}
         if not part.identify or len(given) == len(part.modes):
             continue
-        from receptance.spindle.unknown_modes import start_modes
+        from receptance.coupling.unknown_modes import start_modes
 
         campaign.progress(f"adding the {len(part.modes)} modes of {name} one at a time")
         with errors_about(campaign.file):
@@ -845,7 +846,7 @@ def observed_unknowns(campaign: Campaign, seen: Mapping[str, Observation]) -> tu
 
 def joints_to_invert(campaign: Campaign, joint: str | None = None) -> dict[str, tuple[str, dict[str, Observation]]]:
     """Return by name a joint and its FRFs; joints that differ between assemblies are listed for each assembly."""
-    from receptance.identification.pointwise_joint import TERMS
+    from receptance.coupling.line_equations import TERMS
 
     unknown = campaign.table.unknowns
     owners = list(dict.fromkeys(a.split(".", 1)[0] for a in unknown if a.split(".", 1)[-1] in TERMS))
@@ -900,7 +901,7 @@ def _held_out_error(campaign: Campaign) -> list[str]:
 
 def _target(name: str, campaign: Campaign, fit: Identification) -> Target:
     """Return the name of an unknown, or the natural frequencies of an assembly up to `highest_frequency`."""
-    from receptance.identification import Candidate
+    from receptance.predict import Candidate
 
     if name in fit.values:
         return name

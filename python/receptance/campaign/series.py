@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receptance.campaign.values import kind_of, parse_condition
+from receptance.coupling import ForceSeries
+from receptance.coupling.force_series import draw_with_law
 from receptance.errors import ReceptanceError
-from receptance.identification import identify
-from receptance.identification.unknowns import Law, Unknown, covered
+from receptance.fit import identify
+from receptance.fit.unknowns import Law, Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
-from receptance.taper import ForceSeries
-from receptance.taper.series import draw_with_law
 from receptance.units import split
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from receptance.campaign.run import Campaign
     from receptance.campaign.schema import SeriesTable
-    from receptance.identification import Identification
-    from receptance.identification.observations import Observation
+    from receptance.fit import Identification
+    from receptance.fit.observation import Observation
     from receptance.report.table import Cell
 
 LEAST_LEVELS = 6

@@ -15,10 +15,10 @@ from receptance._text import did_you_mean
 from receptance.campaign.measurements import read_entry, restrict_to_bands
 from receptance.campaign.prediction import predict_assembly, prediction_lines
 from receptance.campaign.problems import CampaignError, errors_about
+from receptance.fit import Observation
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import with_variance
-from receptance.identification import Observation
 from receptance.model.modes import damped_modes
 from receptance.stability import (
     Lobes,
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
     from receptance.campaign.schema import TipTable
     from receptance.diagnosis import HeldOut, Metric
-    from receptance.identification import Identification
-    from receptance.identification.predictor import PredictedAssembly
+    from receptance.fit import Identification
+    from receptance.fit.predictor import PredictedAssembly
     from receptance.modal import ModeEstimate
     from receptance.model.assembly import Assembly
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from receptance.campaign.build import addresses_of, unknown_address
 from receptance.campaign.problems import path_text
 from receptance.campaign.values import Deviation
-from receptance.identification.unknowns import Tolerance, covered
+from receptance.fit.unknowns import Tolerance, covered
 from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
 

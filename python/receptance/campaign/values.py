@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from receptance import units
 from receptance._text import did_you_mean, one_of, shown
-from receptance.identification.unknowns import PARAMETERS, Prior
+from receptance.fit.unknowns import PARAMETERS, Prior
 from receptance.units import FORCE, Quantity, parse, parse_any, split
 
 _LARGEST_PERCENTAGE = 1000.0

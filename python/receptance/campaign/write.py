@@ -22,8 +22,8 @@ from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
-from receptance.identification.observations import Observation, altered
-from receptance.identification.unknowns import Law, Move, Prior, Unknown, covered
+from receptance.fit.observation import Observation, altered
+from receptance.fit.unknowns import Law, Move, Prior, Unknown, covered
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Choice, Count, Element, Member, Number
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from receptance.diagnosis import Verdict
     from receptance.diagnosis.explanation import Explanation
     from receptance.diagnosis.fitting import Fit
-    from receptance.identification.unknowns import Tolerance
+    from receptance.fit.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 

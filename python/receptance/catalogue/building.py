@@ -14,9 +14,9 @@ from receptance import _checks
 from receptance._text import instead_of
 from receptance.campaign import CampaignError, Issue
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
-from receptance.identification.covariance import square_root
-from receptance.identification.mapping import Site
-from receptance.identification.unknowns import Tolerance
+from receptance.fit.covariance import square_root
+from receptance.fit.parameters import Site
+from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
@@ -251,7 +251,7 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> tup
 
 
 def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
-    from receptance.spindle import read_spindle
+    from receptance.coupling import read_spindle
 
     try:
         return read_spindle(campaign.file.parent / name)

@@ -16,15 +16,15 @@ from receptance.campaign import CampaignError, predict_assembly
 from receptance.campaign.prediction import lines_between
 from receptance.catalogue.line_modes import line_modes
 from receptance.errors import ReceptanceError
+from receptance.fit.covariance import confidence_multiplier
 from receptance.frf import FRF
 from receptance.frf.plausibility import check_drive_point, low_frequency_rise
-from receptance.identification.covariance import confidence_multiplier
 from receptance.model.terminals import MeasuredPart, ModalPart
 
 if TYPE_CHECKING:
     from receptance.catalogue.building import Catalogue
     from receptance.catalogue.rows import ToolRow
-    from receptance.identification import Identification, PredictedFRF
+    from receptance.fit import Identification, PredictedFRF
     from receptance.model.assembly import Assembly
 
 _LINES = 2000

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance._files import check_target, inert, write_whole
-from receptance.identification.covariance import UNINFORMATIVE
+from receptance.fit.covariance import UNINFORMATIVE
 from receptance.report import Column, Provenance, Result, Table
 from receptance.stability import Lobes, Milling, stability_lobes
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.diagnosis import Verdict
-    from receptance.identification import Identification
+    from receptance.fit import Identification
 
 EXAMPLE = "forgotten-sensor"
 FIGURE = Path("receptance-demo.png")

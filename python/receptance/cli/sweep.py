@@ -115,7 +115,7 @@ def _fixed_values(at: list[str]) -> dict[str, float]:
 def _candidates(
     read: Campaign, vary: list[str], points: int | None, sample: int | None, seed: int, given: dict[str, float]
 ) -> Candidates:
-    from receptance.identification.mapping import FACTORS
+    from receptance.fit.parameters import FACTORS
     from receptance.sweep import Grid, Sampled
 
     if points is not None and sample is not None:

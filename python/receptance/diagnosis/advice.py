@@ -37,14 +37,14 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
-from receptance.identification.from_frf import Floor
-from receptance.identification.mapping import Site
-from receptance.identification.new_observations import Candidate
-from receptance.identification.observations import Observation
-from receptance.identification.problem import InfeasibleError
-from receptance.identification.unknowns import Tolerance
+from receptance.fit.frf_entry import Floor
+from receptance.fit.observation import Observation
+from receptance.fit.parameters import Site
+from receptance.fit.problem import InfeasibleError
+from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
+from receptance.predict.candidate import Candidate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

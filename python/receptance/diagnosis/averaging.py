@@ -21,17 +21,17 @@ from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
 from receptance.errors import ReceptanceError
-from receptance.identification.mapping import Site
-from receptance.identification.observations import altered
-from receptance.identification.prediction import PredictedFrequencies
-from receptance.identification.predictor import PredictedAssembly
+from receptance.fit.observation import altered
+from receptance.fit.parameters import Site
+from receptance.fit.prediction import PredictedFrequencies
+from receptance.fit.predictor import PredictedAssembly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from receptance.diagnosis.explanation import Explanation, Selection
-    from receptance.identification.result import Identification
-    from receptance.identification.unknowns import Tolerance
+    from receptance.fit.result import Identification
+    from receptance.fit.unknowns import Tolerance
 
 
 def predict_with(

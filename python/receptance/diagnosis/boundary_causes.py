@@ -13,7 +13,7 @@ import numpy as np
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import SPRING_TERMS, Model, UndecidableError, named, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
-from receptance.identification.unknowns import Move, Unknown
+from receptance.fit.unknowns import Move, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.joints import GroundSpring, Resonator
 from receptance.model.terminals import ModalPart

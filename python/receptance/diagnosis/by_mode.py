@@ -25,14 +25,14 @@ from receptance.diagnosis.thresholds import (
     SAME_MODE,
 )
 from receptance.errors import ReceptanceWarning
+from receptance.fit.observation import Observation
 from receptance.frf import FRF
-from receptance.identification.observations import Observation
 from receptance.modal import ModeEstimate, circle_fit, find_peaks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.observations import Observation
+    from receptance.fit.observation import Observation
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from receptance import _checks
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
-from receptance.identification.unknowns import Move, Prior, Unknown
+from receptance.fit.unknowns import Move, Prior, Unknown
 
 Group = Literal["structure", "measurement"]
 
@@ -130,7 +130,7 @@ class Parameter:
         Parameters
         ----------
         moves : mapping of str to float
-            As in `receptance.identification.Move`.
+            As in `receptance.fit.Move`.
         configurations, part
             As in `unknown`.
         **changes

@@ -56,7 +56,7 @@ from receptance.diagnosis.thresholds import (
     SAME_MODE,
 )
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import Observation, altered
+from receptance.fit.observation import Observation, altered
 from receptance.report.table import percent
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)

@@ -33,15 +33,15 @@ from receptance.diagnosis.thresholds import (
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
-from receptance.identification.fit import conclude
-from receptance.identification.problem import InfeasibleError
-from receptance.identification.result import Identification, Start
-from receptance.identification.search import fit_direct, fit_staged
+from receptance.fit.identification import conclude
+from receptance.fit.problem import InfeasibleError
+from receptance.fit.result import Identification, Start
+from receptance.fit.search import fit_direct, fit_staged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.identification.problem import End, Problem, Task
+    from receptance.fit.problem import End, Problem, Task
 
 _MODE = re.compile(r".+\.mode\[\d+\]\.frequency_hz")
 """Address of the natural frequency of a mode of a terminal."""

@@ -21,9 +21,9 @@ from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
-from receptance.identification.observations import Observation
-from receptance.identification.predictor import PredictedData, Predictor
-from receptance.identification.problem import InfeasibleError
+from receptance.fit.observation import Observation
+from receptance.fit.predictor import PredictedData, Predictor
+from receptance.fit.problem import InfeasibleError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -491,7 +491,7 @@ def _interval(
     folds : sequence of (ndarray, ndarray)
         Units of each fold, before and after.
     """
-    from receptance.identification.covariance import confidence_multiplier
+    from receptance.fit.covariance import confidence_multiplier
 
     numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])
     count = numbers.size

@@ -14,7 +14,7 @@ from receptance.diagnosis.held_out import predicted_data
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION
 from receptance.errors import ReceptanceError
-from receptance.identification.problem import InfeasibleError
+from receptance.fit.problem import InfeasibleError
 
 if TYPE_CHECKING:
     from receptance.diagnosis.explanation import Explanation

@@ -28,8 +28,8 @@ from receptance.diagnosis.thresholds import (
     SHORTEST_SPREAD,
     VARIED,
 )
-from receptance.identification.observations import Observation, altered
-from receptance.identification.unknowns import Law, Move, Prior, Tolerance, covered
+from receptance.fit.observation import Observation, altered
+from receptance.fit.unknowns import Law, Move, Prior, Tolerance, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import EXPLORING_LINES, FEWEST_LINES, NOISIEST_LINE, SHARED_LOSS
-from receptance.identification.observations import Observation
+from receptance.fit.observation import Observation
 from receptance.model.coordinates import Coordinate
 
 _Key = tuple[str, Coordinate, Coordinate, bytes]

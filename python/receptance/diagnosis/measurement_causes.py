@@ -23,8 +23,8 @@ from receptance.diagnosis.thresholds import (
     SENSOR_SHARE,
     SUSPENSION_PLACES,
 )
-from receptance.identification.mapping import DECAY_RATES, DELAY, END, LOG_GAIN
-from receptance.identification.observations import Observation, altered
+from receptance.fit.observation import Observation, altered
+from receptance.fit.parameters import DECAY_RATES, DELAY, END, LOG_GAIN
 from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass

@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import Any
 
 from receptance.diagnosis.truncation import truncation_time
-from receptance.identification.mapping import Parameters, Site
-from receptance.identification.observations import Observation, Unit, altered
-from receptance.identification.problem import Problem, Task
-from receptance.identification.unknowns import Law, Move, Tolerance, Unknown, covered
+from receptance.fit.observation import Observation, Unit, altered
+from receptance.fit.parameters import Parameters, Site
+from receptance.fit.problem import Problem, Task
+from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, SpreadJoint

@@ -24,7 +24,7 @@ from receptance.diagnosis.thresholds import (
     SHORTENED,
     TIP_STEP,
 )
-from receptance.identification.unknowns import Prior, covered
+from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import edges_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part

@@ -19,7 +19,7 @@ from receptance.report.table import amount, amount_interval, number, percent
 
 if TYPE_CHECKING:
     from receptance.diagnosis.verdict import CandidateCause, Verdict
-    from receptance.identification.result import Identification
+    from receptance.fit.result import Identification
     from receptance.report.table import Cell
 
 SENTENCE = {

@@ -28,7 +28,7 @@ from receptance.diagnosis.thresholds import (
     OTHER_QUANTITY,
     VARIANTS_FITTED,
 )
-from receptance.identification.covariance import square_root
+from receptance.fit.covariance import square_root
 
 
 @dataclass(frozen=True, eq=False)

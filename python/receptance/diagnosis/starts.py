@@ -16,8 +16,8 @@ from receptance.diagnosis.fitting import Fit, best_start, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import JOINT_FACTOR, LARGE_SIZE, WORSE_LEVEL
-from receptance.identification.observations import Observation
-from receptance.identification.unknowns import Law
+from receptance.fit.observation import Observation
+from receptance.fit.unknowns import Law
 
 
 def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:

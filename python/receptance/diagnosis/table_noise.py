@@ -28,7 +28,7 @@ from receptance.diagnosis.fitting import evaluate, fit_base
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import Model, named
 from receptance.diagnosis.thresholds import LARGEST_SENSITIVITY
-from receptance.identification.observations import Observation, altered
+from receptance.fit.observation import Observation, altered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.terminals import RESIDUALS, MeasuredPart
@@ -49,7 +49,7 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[str, ...]]:
             tables.append(table)
     notes = [
         f"the table {table.name!r} has no covariance: its noise counts as an error of the model; give `covariance`, or "
-        "read it with `receptance.spindle.read_spindle` from a file with variances"
+        "read it with `receptance.coupling.read_spindle` from a file with variances"
         for table in tables
         if table.covariance is None
     ]

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
-from receptance.identification.mapping import ParameterMap, Parameters
-from receptance.identification.observations import Observation
-from receptance.identification.problem import InfeasibleError, Observed, slopes_at
+from receptance.fit.observation import Observation
+from receptance.fit.parameters import ParameterMap, Parameters
+from receptance.fit.problem import InfeasibleError, Observed, slopes_at
 from receptance.model.assembly import Assembly
 
 _ROUNDING = 1e-12

@@ -14,7 +14,7 @@ from receptance.diagnosis.thresholds import (
     TRUNCATION_WINDOW,
     UNEVEN_LINES,
 )
-from receptance.identification.observations import Observation
+from receptance.fit.observation import Observation
 
 
 def truncation_time(records: Sequence[Observation]) -> float | None:

@@ -15,7 +15,7 @@ from receptance.diagnosis.by_mode import residuals_by_mode, residuals_of_frequen
 from receptance.diagnosis.figure import draw_diagnosis
 from receptance.diagnosis.judgement import doubt_prediction
 from receptance.diagnosis.wording import title_of
-from receptance.identification.mapping import Site
+from receptance.fit.parameters import Site
 from receptance.report import Fact, PageSection, Provenance, Result, Table
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from receptance.diagnosis.fitting import Fit
     from receptance.diagnosis.held_out import Gain, Improvement
     from receptance.diagnosis.model import Model
-    from receptance.identification.result import Identification
-    from receptance.identification.unknowns import Tolerance
+    from receptance.fit.result import Identification
+    from receptance.fit.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]

@@ -64,8 +64,8 @@ def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
 def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the records of the example hammer by file name: one long record each, with all hits."""
     from receptance.campaign.read import measured_structures
+    from receptance.hammer import simulate_hits
     from receptance.io import TimeSeries
-    from receptance.measurement import simulate_hits
 
     files = {}
     for number, (name, (assembly, tip)) in enumerate(measured_structures(campaign).items()):

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from receptance.coupling import Holder, without_each
 from receptance.errors import ReceptanceWarning
-from receptance.measurement import estimate_frf, find_hits, simulate_hits
+from receptance.hammer import estimate_frf, find_hits, simulate_hits
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring
-from receptance.taper import Holder, without_each
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from receptance.frf import FRF
-    from receptance.measurement import HammerRecords
+    from receptance.hammer import HammerRecords
 
 Motion = Literal["axial", "radial"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.identification.unknowns import covered
+from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
 from receptance.sweep.outputs import PROGRAM, Output, Reduction, Variable

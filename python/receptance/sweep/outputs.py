@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceError
-from receptance.identification import Observation
-from receptance.identification.mapping import ParameterMap
-from receptance.identification.observations import Unit, as_observations
-from receptance.identification.problem import Observed, residuals_at
-from receptance.identification.unknowns import covered
+from receptance.fit import Observation
+from receptance.fit.observation import Unit, as_observations
+from receptance.fit.parameters import ParameterMap
+from receptance.fit.problem import Observed, residuals_at
+from receptance.fit.unknowns import covered
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
 from receptance.stability.lobes import checked_lines, checked_speeds, limit_over_speed

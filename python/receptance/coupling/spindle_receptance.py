@@ -1,0 +1,551 @@
+"""Receptances of a spindle line by line, with their uncertainty, by inverse coupling with known blanks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from receptance import _checks
+from receptance.coupling.blanks import blank_equations, check_blanks
+from receptance.coupling.line_equations import (
+    TERMS,
+    Equations,
+    linear_solution,
+    masked_lines,
+    quadratic_solutions,
+    refine,
+)
+from receptance.errors import warn_user
+from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.frf import FRF
+from receptance.model.terminals import ENTRIES, MeasuredPart
+from receptance.report import Column, Provenance, Result, Table
+from receptance.report.figure import COLOURS, NORMAL_95, PALE, draw_condition, finished, set_up, surface, title_left
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SpindleReceptance(Result):
+    """Receptances of a spindle at its connection plane, as identified by `identify_spindle`.
+
+    Attributes
+    ----------
+    frequency_hz : ndarray
+        `(n,)` lines in Hz, complex if the responses have an exponential window.
+    matrix : ndarray
+        `(n, 2, 2)` receptance over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
+    covariance : ndarray
+        `(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M, for the real and for the imaginary
+        parts; first order in the noise of the responses.
+    condition : ndarray
+        `(n,)` condition number: largest amplification of a relative error of the responses.
+    usable : ndarray
+        `(n,)` lines on which the relative standard deviation of each term is below `limit` and which are not
+        ambiguous.
+    limit : float
+        Largest relative standard deviation of usable lines.
+    ambiguous : ndarray
+        `(n,)` lines on which two spindles explain the responses and the other lines do not decide between them.
+    rms : float
+        Root mean square of the residuals of several blanks, in standard deviations; NaN for three responses.
+    labels : tuple of str
+        Labels of the measurements.
+    notes : tuple of str
+        Notes for the user.
+    provenance : Provenance
+        Versions of the software.
+    """
+
+    frequency_hz: NDArray[np.inexact]
+    matrix: NDArray[np.complex128]
+    covariance: NDArray[np.complex128]
+    condition: NDArray[np.float64]
+    usable: NDArray[np.bool_]
+    limit: float
+    ambiguous: NDArray[np.bool_]
+    rms: float
+    labels: tuple[str, ...]
+    notes: tuple[str, ...] = field(default=())
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Spindle receptances line by line"
+
+    @property
+    def standard_deviation(self) -> NDArray[np.float64]:
+        """Standard deviation `(n, 2, 2)` of the real and of the imaginary part, each."""
+        deviation = np.sqrt(np.einsum("nii->ni", self.covariance).real)
+        result = np.empty(self.matrix.shape)
+        for column, (i, j) in enumerate(ENTRIES):
+            result[:, i, j] = result[:, j, i] = deviation[:, column]
+        return result
+
+    @property
+    def decay_rate(self) -> float:
+        """Decay rate in 1/s of the window of the responses."""
+        return float(-2.0 * np.pi * np.asarray(self.frequency_hz).imag[0]) + 0.0
+
+    def part(self, *, name: str = "spindle") -> MeasuredPart:
+        """Return the usable lines as the far end of an assembly, with their covariance.
+
+        Raises
+        ------
+        ValueError
+            No line is usable.
+        """
+        rows = self._usable_rows()
+        return MeasuredPart(
+            frequency_hz=np.asarray(self.frequency_hz).real[rows],
+            matrix=self.matrix[rows],
+            covariance=self.covariance[rows],
+            decay_rate=self.decay_rate,
+            name=name,
+        )
+
+    def as_frf(self) -> FRF:
+        """Return the usable lines as an FRF over (y, theta) with the variance of its logarithm, for files."""
+        rows = self._usable_rows()
+        deviation = self.standard_deviation[rows] / np.abs(self.matrix[rows])
+        return FRF(
+            frequency_hz=np.asarray(self.frequency_hz).real[rows],
+            values=self.matrix[rows],
+            responses=["y", "theta"],
+            excitations=["y", "theta"],
+            decay_rate=self.decay_rate,
+            log_variance=deviation**2,
+            label="spindle",
+            source=f"identify_spindle from {', '.join(self.labels)}",
+            notes=self.notes,
+        )
+
+    def _usable_rows(self) -> NDArray[np.intp]:
+        rows = np.flatnonzero(self.usable)
+        if not rows.size:
+            raise ValueError(
+                f"no line is usable: the relative standard deviation of a term is above {100.0 * self.limit:g} % on "
+                "every line; reduce the noise, use a longer or stiffer blank, or increase limit"
+            )
+        return rows
+
+    def tables(self) -> list[Table]:
+        """Return magnitude and standard deviation of each term on the usable lines."""
+        columns = (
+            "term",
+            Column("usable lines", form="d"),
+            Column("from, to", "Hz", "g"),
+            Column("smallest magnitude", form=".3g"),
+            Column("largest", form=".3g"),
+            Column("median standard\ndeviation", "%", ".2g"),
+        )
+        lines = np.asarray(self.frequency_hz).real[self.usable]
+        if not lines.size:
+            return []
+        rows = []
+        for name, (i, j) in zip(("y/F", "theta/M", "y/M"), ENTRIES, strict=True):
+            size = np.abs(self.matrix[self.usable, i, j])
+            share = 100.0 * float(np.median(self.standard_deviation[self.usable, i, j] / size))
+            ends = (float(lines[0]), float(lines[-1]))
+            rows.append((name, lines.size, ends, float(size.min()), float(size.max()), share))
+        return [Table("Receptances at the connection plane, SI units", columns, rows)]
+
+    def sentences(self) -> list[str]:
+        """Return the number of usable lines."""
+        return [f"{int(self.usable.sum())} of {self.usable.size} lines are usable, measured: {', '.join(self.labels)}."]
+
+    def data(self) -> dict[str, Any]:
+        """Return each term on each line with its standard deviation."""
+        names = ("y_over_force", "theta_over_moment", "y_over_moment")
+        terms = {}
+        for name, (i, j) in zip(names, ENTRIES, strict=True):
+            value = self.matrix[:, i, j]
+            deviation = self.standard_deviation[:, i, j]
+            terms[name] = {"real": value.real, "imaginary": value.imag, "standard_deviation": deviation}
+        return {
+            "measured": self.labels,
+            "frequency_hz": np.asarray(self.frequency_hz).real,
+            "decay_rate": self.decay_rate,
+            "terms": terms,
+            "condition": self.condition,
+            "usable": self.usable,
+            "limit": self.limit,
+            "rms": self.rms,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the three terms with bands, and the condition number; see `Result.plot`."""
+        figure = surface(ax, 11.0, 8.5)
+        text = (
+            f"Spindle line by line: {', '.join(self.labels)}\nblue, with 95 % intervals: usable lines, standard "
+            f"deviation below {100.0 * self.limit:g} %;  grey: others"
+        )
+        title_left(figure, text, 10.5)
+        grid = figure.add_gridspec(2, 2)
+        lines = np.asarray(self.frequency_hz).real
+        for number, (i, j) in enumerate(ENTRIES):
+            axes = figure.add_subplot(grid[divmod(number, 2)])
+            size, deviation = np.abs(self.matrix[:, i, j]), self.standard_deviation[:, i, j]
+            set_up(axes, _TITLES[number], "frequency (Hz)" if number == 2 else "", "")
+            shown = np.where(self.usable, size, np.nan)
+            axes.semilogy(lines, np.where(self.usable, np.nan, size), ".", color=PALE, markersize=2.5)
+            low = np.maximum(shown - NORMAL_95 * deviation, 0.05 * shown)
+            axes.fill_between(lines, low, shown + NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
+            axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
+            if self.usable.any():
+                axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
+            axes.set_xlim(lines[0], lines[-1])
+        draw_condition(figure.add_subplot(grid[1, 1]), lines, self.condition)
+        return finished(figure)
+
+    def __repr__(self) -> str:
+        lines = np.asarray(self.frequency_hz).real
+        return (
+            f"SpindleReceptance({int(self.usable.sum())} of {lines.size} lines from {lines[0]:g} to {lines[-1]:g} Hz "
+            "are usable)"
+        )
+
+
+def identify_spindle(
+    observations: Observation | Sequence[Observation],
+    *,
+    limit: float = 0.2,
+    allow_mismatch: bool = False,
+    threads: int | None = None,
+) -> SpindleReceptance:
+    """Identify the receptances of a spindle at its connection plane from responses of known blanks, line by line.
+
+    Namazi, Altintas, Abe and Rajapakse (2007) measure the tip of a blank, obtain its rotations by finite differences
+    and subtract the blank. Let H and Y be the receptances of the free blank between the coordinates and at the plane,
+    and r, e those between the plane and each coordinate. The coupled blank has
+
+        H_measured = H - r^T (G + Y)^-1 e,
+
+    one complex equation in the three terms of G for each pair of coordinates. Rotations need not be measured: hits and
+    responses at two points of one blank (both drive points and one cross receptance) give three equations, which are
+    linear in (G + Y)^-1 and have no truncation error because the blank between the points is known. Several blanks are
+    combined by least squares. The observations may include the results of `rotations`.
+
+    Parameters
+    ----------
+    observations : Observation or sequence of Observation
+        At least three responses in the spindle, with standard deviations. The assembly of each is its blank alone, with
+        attached masses such as a sensor; the spindle is connected to the far end of its last part.
+    limit : float, optional
+        Largest relative standard deviation of each term on usable lines; that of the coupling is relative to
+        sqrt(|G_yy G_tt|).
+    allow_mismatch : bool, optional
+        Warn instead of raising an error if the blanks contradict their responses.
+    threads : int, optional
+        As in `Assembly.receptance`.
+
+    Returns
+    -------
+    SpindleReceptance
+        The matrix with its covariance and condition number on each line, and the usable lines.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Fewer than three observations, or observations that do not determine the three terms; no standard deviations;
+        bands without a common part; an assembly with ground springs or a spindle; blanks that contradict their
+        responses: the spindle would be a source of energy, or no spindle explains all responses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Coordinate, Observation, ModalPart, Mode, Part, Segment
+    >>> from receptance.coupling import identify_spindle
+    >>> blank = Part([Segment(length=0.1, outer_diameter=0.05, material=STEEL)], name="blank")
+    >>> modes = [Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)]
+    >>> true = ModalPart(modes=modes, residual_y=5e-9, residual_theta=5e-7, residual_ytheta=2e-8)
+    >>> lines, tip, near = np.arange(200.0, 2000.0, 10.0), Coordinate("blank", 0.0), Coordinate("blank", 0.07)
+    >>> def measure(response, excitation):
+    ...     h = Assembly([blank, true]).receptance(lines, response=response, excitation=excitation)
+    ...     return Observation(assembly=Assembly([blank]), frequency_hz=lines, receptance=h, standard_deviation=1e-9,
+    ...         response=response, excitation=excitation)
+    >>> spindle = identify_spindle([measure(tip, tip), measure(near, tip), measure(near, near)])
+    >>> bool(np.allclose(spindle.matrix, true.receptance(lines), rtol=1e-6)), bool(spindle.usable.all())
+    (True, True)
+    """
+    observed = check_observations(observations)
+    share = _checks.positive("identify_spindle", "limit", limit)
+    check_blanks(observed)
+    if len(observed) < len(TERMS):
+        raise ValueError(
+            f"a spindle has three unknown terms on each line, and there are {len(observed)} receptances, one equation "
+            "each; hit and measure at two points of the blank (both drive points and the cross receptance)"
+        )
+    observed, lines, rows, dropped = common_lines(observed)
+    equations = blank_equations(observed, lines, rows, threads)
+    x, ambiguous, imprecise = _solve(equations, share)
+    with np.errstate(all="ignore"):
+        good = np.isfinite(x).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
+    x = np.where(good[:, None], x, 0.0)
+    with np.errstate(all="ignore"):
+        rank = np.where(good, equations.rank(x), 0)
+    if rank.max(initial=0) < len(TERMS):
+        raise ValueError(
+            f"the {len(observed)} receptances determine only {rank.max(initial=0)} of the spindle's three terms: "
+            "responses to one load are not sufficient; hit at a second point, or use another blank"
+        )
+    good &= rank == len(TERMS)
+    spindle = _result(equations, observed, lines, x, good, ambiguous & good, imprecise, share)
+    notes = [note for observation in observed for note in observation.notes]
+    if dropped:
+        notes.append(f"{dropped} lines are omitted because not all measurements have them")
+    notes += spindle.notes
+    if reason := _mismatch(spindle, equations):
+        if not allow_mismatch:
+            raise ValueError(f"{reason}; allow_mismatch=True turns this error into a warning")
+        warn_user(reason)
+        notes.append(reason)
+    return replace(spindle, notes=tuple(dict.fromkeys(notes)))
+
+
+def _result(
+    equations: Equations,
+    observed: tuple[Observation, ...],
+    lines: NDArray[np.inexact],
+    x: NDArray[np.complex128],
+    good: NDArray[np.bool_],
+    ambiguous: NDArray[np.bool_],
+    imprecise: NDArray[np.bool_],
+    share: float,
+) -> SpindleReceptance:
+    """Return the spindle with its covariance, usable lines and notes on the lines that are not usable."""
+    with np.errstate(all="ignore"):
+        reaction, scale = equations.sensitivity(x), equations.scale(x)
+        relative = reaction / scale[..., None]
+        good = good & np.isfinite(relative).all(axis=(1, 2))
+        relative = np.where(good[:, None, None], relative, 0.0)
+        condition = np.where(good, np.linalg.norm(relative, ord=2, axis=(1, 2)), np.inf)
+        moved = np.where(good[:, None, None], reaction * equations.deviation[:, None, :], np.nan)
+        covariance = moved @ np.conj(moved).transpose(0, 2, 1)
+        deviation = np.sqrt(np.einsum("nii->ni", covariance).real)
+        usable = good & (deviation <= share * scale).all(axis=1) & ~ambiguous & ~imprecise
+        redundant = equations.rigid.shape[1] - len(TERMS)
+        cost = float(np.sum(equations.cost(x)[good]))
+    notes = []
+    if not good.all():
+        notes.append(masked_lines(lines[~good], good.size))
+    if not usable.all():
+        notes.append(
+            f"{int(usable.sum())} of {usable.size} lines are usable: on the others the standard deviation of a term is "
+            f"above {100.0 * share:g} % there or on neighbouring lines, or two spindles explain the responses"
+        )
+    if ambiguous.any():
+        notes.append(
+            f"{int(ambiguous.sum())} lines are ambiguous and not usable: two spindles explain the responses, "
+            "and neither the other lines nor the energy decide; measure another blank or a second point"
+        )
+    return SpindleReceptance(
+        frequency_hz=lines,
+        matrix=np.where(good[:, None, None], equations.stiffness(x), np.nan),
+        covariance=covariance,
+        condition=condition,
+        usable=usable,
+        limit=share,
+        ambiguous=ambiguous,
+        rms=float(np.sqrt(cost / (2.0 * redundant * max(int(good.sum()), 1)))) if redundant else float("nan"),
+        labels=tuple(observation.title(i) for i, observation in enumerate(observed)),
+        notes=tuple(notes),
+    )
+
+
+_EQUAL = 1e-6
+"""Relative distance below which two solutions are equal."""
+_WIDTH = 0.03
+"""Relative change of frequency over which the receptance of a spindle may change by its magnitude."""
+_SMALLEST_CHANGE = 0.05
+"""Smallest expected relative change between neighbouring lines."""
+_LARGEST_COST = 60.0
+"""Largest cost of one step or one line, which limits the influence of outliers."""
+_NO_SOLUTION = 1e9
+"""Cost of a solution that does not exist."""
+_ODDS = 12.0
+"""Difference of twice the log-likelihood from which a branch is chosen: odds of e^6."""
+_NEAR = 4.0
+"""Distance of two solutions in standard deviations below which the equations are nonlinear over the noise."""
+_NEIGHBOURS = 8
+"""Number of lines on either side in the median of the precision."""
+
+
+def _solve(equations: Equations, limit: float) -> tuple[NDArray[np.complex128], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the terms `(n, 3)`, the ambiguous lines, and the lines among imprecise ones.
+
+    The two solutions of a line explain it equally well. The choice is made for all lines together by the most likely
+    path over frequency: a spindle changes little between lines, and it is passive. A precise line among imprecise ones
+    is so by chance.
+    """
+    with np.errstate(all="ignore"):
+        starts = [
+            linear_solution(_subset(equations, pairs)) for pairs in _by_blank(equations) if len(pairs) >= len(TERMS)
+        ]
+        exact = equations.rigid.shape[1] == len(TERMS)
+        none = np.zeros(len(equations.rigid), dtype=np.bool_)
+        if starts and exact:
+            return starts[0], none, none
+        solutions = starts or quadratic_solutions(equations)
+        if not exact:
+            solutions = [refine(equations, start) for start in solutions]
+        if len(solutions) == 1:
+            return solutions[0], none, none
+        return _most_likely_path(equations, solutions, limit)
+
+
+def _by_blank(equations: Equations) -> list[list[int]]:
+    """Return the observations of each blank."""
+    groups: list[list[int]] = []
+    for pair in range(equations.rigid.shape[1]):
+        for group in groups:
+            if np.array_equal(equations.surroundings[:, group[0]], equations.surroundings[:, pair]):
+                group.append(pair)
+                break
+        else:
+            groups.append([pair])
+    return groups
+
+
+def _subset(equations: Equations, pairs: list[int]) -> Equations:
+    """Return the equations of some of the observations."""
+    by_pair = ("rigid", "measured", "response", "excitation", "surroundings", "deviation")
+    return replace(equations, **{name: getattr(equations, name)[:, pairs] for name in by_pair})
+
+
+def _most_likely_path(
+    eq: Equations, solutions: list[NDArray[np.complex128]], limit: float
+) -> tuple[NDArray[np.complex128], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the most likely path through the solutions, its ambiguous lines, and the lines among imprecise ones."""
+    terms = np.stack(solutions, axis=1)
+    scale = np.stack([eq.scale(x) for x in solutions], axis=1)
+    misfit = np.stack([eq.cost(x) for x in solutions], axis=1)
+    sensitivity = np.stack([eq.sensitivity(x) for x in solutions], axis=1)
+    reaction = sensitivity * eq.deviation[:, None, None, :] / scale[..., None]
+    covariance = reaction @ reaction.conj().swapaxes(-1, -2)
+    # Keeps the covariance positive definite under rounding.
+    covariance = covariance + 1e-12 * np.einsum("nkii->nk", covariance)[..., None, None] * np.eye(len(TERMS))
+    finite = np.asarray(np.isfinite(covariance).all(axis=(2, 3)) & np.isfinite(misfit))
+    covariance = np.where(finite[..., None, None], covariance, np.eye(len(TERMS)))
+    terms, scale = np.where(finite[..., None], terms, 0.0), np.where(finite[..., None], scale, 1.0)
+    best = misfit.min(axis=1, keepdims=True)
+    costs = np.where(finite & np.isfinite(best), misfit - np.where(np.isfinite(best), best, 0.0), 0.0)
+    if not np.any(eq.angular_frequency.imag):
+        activity = [_activity(eq, terms[:, i], covariance[:, i], scale[:, i]) for i in range(len(solutions))]
+        costs = costs + np.stack(activity, axis=1)
+    costs = np.where(finite, np.minimum(costs, _LARGEST_COST), _NO_SOLUTION)
+    w = eq.angular_frequency.real
+    steps = _steps(terms, covariance, scale, np.clip(np.diff(w) / (_WIDTH * w[1:]), _SMALLEST_CHANGE, 1.0))
+    forward, backward = costs.copy(), np.zeros_like(costs)
+    for line in range(1, len(costs)):
+        forward[line] += np.min(forward[line - 1][:, None] + steps[line - 1], axis=0)
+    for line in range(len(costs) - 2, -1, -1):
+        backward[line] = np.min(steps[line] + costs[line + 1] + backward[line + 1], axis=1)
+    total = forward + backward
+    chosen, lines = np.argmin(total, axis=1), np.arange(len(costs))
+    x, noise = terms[lines, chosen], covariance[lines, chosen]
+    off = (terms - x[:, None]) / scale[lines, chosen][:, None]
+    apart = finite & (np.abs(off).max(axis=-1) > _EQUAL)
+    distance = np.einsum("nki,nki->nk", off.conj(), np.linalg.solve(noise[:, None], off[..., None])[..., 0]).real
+    likely = apart & ((total - total[lines, chosen][:, None] < _ODDS) | (distance < _NEAR**2))
+    ambiguous = np.any(likely & (costs - costs[lines, chosen][:, None] < _ODDS), axis=1)
+    relative = np.sqrt(np.einsum("nii->ni", noise).real.max(axis=1))
+    padded = np.pad(relative, _NEIGHBOURS, mode="edge")
+    precision = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1), axis=1)
+    return np.where(finite[lines, chosen][:, None], x, np.nan), ambiguous, precision > limit
+
+
+def _activity(
+    eq: Equations, terms: NDArray[np.complex128], covariance: NDArray[np.complex128], scale: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return minus twice the logarithm of the probability that a solution is passive, `(n,)`."""
+    matrix, covariance = eq.stiffness(terms), covariance * (scale[:, :, None] * scale[:, None, :])
+    usable = np.isfinite(matrix).all(axis=(1, 2)) & (np.abs(np.einsum("nii->ni", matrix)) > 0.0).all(axis=1)
+    energy, deviation = _energy_gain(np.where(usable[:, None, None], matrix, np.eye(2)), covariance)
+    return np.where(usable, -2.0 * special.log_ndtr(-energy / np.maximum(deviation, 1e-300)), 0.0)
+
+
+def _steps(
+    terms: NDArray[np.complex128],
+    covariance: NDArray[np.complex128],
+    scale: NDArray[np.float64],
+    expected: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the costs of the steps from each solution of a line to each of the next, `(n - 1, k, k)`.
+
+    The cost is minus twice the log-likelihood of the data of the next line, given the solution before and its noise.
+    """
+    count = terms.shape[1]
+    result = np.empty((len(terms) - 1, count, count))
+    for before in range(count):
+        for after in range(count):
+            size = scale[1:, after]
+            ratio = scale[:-1, before] / size
+            noise = covariance[:-1, before] * (ratio[:, :, None] * ratio[:, None, :])
+            change = (0.5 * expected[:, None] * (1.0 + ratio)) ** 2
+            spread = noise + covariance[1:, after] + change[:, :, None] * np.eye(len(TERMS))
+            off = (terms[1:, after] - terms[:-1, before]) / size
+            finite = np.asarray(np.isfinite(spread).all(axis=(1, 2)) & np.isfinite(off).all(axis=1))
+            spread = np.where(finite[:, None, None], spread, np.eye(len(TERMS)))
+            off = np.where(finite[:, None], off, 0.0)
+            squares = np.einsum("ni,ni->n", off.conj(), np.linalg.solve(spread, off[..., None])[..., 0]).real
+            growth = np.linalg.slogdet(spread)[1] - np.linalg.slogdet(covariance[1:, after])[1]
+            cost = np.minimum(squares, _LARGEST_COST) + growth
+            result[:, before, after] = np.where(finite & np.isfinite(cost), cost, 0.0)
+    return result
+
+
+_LARGEST_RMS = 3.0
+"""Root mean square of the residuals of several blanks, in standard deviations, that noise does not reach."""
+_SIGNIFICANT = 4.0
+"""Energy gain, in standard deviations, beyond which a spindle is a source of energy."""
+_ACTIVE_SHARE = 0.02
+"""Share of the usable lines on which a spindle may be a source of energy by chance."""
+
+
+def _energy_gain(
+    matrix: NDArray[np.complex128], covariance: NDArray[np.complex128]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the largest relative energy gain over all loads, negative for a passive spindle, and its deviation."""
+    root = np.sqrt(np.abs(np.einsum("nii->ni", matrix)))
+    _, shapes = np.linalg.eigh(matrix.imag / (root[:, :, None] * root[:, None, :]))
+    shape = shapes[:, :, -1] / root
+    weights = np.stack([shape[:, 0] ** 2, shape[:, 1] ** 2, 2.0 * shape[:, 0] * shape[:, 1]], axis=1)
+    entries = np.stack([matrix[:, i, j] for i, j in ENTRIES], axis=1)
+    energy = np.einsum("ni,ni->n", weights, entries.imag)
+    variance = np.einsum("ni,nij,nj->n", weights, covariance, weights).real
+    return energy, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _mismatch(spindle: SpindleReceptance, equations: Equations) -> str:
+    """Return the reason why the blanks contradict their responses; empty if they do not."""
+    if spindle.rms > _LARGEST_RMS:
+        x = equations.terms_of(spindle.matrix[spindle.usable])
+        usable = equations.select(spindle.usable)
+        off = np.abs(usable.evaluate(x)[0] / usable.measured - 1.0) / usable.deviation
+        worst = int(np.argmax(np.median(off, axis=0))) if x.size else 0
+        return (
+            f"no spindle explains the responses of all blanks: the rms is {spindle.rms:.3g} standard deviations, most "
+            f"of it in {spindle.labels[worst]!r}; check the dimensions of the blanks, the positions and quantities of "
+            "the channels, changes of the spindle between measurements, and the standard deviations"
+        )
+    if np.iscomplexobj(spindle.frequency_hz) or not spindle.usable.any():
+        return ""
+    energy, deviation = _energy_gain(spindle.matrix[spindle.usable], spindle.covariance[spindle.usable])
+    active = energy > _SIGNIFICANT * deviation + 1e-9
+    share = active.mean()
+    if share > _ACTIVE_SHARE:
+        lines = np.asarray(spindle.frequency_hz)[spindle.usable][active]
+        return (
+            f"the spindle would be a source of energy on {lines.size} of {active.size} usable lines, the first at "
+            f"{lines[0]:g} Hz: the blank contradicts its responses; check its length, diameter and material, and the "
+            "position, sign and quantity of each channel"
+        )
+    return ""

@@ -1,0 +1,509 @@
+"""Identification: the least-squares fit of parameters to all observations together, and its result with advice."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, TypedDict, get_args
+
+import numpy as np
+from scipy import special
+
+from receptance import _checks
+from receptance._text import first_of
+from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.fit.covariance import covariance_of, variance_factor
+from receptance.fit.observation import Observation, as_observations
+from receptance.fit.parameters import Parameters
+from receptance.fit.peaks import check_bands
+from receptance.fit.problem import Problem, Task
+from receptance.fit.result import Identification, Start
+from receptance.fit.search import fit_direct, fit_staged
+from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
+from receptance.report import Provenance
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.fit.observation import Unit
+
+Objective = Literal["log", "percentage"]
+Noise = Literal["scaled", "stated"]
+Strategy = Literal["direct", "staged"]
+
+
+class FitKeywords(TypedDict, total=False):
+    """Options of `identify` that other functions pass on; their meaning is described there."""
+
+    objective: Objective
+    bands: Sequence[tuple[float, float]] | None
+    band_width_percent: float
+    starts: int
+    max_evaluations: int
+    tolerance: float
+    threads: int | None
+    strategy: Strategy
+    noise: Noise
+
+
+_SMOOTHING_PERCENT = 0.1
+"""The cost is the absolute value of percentages well above this, and the square of those below."""
+_MAX_RESCALINGS = 10
+"""Largest number of fits with rescaled standard deviations."""
+_CHI_SQUARE_TOLERANCE = 0.05
+"""Relative tolerance of chi-square after rescaling."""
+_MAX_SLOPE = -0.3
+"""Largest slope of log chi-square over the log of the factor in a secant step."""
+_TIED = 0.99
+"""Least correlation of two parameters that are reported as tied."""
+_AT_BOUND = 1e-3
+"""Largest distance from a bound, as a share of the range, of a variable that is reported at its bound."""
+_SAME = 0.2
+"""Ends that differ by less than this many standard errors are one optimum."""
+_SMALL_PROBABILITY = 1e-3
+"""Standard deviations are reported as too large below this probability of so small a chi-square."""
+_LARGE_PROBABILITY = 0.01
+"""Data and model are contradictory below this probability of so large a chi-square."""
+_UNEXPLAINED = 2.0
+"""Residuals are reported as unexplained above this rms, in standard deviations, and as too small below its inverse."""
+
+
+def identify(
+    observations: Observation | Sequence[Observation],
+    unknowns: Unknowns,
+    *,
+    objective: Objective = "log",
+    bands: Sequence[tuple[float, float]] | None = None,
+    band_width_percent: float = 5.0,
+    starts: int = 8,
+    seed: int = 0,
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    threads: int | None = None,
+    tolerances: Tolerance | Sequence[Tolerance] = (),
+    strategy: Strategy = "direct",
+    noise: Noise = "scaled",
+) -> Identification:
+    """Identify parameters of assemblies from measured receptances and natural frequencies.
+
+    All observations form one least-squares problem. An unknown is shared by every observation whose assembly has its
+    address. The fit uses analytic derivatives and a trust-region method within bounds. It runs from several starts, and
+    the best end is the result.
+
+    Parameters
+    ----------
+    observations : sequence of Observation
+        The measurements, of one or several assemblies.
+    unknowns : sequence of Unknown and Law, or mapping of str to bounds
+        The parameters to identify, with bounds; a `Law` relates the values in several configurations. A dictionary has
+        by address a lower and an upper bound, with the start as an optional third number, or a dictionary with
+        arguments of `Unknown`.
+    objective : {"log", "percentage"}, optional
+        "log": sum of squares of the complex logarithm of measured over calculated receptance, real and imaginary part,
+        and of natural frequencies, calculated minus measured. Residuals are in standard deviations if these are given;
+        otherwise natural frequencies are in percent.
+
+        "percentage": sum of the absolute percentage differences between the magnitudes of calculated and measured
+        receptance in bands around several resonances (Matthias et al. 2016, fig. 3), and of natural frequencies. The
+        cost is smoothed at zero: it is the absolute value of residuals well above 0.1 % and the square of smaller ones.
+        Standard deviations and phases are not used.
+    bands : sequence of (float, float), optional
+        Bands in Hz of the lines that are used, the same for all receptances. The default is all lines with "log", and
+        bands around the peaks of each measurement with "percentage", see `find_bands`.
+    band_width_percent : float, optional
+        Half width of the bands that are found, in percent of the peak's frequency.
+    starts : int, optional
+        Number of starts: the given one, then a Latin hypercube within the bounds on the scale of the fit.
+    seed : int, optional
+        Seed of the drawn starts.
+    max_evaluations : int, optional
+        Largest number of evaluations from one start.
+    tolerance : float, optional
+        Relative change of the cost and of the variables at which a fit has converged.
+    threads : int, optional
+        As in `Assembly.receptance`; for predictions of the result as well.
+    tolerances : sequence of Tolerance, optional
+        Errors of dimensions and materials, which are fitted as well, each with its prior.
+    strategy : {"direct", "staged"}, optional
+        "direct": the problem is fitted from every start.
+
+        "staged": continuation. Every start, and additional drawn ones, are refined by a sequence of easier problems:
+        peaks as natural frequencies, then data and model with added damping that is reduced step by step, then the
+        problem itself. It finds the global optimum from starts that are decades off, and one start is usually enough.
+        Only with the objective "log".
+    noise : {"scaled", "stated"}, optional
+        "scaled": with tolerances or individual parts, chi-square (priors included) is compared with its distribution.
+        If it is significantly large at the 1 % level, the model or the standard deviations are wrong. Then all standard
+        deviations are multiplied by one factor that brings chi-square to its expectation (Paule and Mandel 1982), so
+        that data that contradict the model do not overrule the tolerances.
+
+        "stated": the standard deviations are used as they are. Fits whose evidence is compared must have the same
+        noise, see `log_evidence`.
+
+    Returns
+    -------
+    Identification
+        Values with their uncertainty, residuals, the ends of all starts, convergence and advice.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Invalid observations, unknowns or settings; more unknowns than observed numbers and priors; standard deviations
+        for only some observations, or for none with priors or tolerances.
+    ReceptanceError
+        The model has no value at any of the starts.
+
+    Examples
+    --------
+    >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
+    >>> from receptance.fit import Observation, Unknown, identify
+    >>> tool = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
+    >>> holder = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
+    >>> true = Assembly([tool, PointJoint(k_y=6.3e8, k_theta=1.0e5, name="joint"), holder])
+    >>> measured = Observation.from_modes(assembly=true, frequency_hz=true.natural_frequencies(15e3)[:2])
+    >>> found = identify(measured, [
+    ...     Unknown(address="joint.k_y", lower=1e7, upper=1e10),
+    ...     Unknown(address="joint.k_theta", lower=1e3, upper=1e7),
+    ... ])
+    >>> {address: f"{value:.4g}" for address, value in found.values.items()}
+    {'joint.k_y': '6.3e+08', 'joint.k_theta': '1e+05'}
+
+    The same with a dictionary of bounds:
+
+    >>> again = identify(measured, {"joint.k_y": (1e7, 1e10), "joint.k_theta": (1e3, 1e7)})
+    >>> again.values == found.values
+    True
+    """
+    observed = as_observations(observations)
+    given = as_unknowns(unknowns)
+    parameters = Parameters(given, tolerances, [one.site(i) for i, one in enumerate(observed)])
+    for name, value, options in (
+        ("objective", objective, get_args(Objective)),
+        ("noise", noise, get_args(Noise)),
+        ("strategy", strategy, get_args(Strategy)),
+    ):
+        if value not in options:
+            raise ValueError(f"{name} is {value!r}, expected one of {', '.join(options)}")
+    if strategy == "staged" and objective != "log":
+        raise ValueError('the strategy "staged" is for the objective "log"')
+    for name, count, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
+        _checks.whole_number("identify", name, count, least=least)
+    _checks.positive("identify", "tolerance", tolerance)
+    _checks.thread_count(threads)
+    chosen = None if bands is None else check_bands(bands)
+    units = _units(observed, objective)
+    known = "standard deviations" in units
+    if not known and any(unknown.prior is not None for unknown in parameters.unknowns):
+        raise ValueError(
+            "priors and tolerances can only be weighed against observations with standard deviations: give all "
+            'observations one, and the objective "log"'
+        )
+    task = Task(observed, parameters, tuple(units), chosen, band_width_percent, threads)
+    smoothing = _SMOOTHING_PERCENT if objective == "percentage" else None
+    variables, problem = task.variables, task.problem(smoothing=smoothing)
+    free = sum(unknown.prior is None for unknown in variables.unknowns)
+    count = problem.size - (len(variables.unknowns) - free)
+    if count < free:
+        raise ValueError(f"there are {free} unknowns but only {count} observed numbers; measure more or fix some")
+    notes = [note for observation in observed for note in observation.notes]
+    notes += [*parameters.notes, *_weight_notes(observed, units, objective)]
+
+    def fit(task: Task, problem: Problem) -> Identification:
+        if strategy == "staged":
+            runs = fit_staged(task, problem, starts, seed, max_evaluations, tolerance)
+        else:
+            easier = None if smoothing is None else task.approach()
+            runs = fit_direct(problem, task.variables.draw(starts, seed), max_evaluations, tolerance, easier)
+        if not np.isfinite(min(run.cost for run in runs)):
+            raise ReceptanceError(
+                f"the model has no value at any of the {starts} starts; at the first: {runs[0].message}"
+            )
+        return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
+
+    found = fit(task, problem)
+    # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
+    # numbers minus unknowns without a prior.
+    left = task.independent_values - free
+    if noise == "stated" or not parameters.errors or not contradicts(_chi_square(found), left):
+        return found
+    # Secant steps for the logarithm of chi-square over that of the factor.
+    factor, slope = 1.0, -2.0
+    for _ in range(_MAX_RESCALINGS):
+        ratio = _chi_square(found) / left
+        if abs(ratio - 1.0) < _CHI_SQUARE_TOLERANCE:
+            break
+        last = (factor, ratio)
+        factor = max(factor * ratio ** (-1.0 / slope), 1.0)
+        rescaled = task.noisier(factor)
+        found = fit(rescaled, rescaled.problem(smoothing=smoothing))
+        if factor != last[0]:
+            slope = math.log(max(_chi_square(found) / left, 1e-9) / last[1]) / math.log(factor / last[0])
+            slope = min(max(slope, -2.0), _MAX_SLOPE)
+    return found
+
+
+def _chi_square(found: Identification) -> float:
+    """Return the sum of squares of residuals and priors at the best end."""
+    return 2.0 * min(run.cost for run in found.starts)
+
+
+def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
+    """Return the unit of the residuals of each observation."""
+    if objective == "percentage":
+        return ["percent"] * len(observed)
+    known = [observation.weighted for observation in observed]
+    if any(known) and not all(known):
+        with_, without = observed[known.index(True)], observed[known.index(False)]
+        raise ValueError(
+            f"{with_!r} has a standard deviation but {without!r} has none, so their weights are unknown; give all "
+            "observations one, or none"
+        )
+    if all(known):
+        return ["standard deviations"] * len(observed)
+    units: list[Unit] = [observation.unit for observation in observed]
+    return ["percent"] * len(units) if set(units) == {"relative"} else units
+
+
+def _weight_notes(observed: Sequence[Observation], units: list[Unit], objective: Objective) -> list[str]:
+    notes = []
+    if objective == "percentage" and any(observation.weighted for observation in observed):
+        notes.append("the percentage objective does not use the standard deviations that were given")
+    if "relative" in units:
+        notes.append(
+            "receptances and natural frequencies have no standard deviations: 1 % of a frequency weighs as much as 1 % "
+            "of the receptance on one line; give standard deviations to weigh them by their precision"
+        )
+        warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
+    return notes
+
+
+def conclude(
+    task: Task,
+    problem: Problem,
+    runs: Sequence[Start],
+    *,
+    loss: float | None,
+    seed: int,
+    notes: list[str],
+) -> Identification:
+    """Return the result of the best run."""
+    variables, observed = problem.variables, task.observed
+    known = "standard deviations" in task.units
+    count = len(variables.unknowns)
+    best = min(runs, key=lambda run: run.cost)
+    inverse, correlation = covariance_of(problem.curvature_root(best.variables))
+    residual = problem.value(best.variables)
+    factor = 1.0 if known else variance_factor(residual, count, loss)
+    # Infinite elements stay infinite if the factor is zero.
+    covariance = np.full_like(inverse, np.inf)
+    if np.isfinite(factor):
+        np.multiply(inverse, factor, out=covariance, where=np.isfinite(inverse))
+    values = np.array([best.values[name] for name in variables.names])
+    errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
+    # Residuals are reported in the stated standard deviations.
+    parts = [task.noise_factor * part for part in problem.parts(residual)]
+    same, elsewhere = _count_optima(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
+    if not known and residual.size == count:
+        notes.append(
+            "there are as many unknowns as observed numbers, so the scatter cannot be estimated and the standard "
+            "errors are infinite: give the observations standard deviations"
+        )
+    lost = [run for run in runs if not np.isfinite(run.cost)]
+    if lost:
+        notes.append(f"the model has no value at {len(lost)} of {len(runs)} starts; at the first: {lost[0].message}")
+    bounds = _bound_advice(best.variables, variables, task.parameters.errors)
+    rejection = _rejection(parts, task.independent_values, task.noise_factor) if known else []
+    rejection += _convergence(best)
+    if rejection:
+        # Of an accepted fit, data may limit a value from one side only.
+        rejection += bounds
+        bounds = []
+    return Identification(
+        values=dict(best.values),
+        standard_errors=dict(zip(variables.names, errors.tolist(), strict=True)),
+        covariance=covariance,
+        correlation=correlation,
+        residuals=parts,
+        converged=best.converged,
+        rejection=tuple(rejection),
+        advice=[
+            *rejection,
+            *(_overfit_advice(parts, task.independent_values, count) if known else ()),
+            *_start_advice(runs, same, elsewhere),
+            *bounds,
+            *_covariance_advice(inverse, correlation, variables.names),
+            *_copy_advice(observed),
+        ],
+        notes=notes,
+        starts=tuple(runs),
+        agreeing=same,
+        seed=seed,
+        task=task,
+        provenance=Provenance(seed=seed),
+    )
+
+
+def _count_optima(
+    runs: Sequence[Start], best: Start, variables: Variables, size: int, deviation: NDArray[np.float64]
+) -> tuple[int, int]:
+    """Count the runs that reached the best optimum, and equally good ones that ended at another."""
+    low, high = variables.limits
+    # Along a flat valley ends differ by a small part of the standard errors.
+    tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(deviation), _SAME * deviation, 0.0))
+    good = best.cost * (1.0 + 1e-3) + 1e-12 * size
+    as_good = [run for run in runs if run.cost <= good]
+    same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= tolerance)]
+    return len(same), len(as_good) - len(same)
+
+
+def _convergence(best: Start) -> list[str]:
+    """Return the reason of a fit that has not converged."""
+    if best.converged:
+        return []
+    return [
+        f"not converged after {best.evaluations} evaluations ({best.message.rstrip('.')}): raise max_evaluations, give "
+        "a better start, or narrow the bounds"
+    ]
+
+
+def _start_advice(runs: Sequence[Start], same: int, elsewhere: int) -> list[str]:
+    advice = []
+    if elsewhere:
+        advice.append(
+            f"{elsewhere} start(s) fit as well with other values: the data do not distinguish them; fix a parameter or "
+            "measure another assembly"
+        )
+    if len(runs) > 1 and same == 1 and not elsewhere:
+        advice.append(
+            f"only 1 of {len(runs)} starts reached the best optimum, so a better one may exist: raise starts, or "
+            "narrow the bounds"
+        )
+    return advice
+
+
+def _bound_advice(x: NDArray[np.float64], variables: Variables, errors: Sequence[str]) -> list[str]:
+    low, high = variables.limits
+    advice = []
+    at_bound: list[str] = []
+    extreme: list[str] = []
+    for i, unknown in enumerate(variables.unknowns):
+        near = _AT_BOUND * (high[i] - low[i])
+        if unknown.name in errors:
+            extreme += [unknown.name] if min(x[i] - low[i], high[i] - x[i]) <= near else []
+            continue
+        sides = (("lower", unknown.lower, x[i] - low[i]), ("upper", unknown.upper, high[i] - x[i]))
+        at_bound += [
+            f"{unknown.name} is at its {side} bound {bound:g}" for side, bound, distance in sides if distance <= near
+        ]
+    if at_bound:
+        advice.append(
+            f"{first_of(at_bound)}: widen the bound, unless the data limit the parameter from one side only; its "
+            "interval is not valid there"
+        )
+    if extreme:
+        limit = variables.unknowns[variables.names.index(extreme[0])].upper
+        advice.append(
+            f"{first_of(extreme)}: {limit:g} standard deviations off, the limit of the fit: the tolerances are too "
+            "small, a dimension is wrong, or the model is incomplete"
+        )
+    return advice
+
+
+def _covariance_advice(
+    inverse: NDArray[np.float64], correlation: NDArray[np.float64], names: tuple[str, ...]
+) -> list[str]:
+    advice = []
+    if undetermined := [name for name, variance in zip(names, np.diag(inverse), strict=True) if np.isinf(variance)]:
+        advice.append(
+            f"the data do not determine {first_of(undetermined)}: fix it, or measure something that depends on it"
+        )
+    pairs = [(i, j) for i in range(len(names)) for j in range(i) if abs(correlation[i, j]) > _TIED]
+    strongest = sorted(pairs, key=lambda pair: -abs(correlation[pair]))
+    if tied := [f"{names[j]} and {names[i]} are tied (correlation {correlation[i, j]:+.4f})" for i, j in strongest]:
+        advice.append(
+            f"{first_of(tied)}: the data determine a combination of the two; fix one, or measure another overhang or "
+            "mode"
+        )
+    return advice
+
+
+def contradicts(chi_square: float, left: float) -> bool:
+    """Return whether chi-square with `left` degrees of freedom is significantly large, at the 1 % level."""
+    return left > 0.0 and bool(special.chdtrc(left, chi_square) < _LARGE_PROBABILITY)
+
+
+_DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
+
+
+def _rejection(residuals: Sequence[NDArray[np.float64]], independent: float, noise_factor: float) -> list[str]:
+    """Return why a fit is rejected whose chi-square is far above one for each independent number."""
+    rms = float(np.sqrt(_sum_of_squares(residuals) / independent))
+    if noise_factor > 1.0:
+        return [
+            "the model does not explain the data within standard deviations and tolerances: it is incomplete or "
+            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations. "
+            f"{_DIAGNOSE}"
+        ]
+    if rms > _UNEXPLAINED:
+        return [
+            f"the rms of the residuals is {rms:.3g} standard deviations, expected about 1: the model is incomplete or "
+            f"the standard deviations are too small, and then the standard errors are too small as well. {_DIAGNOSE}"
+        ]
+    return []
+
+
+def _overfit_advice(residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int) -> list[str]:
+    """Return advice on a chi-square far below its expectation."""
+    chi_square = _sum_of_squares(residuals)
+    # Every fitted number uses one degree of freedom, errors of tolerances included.
+    left = independent - fitted
+    small = left > 0.0 and chi_square < left / _UNEXPLAINED**2
+    if small and 1.0 - special.chdtrc(left, chi_square) < _SMALL_PROBABILITY:
+        share = float(np.sqrt(chi_square / left))
+        return [
+            f"the rms of the residuals is only {share:.2g} standard deviations, expected about 1: the standard "
+            "deviations are too large (a percentage for a share, or a limit for a standard deviation?), and the "
+            "standard errors are too large as well; or the data have no noise"
+        ]
+    return []
+
+
+def _sum_of_squares(residuals: Sequence[NDArray[np.float64]]) -> float:
+    return sum(float(np.sum(part**2)) for part in residuals)
+
+
+def _comparable(observation: Observation, other: Observation) -> bool:
+    # Two structures may have the same natural frequencies to the digits that are written.
+    if observation.is_receptance:
+        return True
+    return observation.assembly is other.assembly or bool(
+        observation.configuration and observation.configuration == other.configuration
+    )
+
+
+def _copy_advice(observed: Sequence[Observation]) -> list[str]:
+    """Return advice on observations with the same numbers, which noise would make different."""
+    copies = []
+    names = [observation.title(i) for i, observation in enumerate(observed)]
+    pairs = [
+        (i, j)
+        for i in range(len(observed))
+        for j in range(i)
+        if type(observed[i]) is type(observed[j]) and _comparable(observed[i], observed[j])
+    ]
+    # Sorting can take longer than a fit, so only comparable observations are sorted.
+    values = {
+        i: np.unique(observation.data) for i, observation in enumerate(observed) if any(i in pair for pair in pairs)
+    }
+    for i, j in pairs:
+        same = np.intersect1d(values[i], values[j], assume_unique=True).size
+        least = min(values[i].size, values[j].size)
+        if same > 0.5 * least:
+            copies.append(f"{names[j]} and {names[i]} have the same numbers ({same} of {least})")
+    if not copies:
+        return []
+    return [
+        f"{first_of(copies)}: a measurement that counts twice makes the standard errors too small; leave one of them "
+        "out"
+    ]

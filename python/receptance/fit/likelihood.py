@@ -1,0 +1,609 @@
+"""Likelihood of a fit: constrained fits and their likelihood ratio, profile likelihoods, and the evidence of a model.
+
+A profile holds one parameter at several values and fits all others again. The rise of -2 log L over its least value is
+chi-squared with one degree of freedom at the true value (Wilks 1938), so the values whose rise is below the quantile
+are a confidence interval. Unlike a standard error it accounts for bounds, curvature and open sides.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from receptance import _checks
+from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.fit.problem import COST_TOLERANCE
+from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.table import amount, amount_interval
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.fit.problem import End
+    from receptance.fit.result import Identification
+
+_BETTER = 0.01
+"""Decrease of the cost, in residual variances, from which on the fit was not the global optimum."""
+_END_TOLERANCE = 0.01
+"""Relative tolerance of the root of the rise at the end of an interval."""
+_MAX_FITS = 40
+"""Largest number of fits on one side."""
+_GROWTH = 3.0
+"""Largest growth of a step along a flat side."""
+_RESTARTS = 4
+"""Largest number of restarts from a better optimum."""
+_COST_TOLERANCE = 1e-5
+"""Tolerance of the cost of a constrained fit, in residual variances."""
+_FACTOR = 1.5
+"""Intervals with ends farther than this factor from the value are stated as factors, others in percent."""
+_WIDE = 10.0
+"""Intervals over more than this factor determine little more than the order of magnitude."""
+_TIED = 10.0
+"""Least path of another parameter along the profile, in its conditional standard errors, for the two to be tied."""
+_TIED_RANGE = 0.02
+"""Least path of that parameter as a share of its range."""
+
+
+def require_likelihood(found: Identification) -> None:
+    """Raise ValueError if receptances were fitted with the percentage objective."""
+    pairs = zip(found.units, found.task.observed, strict=True)
+    if any(unit == "percent" and observation.is_receptance for unit, observation in pairs):
+        raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
+
+
+def residual_variance(found: Identification, cost: float) -> float:
+    """Return the variance of a residual: 1 with given standard deviations, otherwise from the least cost."""
+    return 1.0 if found.known_scatter else 2.0 * cost / max(found.degrees_of_freedom, 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstrainedFit:
+    """The best fit with some parameters at given values.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        The given values in SI units.
+    others : dict of str to float
+        The other parameters, fitted again.
+    rise : float
+        Increase of -2 log L over the unconstrained fit; infinite if the model has no value.
+    p_value : float
+        Probability of at least this increase if the given values are true (Wilks 1938); from the F distribution if the
+        scatter was estimated.
+    """
+
+    values: dict[str, float]
+    others: dict[str, float]
+    rise: float
+    p_value: float
+
+    def rejected(self, level: float = 0.95) -> bool:
+        """Return whether the data reject the values at a level."""
+        return self.p_value < 1.0 - level
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value:.4g}" for name, value in self.values.items())
+        return f"ConstrainedFit({given}: rise {self.rise:.3g}, p = {self.p_value:.2g})"
+
+
+def constrained_fit(found: Identification, values: Mapping[str, float], *, starts: int = 8) -> ConstrainedFit:
+    """Fit all other parameters with some at given values, and test the values by the likelihood ratio.
+
+    A profile holds one parameter; this tests a set of several values at once. Errors of tolerances are fitted within
+    their priors.
+
+    Parameters
+    ----------
+    found : Identification
+        From `identify`, with the objective "log".
+    values : mapping of str to float
+        Values by name, in SI units, within the bounds of the fit.
+    starts : int, optional
+        Number of starts of the others: the fitted values, then a Latin hypercube within the bounds, without errors.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter that was not identified, a value outside its bounds, or the percentage objective, which is no
+        likelihood.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance.fit import constrained_fit
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = Observation.from_modes(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
+    ... )
+    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+    >>> [constrained_fit(found, {"joint.k_theta": k}).rejected() for k in (1.001e5, 1.1e5)]
+    [False, True]
+    """
+    if not values:
+        raise ValueError("values is empty, expected at least one parameter and its value")
+    require_likelihood(found)
+    problem = found.task.problem()
+    variables = problem.variables
+    given = found.vector.copy()
+    free = np.ones(given.size, dtype=np.bool_)
+    for name, value in values.items():
+        index = found.index(name)
+        unknown = variables.unknowns[index]
+        number = _checks.number("constrained_fit", name, value)
+        if not unknown.lower <= number <= unknown.upper:
+            raise ValueError(
+                f"constrained_fit: {name} is {number:g}, outside the bounds {unknown.lower:g} to {unknown.upper:g}"
+            )
+        given[index] = np.log10(number) if unknown.scale == "log" else number
+        free[index] = False
+    best = problem.fit_one(found.vector, least=1e-9)
+    variance = residual_variance(found, best.cost)
+    # Errors start at their fitted values.
+    drawn = free & (np.arange(given.size) < found.task.parameters.count)
+    begun = [given, *(np.where(drawn, x, given) for x in variables.draw(max(starts, 1), found.seed)[1:])]
+    end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda one: one.cost)
+    rise = 2.0 * (end.cost - best.cost) / variance if np.isfinite(end.cost) and variance > 0.0 else np.inf
+    if rise < -_BETTER:
+        text = "the constrained fit found a better optimum than the fit: identify with more starts"
+        warnings.warn(text, ReceptanceWarning, stacklevel=2)
+    rise = max(float(rise), 0.0)
+    others = variables.to_values(end.x)
+    return ConstrainedFit(
+        values={name: float(value) for name, value in values.items()},
+        others={name: float(others[i]) for i, name in enumerate(found.addresses) if free[i]},
+        rise=rise,
+        p_value=_p_value(rise, len(values), None if found.known_scatter else found.degrees_of_freedom),
+    )
+
+
+def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
+    if np.isinf(rise):
+        return 0.0
+    if degrees_of_freedom is None:
+        return float(special.chdtrc(count, rise))
+
+    return float(special.fdtrc(count, max(degrees_of_freedom, 1), rise / count))
+
+
+def log_evidence(found: Identification) -> float:
+    """Return the natural logarithm of the evidence, by Laplace's approximation at the fit.
+
+    It compares models, such as laws, that are fitted to the same observations with the same standard deviations;
+    factors that depend on these alone are omitted. The prior of an unknown without one is uniform within its bounds,
+    on the scale of the fit; errors and individual parts are standard normal. A difference of 3 is a factor of 20 in
+    probability, a difference of 10 is decisive.
+
+    Parameters
+    ----------
+    found : Identification
+        From `identify` with known standard deviations and the objective "log".
+
+    Returns
+    -------
+    float
+        NaN if the data do not determine a parameter: the approximation needs a peak of the likelihood.
+
+    Raises
+    ------
+    ValueError
+        No standard deviations, or the percentage objective.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance.fit import Law, Power, log_evidence
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> measured = [
+    ...     Observation.from_modes(
+    ...         assembly=pair,
+    ...         frequency_hz=pair.replace({"joint.k_theta": k}).natural_frequencies(2e4)[:2],
+    ...         standard_deviation_hz=1.0,
+    ...         configuration=f"{torque} N m",
+    ...         conditions={"torque": torque},
+    ...     )
+    ...     for torque, k in ((40.0, 0.9e5), (80.0, 1.2e5))
+    ... ]
+    >>> grows = Power(of="torque", reference=40.0)
+    >>> laws = [Law(address="joint.k_theta", lower=1e3, upper=1e7, powers=powers) for powers in ((), grows)]
+    >>> constant, power = (log_evidence(identify(measured, law)) for law in laws)
+    >>> power > constant + 10.0
+    True
+    """
+    if not found.known_scatter:
+        raise ValueError("evidence needs standard deviations: give the observations them, and the objective 'log'")
+    problem = found.task.problem()
+    residual = problem.residual(found.vector)
+    # A factor on the standard deviations divides the density of each independent number.
+    total = -0.5 * float(residual @ residual) - found.task.independent_values * math.log(found.noise_factor)
+    low, high = problem.variables.limits
+    for i, unknown in enumerate(found.unknowns):
+        if unknown.prior is None:
+            total -= math.log(float(high[i] - low[i]))
+        else:
+            # A prior on a log scale is one of the natural logarithm, and the variable is the decimal one.
+            deviation = unknown.prior.standard_deviation / (math.log(10.0) if unknown.scale == "log" else 1.0)
+            total -= 0.5 * math.log(2.0 * math.pi) + math.log(deviation)
+    if not np.isfinite(found.covariance).all():
+        return float("nan")
+    sign, logarithm = np.linalg.slogdet(found.covariance)
+    if sign <= 0.0:
+        return float("nan")
+    return total + 0.5 * len(found.unknowns) * math.log(2.0 * math.pi) + 0.5 * float(logarithm)
+
+
+def interval_statement(value: float, lower: float, upper: float, *, scale: str, tied_to: str = "") -> str:
+    """Return the meaning of an interval as text; open sides are 0 or -inf, and inf.
+
+    Examples
+    --------
+    >>> from receptance.fit.likelihood import interval_statement
+    >>> interval_statement(1e5, 9.8e4, 1.02e5, scale="log")
+    'determined to 2 %'
+    >>> interval_statement(1e9, 4e7, float("inf"), scale="log")
+    'only a lower bound: 4e+07'
+    >>> interval_statement(1e9, 0.0, float("inf"), scale="log", tied_to="joint.k_theta")
+    'tied to joint.k_theta: the data determine a combination of the two'
+    """
+    open_below = lower == 0.0 if scale == "log" else math.isinf(lower)
+    open_above = math.isinf(upper)
+    suffix = f", tied to {tied_to}" if tied_to else ""
+    if open_below and open_above:
+        if tied_to:
+            return f"tied to {tied_to}: the data determine a combination of the two"
+        return "not determined within the bounds"
+    if open_above:
+        return f"only a lower bound: {lower:.2g}{suffix}"
+    if open_below:
+        return f"only an upper bound: {upper:.2g}{suffix}"
+    if scale == "log":
+        return _log_statement(value, lower, upper, suffix)
+    half = 0.5 * (upper - lower)
+    if lower <= 0.0 <= upper:
+        return f"not distinguishable from zero: {lower:.2g} to {upper:.2g}{suffix}"
+    return f"determined to {_percent(half / abs(value))}" + (suffix if half > 0.5 * abs(value) else "")
+
+
+def _log_statement(value: float, lower: float, upper: float, suffix: str) -> str:
+    factor = max(value / lower, upper / value)
+    if factor <= _FACTOR:
+        return f"determined to {_percent(math.sqrt(upper / lower) - 1.0)}"
+    if upper / lower <= _WIDE:
+        return f"determined to a factor of {factor:.2g}{suffix}"
+    return f"poorly determined: between {lower:.2g} and {upper:.2g}{suffix}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile(Result):
+    """Profile likelihood of one parameter, and its confidence interval.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the fit.
+    value : float
+        Most likely value in SI units.
+    lower, upper : float
+        Ends of the interval in SI units; zero or -infinity, and infinity, where that side is open.
+    lower_open, upper_open : bool
+        Whether the interval is open on that side: the rise stays below the threshold up to the bound of the fit.
+    unit : str
+        SI unit of the value; empty for a plain number.
+    level : float
+        Level of the interval.
+    values : ndarray
+        `(n,)` values at which the parameter was held, ascending, in SI units.
+    rise : ndarray
+        `(n,)` rise of -2 log L at these values.
+    paths : ndarray
+        `(n, p)` all fitted variables at these values.
+    threshold : float
+        Rise at the ends of the interval.
+    statement : str
+        Meaning of the interval as text.
+    evaluations : int
+        Evaluations of the model.
+    notes : tuple of str
+        Notes for the user.
+    provenance : Provenance
+        Versions of the software.
+    """
+
+    name: str
+    value: float
+    lower: float
+    upper: float
+    lower_open: bool
+    upper_open: bool
+    level: float
+    values: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    paths: NDArray[np.float64]
+    threshold: float
+    statement: str
+    evaluations: int
+    unit: str = ""
+    notes: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Profile likelihood"
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the interval is closed on both sides."""
+        return not (self.lower_open or self.upper_open)
+
+    def tables(self) -> list[Table]:
+        """Return the interval and its meaning."""
+        columns = ("parameter", Column("value"), Column(f"{100.0 * self.level:g} % interval"), "meaning")
+        ends = (None if self.lower_open else self.lower, None if self.upper_open else self.upper)
+        row = (self.name, amount(self.value, self.unit, 4), amount_interval(ends, self.unit), self.statement)
+        return [Table("Profile likelihoods", columns, [row])]
+
+    def data(self) -> dict[str, Any]:
+        """Return interval, meaning and points."""
+        return {
+            "statement": self.statement,
+            "level": self.level,
+            "interval": (self.lower, self.upper),
+            "open": (self.lower_open, self.upper_open),
+            "values": self.values,
+            "rise": self.rise,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the rise of -2 log L over the parameter, and the threshold of the interval; see `Result.plot`."""
+        return Profiles({self.name: self}).plot(ax)
+
+    def __repr__(self) -> str:
+        return f"Profile({self.name}: {self.statement})"
+
+
+class Profiles(Results[Profile]):
+    """Profile likelihoods by name of the parameter."""
+
+    heading = "Profile likelihoods"
+    key = "profiles"
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the rise of -2 log L over each parameter, and the threshold of its interval; see `Result.plot`."""
+        from receptance.fit.figures import draw_profiles
+
+        return draw_profiles(self, ax)
+
+
+def profile_likelihoods(
+    found: Identification,
+    names: str | Sequence[str] | None = None,
+    *,
+    level: float = 0.95,
+    progress: Callable[[str], None] | None = None,
+) -> Profiles:
+    """Profile parameters of a fit; see `Identification.profiles`."""
+    if names is None:
+        names = [name for name in found.addresses if name not in found.errors]
+    chosen = [names] if isinstance(names, str) else list(names)
+    for name in chosen:
+        found.index(name)
+    require_likelihood(found)
+    start = found.vector
+    for _ in range(_RESTARTS):
+        profiler = _Profiler(found, level, start)
+        profiles: dict[str, Profile] = {}
+        try:
+            for name in chosen:
+                if progress is not None:
+                    progress(f"profiling {name}, {len(profiles) + 1} of {len(chosen)}")
+                profiles[name] = profiler.profile(name)
+        except BetterOptimumError as error:
+            start = error.better.x
+            text = "a better optimum than that of the fit was found while profiling: identify with more starts"
+            warnings.warn(text, ReceptanceWarning, stacklevel=3)
+        else:
+            return Profiles(profiles, provenance=found.provenance)
+    raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")
+
+
+class _Profiler:
+    """Constrained fits around one optimum."""
+
+    def __init__(self, found: Identification, level: float, start: NDArray[np.float64]) -> None:
+        self.found = found
+        self.level = level
+        self.problem = found.task.problem()
+        self.variables = self.problem.variables
+        self.limits = self.variables.limits
+        self.best = self.problem.fit_one(start, least=1e-12)
+        self.variance = residual_variance(found, self.best.cost)
+        self.threshold = found.confidence_multiplier(level) ** 2
+
+    def profile(self, name: str) -> Profile:
+        """Profile one parameter."""
+        index = self.found.index(name)
+        before = self.problem.evaluations
+        low, high = (self._side(index, sign) for sign in (-1.0, 1.0))
+        unknown = self.variables.unknowns[index]
+        points = [*reversed(low.points), (self.best.x, 0.0), *high.points]
+        paths = np.array([point[0] for point in points])
+        value = self._value(index, self.best.x[index])
+        lower = self._value(index, low.end) if not low.open else (0.0 if unknown.scale == "log" else -np.inf)
+        upper = self._value(index, high.end) if not high.open else np.inf
+        return Profile(
+            name=name,
+            unit=unknown.unit,
+            value=value,
+            lower=lower,
+            upper=upper,
+            lower_open=low.open,
+            upper_open=high.open,
+            level=self.level,
+            values=np.array([self._value(index, point[index]) for point in paths]),
+            rise=np.array([point[1] for point in points]),
+            paths=paths,
+            threshold=self.threshold,
+            statement=interval_statement(
+                value, lower, upper, scale=str(unknown.scale), tied_to=self._tied_to(index, paths)
+            ),
+            evaluations=self.problem.evaluations - before,
+        )
+
+    def _value(self, index: int, variable: float) -> float:
+        vector = self.best.x.copy()
+        vector[index] = variable
+        return float(self.variables.to_values(vector)[index])
+
+    def _side(self, index: int, sign: float) -> _Side:
+        """Step to one side until the rise exceeds the threshold, then bracket the end of the interval."""
+        bound = float(self.limits[0 if sign < 0.0 else 1][index])
+        target = float(np.sqrt(self.threshold))
+        inside = _ProfilePoint(self.best, float(self.best.x[index]), 0.0)
+        outside: _ProfilePoint | None = None
+        points: list[tuple[NDArray[np.float64], float]] = []
+        step = self._first_step(index) * target
+        infeasible = np.inf  # distance from `inside` at which the model has no value
+        for _ in range(_MAX_FITS):
+            if outside is None:
+                at = inside.at + sign * step
+                if sign * (at - bound) >= 0.0:
+                    at = bound
+                if abs(at - inside.at) >= 0.999 * infeasible:
+                    at = inside.at + sign * 0.5 * infeasible
+                near = inside
+            else:
+                at = _interpolate(inside, outside, target)
+                near = min(inside, outside, key=lambda point: abs(point.at - at))
+            fit = self._constrained(index, at, near.fit)
+            distance = abs(at - inside.at)
+            if not np.isfinite(fit.cost):
+                infeasible = distance
+                if infeasible <= 1e-3 * step or infeasible <= 1e-9:
+                    break
+                continue
+            infeasible = np.inf if outside is not None else infeasible - distance
+            rise = max(2.0 * (fit.cost - self.best.cost) / self.variance if self.variance > 0.0 else np.inf, 0.0)
+            point = _ProfilePoint(fit, float(fit.x[index]), float(np.sqrt(rise)))
+            points.append((fit.x, rise))
+            if at == bound and point.root < target:
+                return _Side(_outwards(points, index, sign), bound, True)
+            # A flat side may stay just below the threshold, so a point below it is an end only inside a bracket.
+            if abs(point.root - target) <= _END_TOLERANCE * target and (point.root >= target or outside is not None):
+                return _Side(_outwards(points, index, sign), point.at, False)
+            if point.root < target:
+                growth = (target - point.root) / max(point.root - inside.root, 1e-3 * target) * distance
+                step = min(max(1.05 * growth, 0.2 * step), _GROWTH * max(step, distance))
+                inside = point
+            else:
+                outside = point
+            if outside is not None and abs(outside.at - inside.at) <= 1e-7 * float(np.ptp(self.limits[:, index])):
+                break
+        end = inside.at if outside is None else _interpolate(inside, outside, target)
+        return _Side(_outwards(points, index, sign), end, outside is None)
+
+    def _first_step(self, index: int) -> float:
+        """Return the standard error of a variable, at most a tenth of its range."""
+        most = 0.1 * float(np.ptp(self.limits[:, index]))
+        others = np.arange(self.best.x.size) != index
+        normal = self.best.curvature
+        slope = _conditional_slope(normal, index)
+        curvature = float(normal[index, index] + normal[index, others] @ slope)
+        if not (curvature > 0.0 and self.variance > 0.0):
+            return most
+        return min(float(np.sqrt(self.variance / curvature)), most)
+
+    def _constrained(self, index: int, at: float, near: End) -> End:
+        """Fit all other variables with one held, from a linear prediction of a neighbouring fit."""
+        free = np.ones(near.x.size, dtype=np.bool_)
+        free[index] = False
+        start = near.x.copy()
+        start[index] = at
+        predicted = start.copy()
+        predicted[free] += _conditional_slope(near.curvature, index) * (at - near.x[index])
+        # The prediction of a variable that the data do not determine can be out of bounds; it keeps its value.
+        low, high = self.limits
+        predicted = np.where((low <= predicted) & (predicted <= high), predicted, start)
+        least = _COST_TOLERANCE * (self.variance if self.variance > 0.0 else 1.0)
+        fit = self.problem.fit_one(predicted, free=free, least=least, of_all=True)
+        if not np.isfinite(fit.cost):
+            fit = self.problem.fit_one(start, free=free, least=least, of_all=True)
+        if fit.cost < self.best.cost - _BETTER * max(self.variance, 1e-300):
+            better = self.problem.fit_one(fit.x, least=1e-12)
+            if better.converged:
+                raise BetterOptimumError(better)
+        return fit
+
+    def _tied_to(self, index: int, paths: NDArray[np.float64]) -> str:
+        """Return the name of the parameter that compensates the profiled one most, if any does."""
+        count = self.found.task.parameters.count
+        conditional = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.variance, 1e-300), 1e-300))
+        path = np.ptp(paths[:, :count], axis=0)
+        share = path / np.ptp(self.limits[:, :count], axis=0)
+        relative = np.where(share > _TIED_RANGE, path / conditional[:count], 0.0)
+        if index < count:
+            relative[index] = 0.0
+        other = int(relative.argmax()) if relative.size else 0
+        if not relative.size or relative[other] < _TIED:
+            return ""
+        return self.found.addresses[other]
+
+
+class BetterOptimumError(Exception):
+    """A constrained fit is better than the optimum that is profiled."""
+
+    def __init__(self, better: End) -> None:
+        super().__init__("a better optimum was found while profiling")
+        self.better = better
+
+
+class _ProfilePoint(NamedTuple):
+    """A constrained fit, the value of the held variable and the root of the rise of -2 log L."""
+
+    fit: End
+    at: float
+    root: float
+
+
+@dataclass(frozen=True)
+class _Side:
+    points: list[tuple[NDArray[np.float64], float]]
+    end: float
+    open: bool
+
+
+def _conditional_slope(normal: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+    """Return the derivatives of the other variables' constrained optimum with respect to one variable."""
+    others = np.arange(len(normal)) != index
+    matrix = normal[np.ix_(others, others)]
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    ridge = 1e-9 * np.eye(len(matrix))
+    result: NDArray[np.float64] = (
+        -np.linalg.solve(matrix / np.outer(scale, scale) + ridge, normal[others, index] / scale) / scale
+    )
+    return result
+
+
+def _outwards(
+    points: list[tuple[NDArray[np.float64], float]], index: int, sign: float
+) -> list[tuple[NDArray[np.float64], float]]:
+    """Return points in order of their distance from the optimum."""
+    return sorted(points, key=lambda point: sign * float(point[0][index]))
+
+
+def _interpolate(inside: _ProfilePoint, outside: _ProfilePoint, target: float) -> float:
+    """Return where the linearly interpolated root reaches the target, at a distance from the ends of the bracket."""
+    share = (target - inside.root) / (outside.root - inside.root)
+    return inside.at + min(max(share, 0.05), 0.95) * (outside.at - inside.at)

@@ -1,0 +1,594 @@
+"""The map from unknowns to parameters of the assemblies, with its Jacobian.
+
+A parameter of an assembly is v = b exp(E u) + S u. Here u are the values of all unknowns, and b is one of them, a
+weighted mean of two, or the value of the assembly. E contains logarithms of conditions, for exponents, and standard
+deviations of relative errors; S contains standard deviations of absolute errors.
+
+A measured receptance is H(w - i sigma) (1 + sigma / (i w))^q exp(g - i w tau), with the parameters of its measuring
+chain: a calibration gain exp(g), a delay tau between the channels, and the rate sigma of an exponential window on both.
+The window acts on the recorded quantity; software that ignores it divides by (i w)^q instead of (i w + sigma)^q, where
+q is 2 for accelerations, 1 for velocities and 0 for displacements.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from receptance import _checks
+from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, as_unknowns, covered, error_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from receptance.model.assembly import Assembly
+
+LOG_GAIN = "observation.log_gain"
+"""Natural logarithm of measured over true magnitude."""
+DELAY = "observation.delay"
+"""Delay of the channel of the response in s."""
+DECAY_RATES = {
+    "observation.decay_rate": 2,
+    "observation.decay_rate_of_velocity": 1,
+    "observation.decay_rate_of_displacement": 0,
+}
+"""Rates in 1/s of an exponential window on both channels, and the number of integrations of the recorded quantity."""
+END = "observation.end"
+"""Time in s after the hit at which a truncated record ended."""
+FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES, END)
+"""Parameters of the measuring chain, in the order of the core; zero unless they are fitted."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """An assembly in a configuration under conditions, observed or predicted."""
+
+    assembly: Assembly
+    configuration: str = ""
+    label: str = ""
+    conditions: Mapping[str, float] = field(default_factory=dict)
+    factors: tuple[str, ...] = ()
+
+    def covered(self, address: str) -> frozenset[str]:
+        """Return the parameters of the assembly or of the observation that match an address."""
+        return frozenset((address,)) if address in self.factors else covered(address, self.assembly)
+
+    def value(self, address: str) -> float:
+        """Return the value of a parameter of the assembly; parameters of an observation are zero."""
+        return 0.0 if address in self.factors else self.assembly.get(address)
+
+    def among(self, configurations: tuple[str, ...] | None, labels: tuple[str, ...] | str | None = None) -> bool:
+        """Return whether configuration or label is among the configurations, and the label among the labels."""
+        if labels is not None and self.label not in labels:
+            return False
+        return configurations is None or self.configuration in configurations or self.label in configurations
+
+    def condition(self, name: str, owner: str) -> float:
+        """Return the value of a condition, or of an address of the assembly."""
+        if name in self.conditions:
+            value = float(self.conditions[name])
+        elif covered(name, self.assembly):
+            value = self.assembly.get(name)
+        else:
+            known = ", ".join(self.conditions) or "none"
+            raise ValueError(
+                f"{owner}: {self.configuration or self.assembly!r} has no condition {name!r} and no such address; its "
+                f"conditions are: {known}"
+            )
+        if not value > 0.0:
+            raise ValueError(f"{owner}: the condition {name!r} is {value:g}, expected more than zero for a power law")
+        return value
+
+
+class _Parts(NamedTuple):
+    """Values of the parameters b exp(E u) + S u, each `(m,)`: exp(E u), b exp(E u) and S u."""
+
+    factor: NDArray[np.float64]
+    scaled: NDArray[np.float64]
+    shifts: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterMap:
+    """The parameters of one assembly as functions of all unknowns.
+
+    Attributes
+    ----------
+    addresses : tuple of str
+        The `m` variable parameters; `segment[*]` is expanded.
+    base : ndarray
+        `(m,)` index of the unknown in b; -1 for none.
+    scale : ndarray
+        `(m,)` factor of this unknown.
+    fixed : ndarray
+        `(m,)` value of b without an unknown.
+    exponents, shifts : ndarray
+        `(m, p)` E and S.
+    second, share : ndarray
+        `(m,)` index and factor of a second unknown that is added in b; -1 for none. It interpolates between two
+        configurations.
+    """
+
+    addresses: tuple[str, ...]
+    base: NDArray[np.intp]
+    scale: NDArray[np.float64]
+    fixed: NDArray[np.float64]
+    exponents: NDArray[np.float64]
+    shifts: NDArray[np.float64]
+    second: NDArray[np.intp]
+    share: NDArray[np.float64]
+
+    @classmethod
+    def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> ParameterMap:
+        """Return the parameters of addresses, each an unknown; the assemblies may lack some of them."""
+        own = [(name, i) for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))]
+        count, none = len(own), np.zeros((len(own), len(addresses)))
+        return cls(
+            addresses=tuple(name for name, _ in own),
+            base=np.array([i for _, i in own], dtype=np.intp),
+            scale=np.ones(count),
+            fixed=np.zeros(count),
+            exponents=none,
+            shifts=none,
+            second=np.full(count, -1, dtype=np.intp),
+            share=np.zeros(count),
+        )
+
+    @classmethod
+    def linear(cls, addresses: Sequence[str], values: NDArray[np.float64], slopes: NDArray[np.float64]) -> ParameterMap:
+        """Return parameters `values + slopes @ unknowns`."""
+        count = len(addresses)
+        return cls(
+            addresses=tuple(addresses),
+            base=np.full(count, -1, dtype=np.intp),
+            scale=np.ones(count),
+            fixed=values,
+            exponents=np.zeros_like(slopes),
+            shifts=slopes,
+            second=np.full(count, -1, dtype=np.intp),
+            share=np.zeros(count),
+        )
+
+    def _before(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return b."""
+        first = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
+        found: NDArray[np.float64] = first + np.where(self.second >= 0, self.share * unknowns[self.second], 0.0)
+        return found
+
+    def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values of the addresses in SI units, `(m,)`."""
+        result: NDArray[np.float64] = (
+            self._before(unknowns) * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
+        )
+        return result
+
+    def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
+        factor = np.exp(self.exponents @ unknowns)
+        result = (self._before(unknowns) * factor)[:, None] * self.exponents + self.shifts
+        for column, scale in ((self.base, self.scale), (self.second, self.share)):
+            own = np.flatnonzero(column >= 0)
+            result[own, column[own]] += factor[own] * scale[own]
+        return result
+
+    def widened(self, count: int) -> ParameterMap:
+        """Return the same functions of more unknowns, `count` of them, of which the further ones have no effect."""
+        more = ((0, 0), (0, count - self.exponents.shape[1]))
+        return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
+
+    def parts(self, unknowns: NDArray[np.float64]) -> _Parts:
+        """Return the parts of the values of the addresses."""
+        factor: NDArray[np.float64] = np.exp(self.exponents @ unknowns)
+        return _Parts(factor, self._before(unknowns) * factor, self.shifts @ unknowns)
+
+    def around(self, more: ParameterMap, parts: _Parts) -> tuple[ParameterMap, NDArray[np.float64]]:
+        """Return the parameters of `more`, as of `joined`, as functions of its unknowns, where these have some values.
+
+        `parts` are those of this map at its own unknowns. The functions are without the shifts by these, which are
+        returned as well.
+        """
+        rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
+        is_known = rows >= 0
+        factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
+        factor[is_known], fixed[is_known], shifts[is_known] = (part[rows[is_known]] for part in parts)
+        return replace(more, scale=more.scale * factor, fixed=fixed, share=more.share * factor), shifts
+
+    def joined(self, more: ParameterMap, at: int) -> ParameterMap:
+        """Return the functions of further unknowns too, which are inserted before the unknown of index `at`.
+
+        `more` are the parameters of the same assembly as functions of the further unknowns alone. It has no base for a
+        parameter that has one already.
+        """
+        count = more.exponents.shape[1]
+        fresh = [i for i, address in enumerate(more.addresses) if address not in self.numbers]
+        size = len(self.addresses) + len(fresh)
+        rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
+        rows[fresh] = np.arange(len(self.addresses), size)
+
+        def matrix(own: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+            result = np.zeros((size, own.shape[1] + count))
+            result[: len(own), :at] = own[:, :at]
+            result[: len(own), at + count :] = own[:, at:]
+            result[rows, at : at + count] = other
+            return result
+
+        def column(own: NDArray[Any], other: NDArray[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
+            result = np.concatenate([own, other[fresh]])
+            result[rows[chosen]] = other[chosen]
+            return result
+
+        def index(own: NDArray[np.intp]) -> NDArray[np.intp]:
+            return np.where(own >= at, own + count, own)
+
+        based, seconded = more.base >= 0, more.second >= 0
+        return ParameterMap(
+            addresses=(*self.addresses, *(more.addresses[i] for i in fresh)),
+            base=column(index(self.base), np.where(based, more.base + at, -1), based),
+            scale=column(self.scale, more.scale, based),
+            fixed=column(self.fixed, more.fixed, based),
+            exponents=matrix(self.exponents, more.exponents),
+            shifts=matrix(self.shifts, more.shifts),
+            second=column(index(self.second), np.where(seconded, more.second + at, -1), seconded),
+            share=column(self.share, more.share, seconded),
+        )
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Row of each address."""
+        return {address: i for i, address in enumerate(self.addresses)}
+
+    def apply(self, assembly: Assembly, unknowns: NDArray[np.float64]) -> Assembly:
+        """Return the assembly with the values of its addresses."""
+        values = dict(zip(self.addresses, self.values(unknowns).tolist(), strict=True))
+        return assembly.replace({address: value for address, value in values.items() if address not in FACTORS})
+
+
+class Parameters:
+    """All unknowns of a fit, and their map to the parameters of every assembly.
+
+    Parameters
+    ----------
+    given : sequence of Unknown
+        Unknowns and laws; may be empty if there are tolerances.
+    tolerances : sequence of Tolerance
+        Errors.
+    sites : sequence of Site
+        The observed assemblies, one for each observation.
+
+    Attributes
+    ----------
+    unknowns : tuple of Unknown
+        Values and exponents in the order of `given`, then errors: the fitted vector.
+    count : int
+        Number of unknowns that are not errors.
+    notes : list of str
+        Notes for the user.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknowns or tolerances without an observation, two unknowns of one parameter, a missing condition.
+    """
+
+    def __init__(
+        self, given: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
+    ) -> None:
+        self.given = as_unknowns(given, least=0)
+        self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
+        told_apart = self._told_apart
+        keys = [_key(site, told_apart) for site in sites]
+        # Records of one configuration have the same parameters, unless an unknown depends on a label or a condition.
+        different = dict(zip(keys, sites, strict=True))
+        self.notes = self._check(list(different.values()))
+        values: list[Unknown] = []
+        errors: dict[str, Unknown] = {}
+        for unknown in self.given:
+            if not isinstance(unknown, Law):
+                values.append(unknown)
+                continue
+            seen = dict.fromkeys(p.configuration for p in sites if p.among(unknown.configurations))
+            own = [name for name in seen if _has(unknown.address, [p for p in sites if p.configuration == name])]
+            individual = {unknown.name_in(name) for name in own} if unknown.individual else set()
+            for one in unknown.expanded(own):
+                if one.name in individual:
+                    errors[one.name] = one
+                else:
+                    values.append(one)
+        for tolerance in self.tolerances:
+            errors.setdefault(tolerance.name, error_of(tolerance.name))
+        self.unknowns = (*values, *errors.values())
+        self.count = len(values)
+        names = [unknown.name for unknown in self.unknowns]
+        if double := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
+        self._index = {name: i for i, name in enumerate(names)}
+        self._levels = {one.name: self._levels_of(one, sites) for one in self.given if isinstance(one, Law)}
+        maps = {key: self.at(site) for key, site in different.items()}
+        self._maps = [(site, maps[key]) for key, site in zip(keys, sites, strict=True)]
+
+    def plus(self, more: Sequence[Unknown]) -> Parameters:
+        """Return the parameters with more unknowns after the given ones; only these are checked and mapped."""
+        if not more:
+            return self
+        further = self.further(more)
+        if further is None:
+            return Parameters((*self.given, *more), self.tolerances, [site for site, _ in self._maps])
+        result = copy.copy(self)
+        result.given = (*self.given, *more)
+        result.notes = [*self.notes, *further.notes]
+        result.unknowns = (*self.unknowns[: self.count], *further.unknowns, *self.unknowns[self.count :])
+        result.count = self.count + further.count
+        result._index = {unknown.name: i for i, unknown in enumerate(result.unknowns)}
+        pairs = [(own, other) for (_, own), (_, other) in zip(self._maps, further._maps, strict=True)]
+        maps = {pair: pair[0].joined(pair[1], self.count) for pair in dict.fromkeys(pairs)}
+        result._maps = [(site, maps[pair]) for (site, _), pair in zip(self._maps, pairs, strict=True)]
+        return result
+
+    def further(self, more: Sequence[Unknown]) -> Parameters | None:
+        """Return the parameters of the same sites as functions of more unknowns alone.
+
+        None is returned where these are laws, or not independent of the given unknowns, which may be an error. The
+        unknowns are checked as by the constructor.
+        """
+        if any(isinstance(unknown, Law) for unknown in more):
+            return None
+        result = Parameters(more, (), [site for site, _ in self._maps])
+        pairs = zip(self._maps, result._maps, strict=True)
+        if not result._index.keys().isdisjoint(self._index) or any(_share_a_base(own, o) for (_, own), (_, o) in pairs):
+            return None
+        return result
+
+    def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
+        """Return the parameters of sites; those of the observed sites are cached."""
+        known = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]
+        return [
+            own if own is not None and site == other else self.at(site)
+            for site, (other, own) in zip(sites, known, strict=False)
+        ]
+
+    def _levels_of(self, law: Law, sites: Sequence[Site]) -> dict[str, float]:
+        """Return the values of the condition `along` of a free law, by configuration of the fit."""
+        if not law.along:
+            return {}
+        own = [site for site in sites if law.name_in(site.configuration) in self._index]
+        for site in own:
+            if law.along not in site.conditions:
+                known = ", ".join(site.conditions) or "none"
+                raise ValueError(
+                    f"Law {law.address!r}: {site.configuration!r} has no condition {law.along!r}; its conditions are: "
+                    f"{known}"
+                )
+        return {site.configuration: float(site.conditions[law.along]) for site in own}
+
+    @property
+    def _told_apart(self) -> frozenset[str]:
+        """Labels and conditions that unknowns and errors name."""
+        names = [name for one in self.given for name in one.configurations or ()]
+        names += [name for one in self.tolerances for name in (*(one.configurations or ()), *(one.labels or ()))]
+        names += [one.of for one in self.given if isinstance(one, Move)]
+        names += [
+            name for one in self.given if isinstance(one, Law) for name in (one.along, *(p.of for p in one.powers))
+        ]
+        return frozenset(names)
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Names of the errors of tolerances and of individual parts."""
+        return tuple(unknown.name for unknown in self.unknowns[self.count :])
+
+    def at(
+        self, site: Site, tolerances: Sequence[Tolerance] | None = None, fresh: list[str] | None = None
+    ) -> ParameterMap:
+        """Return the parameters of a site, observed or not, as functions of the unknowns.
+
+        The errors are those of the fit, or `tolerances`. Names of errors that were not fitted are appended to `fresh`.
+        They follow the unknowns: the map has `p + len(fresh)` columns, and the new unknowns are standard normal and
+        independent.
+        """
+        index = {**self._index, **{name: len(self._index) + i for i, name in enumerate(fresh or ())}}
+
+        def error(name: str) -> int:
+            if name not in index:
+                if fresh is None:
+                    raise ValueError(f"the error {name!r} was not fitted")
+                index[name] = len(index)
+                fresh.append(name)
+            return index[name]
+
+        bases: dict[str, list[tuple[int, float]]] = {}
+        exponents, shifts = _SparseRows(), _SparseRows()
+        for unknown in self.given:
+            if not site.among(unknown.configurations):
+                continue
+            if isinstance(unknown, Move):
+                self._add_move(unknown, site, exponents if unknown.relative else shifts)
+                continue
+            multiples = dict.fromkeys(sorted(site.covered(unknown.address)), unknown.multiple)
+            multiples |= {other: n for other, n in unknown.also.items() if site.covered(other)}
+            if not multiples:
+                continue
+            terms = [(index[unknown.name], 1.0)] if unknown.name in index else []
+            if isinstance(unknown, Law):
+                if unknown.free:
+                    terms = self._free_terms(unknown, site)
+                varying = _varying(unknown, site, index, error)
+                powers = [(address, 1.0) for address in multiples]
+                powers += [(address, power) for address, power in unknown.follows.items() if site.covered(address)]
+                for address, power in powers:
+                    for column, slope in varying.items():
+                        exponents.add(address, column, power * slope)
+            bases |= {address: [(i, n * share) for i, share in terms] for address, n in multiples.items()}
+        for tolerance in self.tolerances if tolerances is None else tolerances:
+            if site.among(tolerance.configurations, tolerance.labels):
+                rows = exponents if tolerance.relative else shifts
+                for pattern, deviation in tolerance.moves.items():
+                    for address in sorted(site.covered(pattern)):
+                        rows.add(address, error(tolerance.name), deviation)
+        addresses = tuple(dict.fromkeys([*bases, *exponents.rows, *shifts.rows]))
+        if not addresses:
+            return _nothing(len(index))
+        first = [bases[address][0] if address in bases else (-1, 1.0) for address in addresses]
+        second = [bases[address][1] if len(bases.get(address, ())) == 2 else (-1, 0.0) for address in addresses]
+        return ParameterMap(
+            addresses=addresses,
+            base=np.array([column for column, _ in first], dtype=np.intp),
+            scale=np.array([scale for _, scale in first]),
+            fixed=np.array([0.0 if a in bases else site.value(a) for a in addresses]),
+            exponents=exponents.matrix(addresses, len(index)),
+            shifts=shifts.matrix(addresses, len(index)),
+            second=np.array([column for column, _ in second], dtype=np.intp),
+            share=np.array([share for _, share in second]),
+        )
+
+    def extended(
+        self, sites: Sequence[Site], tolerances: Sequence[Sequence[Tolerance]]
+    ) -> tuple[list[ParameterMap], tuple[str, ...]]:
+        """Return the parameters of sites that were not fitted, with errors of each, and the names of errors not fitted.
+
+        Errors of one name are one error, in the fit and in all sites.
+        """
+        fresh: list[str] = []
+        found = [self.at(site, own, fresh) for site, own in zip(sites, tolerances, strict=True)]
+        return [own.widened(len(self.unknowns) + len(fresh)) for own in found], tuple(fresh)
+
+    def _free_terms(self, law: Law, site: Site) -> list[tuple[int, float]]:
+        """Return the unknown of a free law at a site, or two neighbouring ones, with their weights."""
+        own = self._index.get(law.name_in(site.configuration))
+        if own is not None:
+            return [(own, 1.0)]
+        if not law.along:
+            raise ValueError(f"{law.address} is free in each configuration, and {site.configuration!r} was not fitted")
+        if law.along not in site.conditions:
+            raise ValueError(f"Law {law.address!r}: {site.configuration!r} has no condition {law.along!r}")
+        levels = sorted((level, self._index[law.name_in(name)]) for name, level in self._levels[law.name].items())
+        at = float(site.conditions[law.along])
+        if not levels[0][0] <= at <= levels[-1][0]:
+            raise ValueError(
+                f"{law.address} is known for {law.along!r} from {levels[0][0]:g} to {levels[-1][0]:g}, and "
+                f"{site.configuration!r} is at {at:g}"
+            )
+        after = next(i for i, (level, _) in enumerate(levels) if level >= at)
+        if levels[after][0] == at:
+            return [(levels[after][1], 1.0)]
+        (low, below), (high, above) = levels[after - 1], levels[after]
+        share = (at - low) / (high - low)
+        return [(below, 1.0 - share), (above, share)]
+
+    def _add_move(self, unknown: Move, site: Site, rows: _SparseRows) -> None:
+        column, size = self._index[unknown.name], 1.0
+        if unknown.of:
+            if unknown.of not in site.conditions and not covered(unknown.of, site.assembly):
+                return
+            size = math.log(site.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
+        for pattern, coefficient in unknown.moves.items():
+            for address in sorted(site.covered(pattern)):
+                rows.add(address, column, size * coefficient)
+
+    def _check(self, sites: Sequence[Site]) -> list[str]:
+        """Check unknowns and tolerances against the sites; return notes on addresses that none of them has."""
+        for site in sites:
+            owner: dict[str, str] = {}
+            for unknown in self.given:
+                for name in site.covered(unknown.address) if site.among(unknown.configurations) else ():
+                    if name in owner:
+                        raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} both determine {name!r}")
+                    owner[name] = unknown.name
+        notes: list[str] = []
+        Names = tuple[str, ...] | None
+        rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
+            (f"Unknown {one.address!r}", one.addresses, one.configurations, None) for one in self.given
+        ]
+        rows += [
+            (f"Tolerance {tolerance.name!r}", tuple(tolerance.moves), tolerance.configurations, tolerance.labels)
+            for tolerance in self.tolerances
+        ]
+        rows += [
+            (f"Law {one.address!r}, with what follows it", tuple(one.follows), one.configurations, None)
+            for one in self.given
+            if isinstance(one, Law) and one.follows
+        ]
+        among: dict[tuple[Names, Names | str], list[Site]] = {}
+        for title, addresses, configurations, labels in rows:
+            # Most rows have the same sites.
+            if (configurations, labels) not in among:
+                among[configurations, labels] = [one for one in sites if one.among(configurations, labels)]
+            chosen = among[configurations, labels]
+            if not chosen:
+                names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in sites))
+                raise ValueError(
+                    f"{title}: no observation is of {', '.join(labels or configurations or ())}; there are {names}"
+                )
+            missing = [address for address in addresses if not _has(address, chosen)]
+            if missing and len(missing) == len(addresses):
+                known = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
+                first = missing[0].split(".", 1)[0] + "."
+                near = [name for name in known if name.startswith(first)] or list(known)
+                raise ValueError(
+                    f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else missing[0]}; there are "
+                    f"{', '.join(near)}"
+                )
+            # Assemblies that are held out or predicted may have it.
+            notes += [f"{title}: no observation's assembly has {one}; it affects predictions only" for one in missing]
+        return notes
+
+
+@cache
+def _nothing(count: int) -> ParameterMap:
+    """Return the map of a site without parameters, which most sites have of an unknown of one configuration."""
+    return ParameterMap.linear((), np.zeros(0), np.zeros((0, count)))
+
+
+def _key(site: Site, named: Collection[str]) -> tuple[Hashable, ...]:
+    """Return a key that sites with the same parameters share, where unknowns name some labels and conditions."""
+    label = site.label if site.label in named else ""
+    conditions = tuple((name, value) for name, value in site.conditions.items() if name in named)
+    return id(site.assembly), site.configuration, label, conditions, site.factors
+
+
+def _has(address: str, sites: Sequence[Site]) -> bool:
+    return any(site.covered(address) for site in sites)
+
+
+def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
+    """Return whether two maps of an assembly have an unknown as the base of the same parameter."""
+    return any(
+        base >= 0 and (row := own.numbers.get(address, -1)) >= 0 and own.base[row] >= 0
+        for address, base in zip(other.addresses, other.base, strict=True)
+    )
+
+
+class _SparseRows:
+    """Sparse rows of coefficients by address and column."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[int, float]] = {}
+
+    def add(self, address: str, column: int, value: float) -> None:
+        """Add a value to an element."""
+        row = self.rows.setdefault(address, {})
+        row[column] = row.get(column, 0.0) + value
+
+    def matrix(self, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
+        """Return the rows of these addresses as a dense matrix."""
+        result = np.zeros((len(addresses), width))
+        for i, address in enumerate(addresses):
+            for column, value in self.rows.get(address, {}).items():
+                result[i, column] = value
+        return result
+
+
+def _varying(law: Law, site: Site, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
+    """Return the exponents of a law at a site by column: its powers of conditions and its individual part."""
+    found: dict[int, float] = {}
+    for power in law.powers:
+        ratio = site.condition(power.of, f"Law {law.address!r}") / power.reference
+        found[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
+    if law.individual:
+        found[error(law.name_in(site.configuration))] = law.individual
+    return found

@@ -1,0 +1,546 @@
+"""Predictions from the posterior of a fit, and their uncertainty: the one predictor of all analyses.
+
+The posterior is Gaussian. The fitted variables, which include the errors of dimensions and materials, have the
+covariance of the fit. Errors that are not in the fit, those of a new clamping for example, have their priors, which
+are standard normal. To first order a result with the gradient g has the variance g' C g. A receptance is not linear in
+the variables where a resonance may move by more than its width; then vectors are drawn from the posterior and each is
+evaluated.
+
+Data of new observations have the residuals of every fit, and the information of the fit in place of the priors. They
+are hypothetical ones for the next measurement and the advice of a diagnosis, or those of held-out configurations.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from receptance.errors import ReceptanceError
+from receptance.fit.covariance import square_root
+from receptance.fit.observation import Observation
+from receptance.fit.parameters import FACTORS, ParameterMap, Parameters, Site
+from receptance.fit.peaks import PredictedMode, match_peaks
+from receptance.fit.prediction import PredictedFrequencies, PredictedFRF, Scatter
+from receptance.fit.problem import End, Observed, Problem
+from receptance.fit.unknowns import Tolerance, Variables, error_of
+from receptance.model.addresses import MovingCoordinate
+from receptance.model.coordinates import Coordinate
+from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from receptance.model.assembly import Assembly
+
+_Value = TypeVar("_Value")
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Predictor from a Gaussian posterior of fitted variables; without a fit only errors of assemblies apply.
+
+    Parameters
+    ----------
+    parameters : Parameters, optional
+        The unknowns of the fit and their map to assemblies.
+    values : ndarray, optional
+        `(p,)` identified values of the unknowns in SI units.
+    covariance : ndarray, optional
+        `(p, p)` covariance of the fitted variables; infinite for variables that are not determined.
+    degrees_of_freedom : int, optional
+        Of the covariance, where the scatter was estimated; None where it was known.
+    threads : int, optional
+        As in `Assembly.receptance`.
+    root : ndarray, optional
+        Any matrix R with R^T R the information of data and priors at `values`, for predictions of data, see `of`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance.fit.parameters import Site
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = Observation.from_modes(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
+    ... )
+    >>> predictor = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7)).predictor
+    >>> longer = predictor.at(Site(pair.replace({"tool.segment[0].length": 0.12})))
+    >>> low, high = longer.receptance(np.linspace(100.0, 5000.0, 50)).band()
+    >>> bool(np.all(low < high))
+    True
+    """
+
+    parameters: Parameters = field(default_factory=lambda: Parameters((), (), ()))
+    values: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    degrees_of_freedom: int | None = None
+    threads: int | None = None
+    root: NDArray[np.float64] | None = None
+
+    @cached_property
+    def variables(self) -> Variables:
+        """The fitted variables."""
+        return Variables(self.parameters.unknowns)
+
+    @cached_property
+    def x(self) -> NDArray[np.float64]:
+        """Mean of the fitted variables, `(p,)`."""
+        return self.variables.from_values(self.values) if self.values.size else self.values
+
+    def at(
+        self, site: Site, tolerances: Sequence[Tolerance] | None = None, threads: int | None = None
+    ) -> PredictedAssembly:
+        """Return the predictions of an assembly as described, in its configuration and conditions.
+
+        `tolerances` are its errors, `threads` its threads; by default those of the fit. A ValueError is raised if a law
+        has no value for the assembly, or if it has no model with the identified values.
+        """
+        return PredictedAssembly(self, site, tolerances, threads or self.threads)
+
+    def of(self, observations: Sequence[Observation], tolerances: Sequence[Sequence[Tolerance]]) -> PredictedData:
+        """Return the predictions of the data of observations that were not fitted, each with its errors.
+
+        Errors of one name are one error, in the fit and in all observations.
+        """
+        return PredictedData(self, observations, tolerances)
+
+    @cached_property
+    def information_root(self) -> NDArray[np.float64]:
+        """R, `(p, p)`, with R^T R the information of the fit, and of the bounds of unknowns without a prior.
+
+        Bounds count as a prior of the same variance, so that every direction has information.
+        """
+        low, high = self.variables.limits
+        free = [unknown.prior is None for unknown in self.variables.unknowns]
+        spans = np.diag(np.where(free, math.sqrt(12.0) / (high - low), 0.0))
+        rows = spans if self.root is None else np.vstack([self.root, spans])
+        return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
+
+    def scatter(
+        self,
+        gradient: NDArray[np.float64],
+        fresh: NDArray[np.float64] | None = None,
+        fresh_names: Sequence[str] = (),
+    ) -> Scatter:
+        """Return the scatter of results that are linear in the variables, and what each error contributes.
+
+        Parameters
+        ----------
+        gradient : ndarray
+            `(n, p)` derivatives by the fitted variables.
+        fresh : ndarray, optional
+            `(n, q)` derivatives by errors that are not in the fit.
+        fresh_names : sequence of str, optional
+            Names of these.
+        """
+        lost = ~np.isfinite(np.diag(self.covariance))
+        covariance = np.where(lost[:, None] | lost[None, :], 0.0, self.covariance)
+        with_results = gradient @ covariance
+        variance = np.maximum(np.einsum("ni,ni->n", with_results, gradient), 0.0)
+        unknowns = [unknown.name for unknown in self.parameters.unknowns]
+        errors = [i for i in map(unknowns.index, self.parameters.errors) if covariance[i, i] > 0.0]
+        deviation = np.sqrt(np.diag(covariance)[errors])
+        changes = with_results[:, errors] / deviation
+        of_data = variance
+        if errors:
+            correlation = covariance[np.ix_(errors, errors)] / np.outer(deviation, deviation)
+            of_errors = np.einsum("ni,in->n", changes, np.linalg.solve(correlation, changes.T))
+            of_data = np.maximum(variance - of_errors, 0.0)
+        contributions = {unknowns[index]: changes[:, i] for i, index in enumerate(errors)}
+        if fresh is not None:
+            variance = variance + np.sum(fresh**2, axis=1)
+            contributions |= {name: fresh[:, i] for i, name in enumerate(fresh_names)}
+        moved = np.any(gradient[:, lost] != 0.0, axis=1)
+        total, data = (np.where(moved, np.inf, np.sqrt(square)) for square in (variance, of_data))
+        return Scatter(total, data, contributions)
+
+    def draw(self, count: int, seed: int) -> NDArray[np.float64]:
+        """Return values of the unknowns drawn from the posterior, `(count, p)`.
+
+        They are normal within the bounds; a variable that the data do not determine is uniform between its bounds.
+        """
+        if not self.values.size:
+            return np.zeros((count, 0))
+        random = np.random.default_rng(seed)
+        low, high = self.variables.limits
+        determined = np.isfinite(np.diag(self.covariance))
+        root = square_root(self.covariance[np.ix_(determined, determined)])
+        x = low + (high - low) * random.random((count, low.size))
+        x[:, determined] = self.x[determined] + random.standard_normal((count, len(root))) @ root.T
+        return self.variables.to_values(np.clip(x, low, high))
+
+
+class LinearFRF(NamedTuple):
+    """A receptance with its first-order errors.
+
+    Attributes
+    ----------
+    receptance : ndarray
+        `(n,)` with the identified values.
+    slope : ndarray
+        `(n, m)` its derivatives by the uncertain parameters.
+    variance : ndarray
+        `(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines.
+    """
+
+    receptance: NDArray[np.complex128]
+    slope: NDArray[np.complex128]
+    variance: NDArray[np.float64]
+
+
+class PredictedAssembly:
+    """Natural frequencies and receptances of an assembly by a predictor; see `Predictor.at`.
+
+    Attributes
+    ----------
+    predictor : Predictor
+        The posterior.
+    assembly : Assembly
+        With the identified values.
+    addresses : tuple of str
+        Addresses of the `m` uncertain parameters.
+    fresh : tuple of str
+        The `q` errors that are not in the fit; they have their priors.
+    """
+
+    def __init__(
+        self, predictor: Predictor, site: Site, tolerances: Sequence[Tolerance] | None, threads: int | None
+    ) -> None:
+        fresh: list[str] = []
+        self._threads = threads
+        self.predictor, self._site, self._tolerances = predictor, site, tolerances
+        self._mapping = predictor.parameters.at(site, tolerances, fresh)
+        values = np.append(predictor.values, np.zeros(len(fresh)))
+        self.assembly = self._mapping.apply(site.assembly, values)
+        self.addresses = self._mapping.addresses
+        self.fresh = tuple(fresh)
+        slope = self._mapping.jacobian(values)
+        count = predictor.values.size
+        self._by_variables = slope[:, :count] * predictor.variables.slopes(predictor.values)
+        self._by_fresh = slope[:, count:]
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether any parameter of the assembly is uncertain."""
+        return bool(self.addresses)
+
+    def scatter(self, slope: NDArray[np.float64]) -> Scatter:
+        """Return the scatter of results with derivatives `(n, m)` per SI unit of the addresses."""
+        return self.predictor.scatter(slope @ self._by_variables, slope @ self._by_fresh, self.fresh)
+
+    def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
+        """Return the natural frequencies up to a limit, with their standard errors to first order."""
+        frequency_hz, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
+        return self._frequencies(range(1, frequency_hz.size + 1), frequency_hz, slope)
+
+    def _frequencies(
+        self, numbers: Sequence[int], frequency_hz: NDArray[np.float64], slope: NDArray[np.float64]
+    ) -> PredictedFrequencies:
+        scatter, freedom = self.scatter(slope), self.predictor.degrees_of_freedom
+        modes = [
+            PredictedMode(mode=number, predicted_hz=frequency, deviation_hz=deviation, degrees_of_freedom=freedom)
+            for number, frequency, deviation in zip(numbers, frequency_hz.tolist(), scatter.total.tolist(), strict=True)
+        ]
+        return PredictedFrequencies(modes=tuple(modes), scatter=scatter)
+
+    def observed_modes(self, measured: Observation, noise: NDArray[np.float64] | None = None) -> PredictedFrequencies:
+        """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
+        frequency_hz, slope = self.assembly.lowest_natural_frequencies(max(measured.modes), self.addresses)
+        rows = [number - 1 for number in measured.modes]
+        predicted = self._frequencies(measured.modes, frequency_hz[rows], slope[rows])
+        noise = measured.standard_deviation if noise is None else noise
+        deviations = np.zeros(len(rows)) if noise is None else noise
+        modes = [
+            replace(
+                mode,
+                configuration=measured.configuration,
+                label=measured.label,
+                measured_hz=frequency,
+                measured_deviation_hz=deviation,
+            )
+            for mode, frequency, deviation in zip(
+                predicted.modes, measured.frequency_hz.tolist(), deviations.tolist(), strict=True
+            )
+        ]
+        name = measured.label or measured.configuration
+        return replace(predicted, name=name, assembly=measured.configuration, modes=tuple(modes))
+
+    def linear(
+        self,
+        frequency_hz: ArrayLike,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+        force: ArrayLike | None = None,
+    ) -> LinearFRF:
+        """Return a receptance with its first-order errors."""
+        name, spindle = next(reversed(self.assembly.elements.items()))
+        covariance = spindle.covariance if isinstance(spindle, MeasuredPart) else None
+        residuals = [] if covariance is None else [f"{name}.{quantity}" for quantity in RESIDUALS]
+        receptance, slopes = self.assembly.derivatives(
+            frequency_hz, [*self.addresses, *residuals], **self._options(response, excitation, force)
+        )
+        slope, residual_slope = np.split(slopes, [len(self.addresses)], axis=1)
+        variance = np.zeros(receptance.size)
+        if isinstance(spindle, MeasuredPart) and covariance is not None:
+            errors = covariance[nearest_lines(spindle.frequency_hz, np.asarray(frequency_hz).real)[0]]
+            variance = np.einsum("ni,nij,nj->n", residual_slope, errors, residual_slope.conj()).real
+        return LinearFRF(receptance, slope, variance)
+
+    def receptance(
+        self,
+        frequency_hz: ArrayLike,
+        response: Coordinate | None = None,
+        excitation: Coordinate | None = None,
+        *,
+        force: ArrayLike | None = None,
+        draws: int = 0,
+        seed: int = 0,
+        linear: LinearFRF | None = None,
+        phase: bool = True,
+    ) -> PredictedFRF:
+        """Return a receptance with its band.
+
+        Parameters
+        ----------
+        frequency_hz, response, excitation, force
+            As in `Assembly.receptance`.
+        draws, seed : int, optional
+            Number and seed of draws from the posterior for the band. Without draws the band is linear in the errors,
+            which is accurate while resonances move by less than about half their width.
+        linear : LinearFRF, optional
+            The result of `linear`, where it was computed before.
+        phase : bool, optional
+            Whether the scatter of the phase is computed as well.
+
+        Raises
+        ------
+        ReceptanceError
+            The model has no value for half or more of the draws.
+        """
+        linear = linear or self.linear(frequency_hz, response, excitation, force)
+        options = self._options(response, excitation, force)
+        assemblies = [one for one in self.assemblies(draws, seed) if one is not None] if draws else []
+        if 2 * len(assemblies) < draws:
+            raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
+        drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
+        drawn = drawn.reshape(-1, linear.receptance.size)
+        if linear.variance.any():
+            real, imaginary = np.random.default_rng([seed, 1]).standard_normal((2, *drawn.shape))
+            drawn = drawn + np.sqrt(linear.variance) * (real + 1j * imaginary)
+        log_slope = linear.slope / linear.receptance[:, None]
+        log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
+        return PredictedFRF(
+            response=response or Coordinate(),
+            excitation=excitation or Coordinate(),
+            frequency_hz=np.asarray(frequency_hz),
+            receptance=linear.receptance,
+            scatter=self.scatter(log_slope.real).widened(log_deviation),
+            phase_scatter=self.scatter(log_slope.imag).widened(log_deviation) if phase else None,
+            drawn=drawn,
+            degrees_of_freedom=self.predictor.degrees_of_freedom,
+        )
+
+    def _options(
+        self, response: Coordinate | None, excitation: Coordinate | None, force: ArrayLike | None
+    ) -> dict[str, Any]:
+        places = {"response": response or Coordinate(), "excitation": excitation or Coordinate()}
+        return {**places, "force": force, "threads": self._threads}
+
+    def observed(
+        self,
+        measured: Observation,
+        noise: NDArray[np.float64] | None = None,
+        *,
+        draws: int = 0,
+        seed: int = 0,
+    ) -> PredictedFRF:
+        """Return the receptance on the lines of a measurement of this assembly, as its measuring chain records it.
+
+        A coordinate on a step between two segments stays on it. Gain, delay, window and early end of the record apply
+        where the fit has identified them. `noise` is the standard deviation of the measured logarithm, by default the
+        stated one; draws are those of `receptance`.
+        """
+        places = (
+            MovingCoordinate(measured.assembly, place).on(self.assembly)
+            for place in (measured.response, measured.excitation)
+        )
+        predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)
+        if any(unknown.address in FACTORS for unknown in self.predictor.parameters.given):
+            chain = self.recorded(measured) / predicted.receptance
+            predicted = replace(predicted, receptance=chain * predicted.receptance, drawn=chain * predicted.drawn)
+        noise = measured.standard_deviation if noise is None else noise
+        peaks = match_peaks(measured.frequency_hz, measured.receptance, predicted.receptance, noise)
+        return replace(
+            predicted,
+            name=measured.label or measured.configuration,
+            assembly=measured.configuration,
+            response=measured.response,
+            excitation=measured.excitation,
+            measured=measured.receptance,
+            measured_deviation=noise,
+            peaks=self._peaks(measured, peaks),
+        )
+
+    def _peaks(self, measured: Observation, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
+        """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
+
+        An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
+        """
+        highest = max((peak.predicted_hz or 0.0 for peak in peaks), default=0.0)
+        modes: tuple[PredictedMode, ...] = ()
+        if highest and self.assembly.countable:
+            modes = self.natural_frequencies(1.1 * highest).modes
+        frequencies = np.array([mode.predicted_hz for mode in modes])
+        freedom, named = self.predictor.degrees_of_freedom, []
+        for peak in peaks:
+            peak = replace(peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=freedom)
+            if peak.predicted_hz is not None and modes:
+                near = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
+                peak = replace(peak, mode=near.mode, deviation_hz=near.deviation_hz)
+            named.append(peak)
+        return tuple(named)
+
+    def recorded(self, measured: Observation) -> NDArray[np.complex128]:
+        """Return the receptance that the identified measuring chain records on the lines of a measurement."""
+        predictor = self.predictor
+        mapping = predictor.parameters.at(replace(self._site, factors=FACTORS), self._tolerances, [])
+        variables = Variables((*predictor.parameters.unknowns, *map(error_of, self.fresh)))
+        x = np.append(predictor.x, np.zeros(len(self.fresh)))
+        return np.asarray(calculated(measured, mapping, variables, x), dtype=np.complex128)
+
+    def assemblies(self, count: int, seed: int) -> list[Assembly | None]:
+        """Return assemblies with vectors drawn from the posterior; None where a vector has no model.
+
+        The draws of an error follow from the seed and its name alone, so two assemblies that share the fit or an error
+        get the same draws of it.
+        """
+        errors = _draw_errors(self.fresh, count, seed)
+        vectors = np.concatenate([self.predictor.draw(count, seed), errors], axis=1)
+        drawn: list[Assembly | None] = []
+        for vector in vectors:
+            try:
+                drawn.append(self._mapping.apply(self._site.assembly, vector))
+            except ValueError:
+                drawn.append(None)  # a joint that is not passive, say
+        return drawn
+
+    def draw(self, value: Callable[[Assembly], _Value], count: int, seed: int) -> list[_Value | None]:
+        """Return a value of each drawn assembly; None where it cannot be evaluated."""
+        drawn: list[_Value | None] = []
+        for assembly in self.assemblies(count, seed):
+            try:
+                drawn.append(None if assembly is None else value(assembly))
+            except (ValueError, ReceptanceError):  # waves too short for an absurd length, say
+                drawn.append(None)
+        return drawn
+
+
+class PredictedData:
+    """Data of observations that were not fitted, beside the information of the fit; see `Predictor.of`.
+
+    Attributes
+    ----------
+    fresh : tuple of str
+        Names of the `q` errors that only these observations have.
+    variables : Variables
+        The `p` fitted variables, followed by these errors.
+    start : ndarray
+        `(p + q,)` the posterior mean of these.
+    """
+
+    def __init__(
+        self, predictor: Predictor, observations: Sequence[Observation], tolerances: Sequence[Sequence[Tolerance]]
+    ) -> None:
+        self._predictor, self._observations = predictor, tuple(observations)
+        sites = [observation.site(index) for index, observation in enumerate(self._observations)]
+        self._mappings, self.fresh = predictor.parameters.extended(sites, tolerances)
+        self.variables = Variables((*predictor.parameters.unknowns, *map(error_of, self.fresh)))
+        self.start = np.append(predictor.x, np.zeros(len(self.fresh)))
+
+    def mean(self) -> list[NDArray[np.inexact]]:
+        """Return the noise-free data of each observation; see `calculated`."""
+        pairs = zip(self._observations, self._mappings, strict=True)
+        return [calculated(observation, mapping, self.variables, self.start) for observation, mapping in pairs]
+
+    def problem(self, observations: Sequence[Observation] | None = None) -> Problem:
+        """Return the residuals of the observations, followed by those of the information of the fit.
+
+        Other `observations` have the same parameters and other data.
+        """
+        count = self._predictor.values.size
+        root = np.eye(count + len(self.fresh))
+        root[:count, :count] = self._predictor.information_root
+        pairs = zip(self._observations if observations is None else observations, self._mappings, strict=True)
+        observed = [Observed(observation, mapping, "standard deviations") for observation, mapping in pairs]
+        return Problem(self.variables, observed, known=(root, self.start))
+
+    @cached_property
+    def _problem(self) -> Problem:
+        return self.problem()
+
+    def fit(self, most: int, least: float, *, all_variables: bool = False) -> End:
+        """Return the fit of the errors that only these observations have, or of all variables, to their data.
+
+        `most` is the largest number of evaluations; a fit ends where the next step lowers the cost by at most `least`.
+        """
+        free = np.arange(self.start.size) >= (0 if all_variables else self._predictor.values.size)
+        return self._problem.fit_one(self.start, most, free=free, least=least)
+
+    def residuals(self, end: End) -> list[NDArray[np.float64]]:
+        """Return the residuals of each observation in standard deviations at the end of a fit."""
+        return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
+
+    def assemblies(self, end: End) -> list[Assembly]:
+        """Return the assembly of each observation at the end of a fit."""
+        values = self.variables.to_values(end.x)
+        pairs = zip(self._observations, self._mappings, strict=True)
+        return [mapping.apply(observation.assembly, values) for observation, mapping in pairs]
+
+    def log_score(self, end: End) -> float:
+        """Return the logarithm of the predictive density of the data: of log FRFs, and of frequencies in Hz.
+
+        It is a Laplace approximation about the fit of all variables, `end`: one that is linear about the prediction
+        fails where a peak moves by more than its width.
+        """
+        if not np.isfinite(end.cost):
+            return -math.inf
+        rows = self._problem.jacobian(end.x)
+        jacobian, root = np.split(rows, [len(rows) - rows.shape[1]])
+        wide = np.linalg.solve(root.T, jacobian.T)
+        _, volume = np.linalg.slogdet(np.eye(len(root)) + wide @ wide.T)
+        spread = np.concatenate([observation.standard_deviations for observation in self._observations])
+        return -end.cost - 0.5 * float(volume) - float(np.sum(np.log(spread * math.sqrt(2.0 * math.pi))))
+
+
+def calculated(
+    observation: Observation, mapping: ParameterMap, variables: Variables, x: NDArray[np.float64]
+) -> NDArray[np.complex128] | NDArray[np.float64]:
+    """Return the noise-free data of an observation: receptances with its measuring chain, or frequencies in Hz.
+
+    Its parameters are functions of variables with the values `x`; the data that it has do not matter. Where the model
+    has no value, an InfeasibleError, ReceptanceError or ValueError is raised.
+    """
+    if observation.is_receptance:
+        if not observation.has_values:
+            observation = observation.with_values(np.ones(observation.frequency_hz.size))
+        problem = Problem(variables, [Observed(observation, mapping, "logarithm")])
+        real, imaginary = problem.parts(problem.value(x))[0].reshape(2, -1)
+        recorded: NDArray[np.complex128] = observation.receptance * np.exp(-real - 1j * imaginary)
+        return recorded
+    assembly = mapping.apply(observation.assembly, variables.to_values(x))
+    lowest, _ = assembly.lowest_natural_frequencies(max(observation.modes))
+    frequencies: NDArray[np.float64] = lowest[np.array(observation.modes) - 1]
+    return frequencies
+
+
+def _draw_errors(names: Sequence[str], count: int, seed: int) -> NDArray[np.float64]:
+    """Return draws `(count, q)` of standard normal errors, each of which depends on the seed and its name alone."""
+    drawn = [np.random.default_rng([seed, zlib.crc32(name.encode())]).standard_normal(count) for name in names]
+    return np.array(drawn).reshape(len(names), count).T

@@ -1,0 +1,623 @@
+"""The result of an identification: values, uncertainty, residuals and advice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receptance._text import first_of
+from receptance.fit.covariance import confidence_multiplier
+from receptance.fit.parameters import Site
+from receptance.fit.prediction import Scatter
+from receptance.fit.predictor import PredictedAssembly, Predictor
+from receptance.fit.unknowns import Law, Unknown
+from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report.figure import finished
+from receptance.report.table import Cell, amount, amount_interval, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from receptance.fit.likelihood import Profiles
+    from receptance.fit.observation import Unit
+    from receptance.fit.problem import Task
+    from receptance.fit.sampling import Samples
+    from receptance.fit.unknowns import Tolerance
+    from receptance.model.assembly import Assembly
+
+_CORRELATED = 0.9
+"""Least magnitude of a correlation that is listed in the summary."""
+_MOST_CORRELATIONS = 6
+"""Number of correlations that are listed, the strongest first; `to_dict` has the matrix."""
+_NO_RESIDUAL = 1e-3
+"""Smaller root mean squares are rounding errors and are printed as "below 0.001"."""
+_NOT_DETERMINED = 1e3
+"""A larger ratio of standard error to value is printed as infinite."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """One start and its end.
+
+    Attributes
+    ----------
+    start, values : dict of str to float
+        Values at the start and at the end, in SI units by address.
+    variables : ndarray
+        Fitted variables at the end.
+    cost : float
+        Half the sum of the squared residuals, or of the smoothed absolute values; infinite if the model has no value at
+        the start.
+    evaluations : int
+        Evaluations of the model.
+    converged : bool
+        Whether cost or variables converged.
+    message : str
+        Why the fit ended.
+    """
+
+    start: dict[str, float]
+    values: dict[str, float]
+    variables: NDArray[np.float64]
+    cost: float
+    evaluations: int
+    converged: bool
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identification(Result):
+    """Identified parameters, their uncertainty, residuals and advice.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        Identified values in SI units by address.
+    standard_errors : dict of str to float
+        Standard error of each value in SI units, to first order; infinite if the data do not determine it.
+    covariance : ndarray
+        `(p, p)` of the fitted variables: log10 of the value if the scale is "log", else the value.
+    correlation : ndarray
+        `(p, p)` of the fitted variables.
+    residuals : list of ndarray
+        Residuals of each observation, in `units` ("standard deviations", "percent", "logarithm" or "relative"); of a
+        receptance first the real parts, then the imaginary parts.
+    converged : bool
+        Whether the best start converged.
+    rejection : tuple of str
+        Why the values must not be used: residuals far above the standard deviations, or no convergence; empty if the
+        fit is accepted. Results that are computed with the values repeat it.
+    advice : list of str
+        Problems of the fit and remedies, the rejection first; empty if there are none.
+    notes : list of str
+        Notes for the user.
+    starts : tuple of Start
+        Every start, in the order of running.
+    agreeing : int
+        Number of starts that reached the best optimum.
+    seed : int
+        Seed of the drawn starts.
+    task : Task
+        Observations and parameters of the fit, for later analyses.
+    profiled : Profiles or None
+        Profile likelihoods, if they were computed together with the fit.
+    series : Results or None
+        Parameters over the levels of a series by name, if the campaign has one.
+    groups : dict of str to str
+        Group of a measurement by label; the measurements of a group share a row in the table of residuals.
+    provenance : Provenance
+        Campaign, seed and versions of the software.
+
+    Dictionaries by address use the name of an unknown that has one: exponents of laws, parts of single configurations,
+    and errors of tolerances, which are in units of their standard deviations.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = Observation.from_modes(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
+    ... )
+    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+    >>> low, high = found.interval("joint.k_theta")
+    >>> low < 1e5 < high
+    True
+    """
+
+    values: dict[str, float]
+    standard_errors: dict[str, float]
+    covariance: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+    residuals: list[NDArray[np.float64]]
+    converged: bool
+    advice: list[str]
+    notes: list[str]
+    starts: tuple[Start, ...]
+    agreeing: int
+    seed: int
+    task: Task = field(repr=False)
+    rejection: tuple[str, ...] = ()
+    profiled: Profiles | None = None
+    series: Results[Any] | None = None
+    groups: Mapping[str, str] = field(default_factory=dict, repr=False)
+    provenance: Provenance = field(default_factory=Provenance, repr=False)
+
+    heading = "Identified parameters"
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The fitted unknowns, in the order of all other results: laws expanded, errors of tolerances last."""
+        return self.task.parameters.unknowns
+
+    @property
+    def units(self) -> list[Unit]:
+        """Unit of the residuals of each observation."""
+        return list(self.task.units)
+
+    @property
+    def labels(self) -> list[str]:
+        """Label of each observation, or its number."""
+        return [observation.title(i) for i, observation in enumerate(self.task.observed)]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of all residuals."""
+        return _rms(np.concatenate(self.residuals))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of residuals and priors minus number of unknowns."""
+        priors = sum(unknown.prior is not None for unknown in self.unknowns)
+        return sum(part.size for part in self.residuals) + priors - len(self.unknowns)
+
+    @property
+    def known_scatter(self) -> bool:
+        """Whether standard deviations were given. If not, the scatter is estimated from the residuals."""
+        return "standard deviations" in self.task.units
+
+    @property
+    def residual_variance(self) -> float:
+        """Variance of a residual: 1 with given standard deviations, otherwise estimated from the residuals."""
+        if self.known_scatter:
+            return 1.0
+        return float(np.sum(np.concatenate(self.residuals) ** 2)) / max(self.degrees_of_freedom, 1)
+
+    @property
+    def noise_factor(self) -> float:
+        """Factor on the stated standard deviations that the fit used.
+
+        It exceeds 1 if tolerances are fitted and the model does not explain the data within both, see `identify`.
+        `residuals` and `rms` are relative to the stated standard deviations.
+        """
+        return self.task.noise_factor
+
+    @property
+    def assemblies(self) -> list[Assembly]:
+        """The assembly of each observation with the identified values."""
+        values = np.array(list(self.values.values()))
+        pairs = zip(self.task.mappings, self.task.observed, strict=True)
+        return [mapping.apply(one.assembly, values) for mapping, one in pairs]
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the model in all starts."""
+        return sum(start.evaluations for start in self.starts)
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Names of all unknowns, by default addresses, in the order of `covariance` and `correlation`."""
+        return tuple(unknown.name for unknown in self.unknowns)
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """Fitted variables, `(p,)`."""
+        return self.task.variables.from_values(np.array(list(self.values.values())))
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Names of the unknowns that are errors of tolerances."""
+        return self.task.parameters.errors
+
+    @property
+    def data_errors(self) -> dict[str, float]:
+        """Standard error of each value from the noise of the data alone, with exact dimensions and materials."""
+        variables = self.task.variables
+        slopes = variables.slopes(np.array(list(self.values.values())))
+        return dict(zip(self.addresses, (self.scatter().data * slopes).tolist(), strict=True))
+
+    def interval(self, address: str, level: float = 0.95, *, exact: bool = False) -> tuple[float, float]:
+        """Confidence interval of a value, in SI units.
+
+        It is symmetric in the fitted variable: value / factor to value * factor on a log scale. It is unbounded if the
+        data do not determine the value. The interval is linear in the errors and ignores the bounds; see `profiles` and
+        `confidence_multiplier`.
+
+        Parameters
+        ----------
+        address : str
+            Name of the unknown.
+        level : float, optional
+            Probability of the interval.
+        exact : bool, optional
+            Whether dimensions and materials are exact, so that only the noise of the data counts.
+
+        Raises
+        ------
+        ValueError
+            An address that was not identified, or a level not between 0 and 1.
+        """
+        index = self.index(address)
+        scatter = self.scatter()
+        half = self.confidence_multiplier(level) * float((scatter.data if exact else scatter.total)[index])
+        value = self.values[address]
+        if self.unknowns[index].scale == "linear":
+            return value - half, value + half
+        with np.errstate(over="ignore"):
+            factor = float(np.power(10.0, np.float64(half)))
+        return (value / factor if np.isfinite(factor) else 0.0), value * factor
+
+    def confidence_multiplier(self, level: float = 0.95) -> float:
+        """Half width of a confidence interval in standard errors.
+
+        It is the quantile of the normal distribution if standard deviations were given, else that of Student's t
+        distribution with `degrees_of_freedom`.
+        """
+        return confidence_multiplier(level, None if self.known_scatter else self.degrees_of_freedom)
+
+    def scatter(self) -> Scatter:
+        """Standard deviations of the fitted variables, `(p,)`, and the share of each error in them.
+
+        `data` is the part from the noise of the data alone, with exact dimensions and materials. The variables are
+        those of `covariance`: log10 of the value if the scale is "log".
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+        >>> from receptance.fit import Tolerance
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> modes = Observation.from_modes(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:1], standard_deviation_hz=1.0
+        ... )
+        >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), tolerances=length)
+        >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
+        '79% of the variance goes with the length'
+        """
+        return self.predictor.scatter(np.eye(len(self.unknowns)))
+
+    def profiles(
+        self,
+        names: str | Sequence[str] | None = None,
+        *,
+        level: float = 0.95,
+        progress: Callable[[str], None] | None = None,
+    ) -> Profiles:
+        """Profile likelihoods: confidence intervals with bounds and open sides, and their meaning as text.
+
+        Each parameter is held at several values, and all others are fitted again, errors of tolerances included.
+
+        Parameters
+        ----------
+        names : str or sequence of str, optional
+            Parameters; by default all but the errors of tolerances.
+        level : float, optional
+            Level of the intervals.
+        progress : callable, optional
+            Called with a progress message.
+
+        Returns
+        -------
+        Profiles
+            Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
+
+        Raises
+        ------
+        ValueError
+            A parameter that was not identified, or the percentage objective, which is no likelihood.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+        >>> modes = Observation.from_modes(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
+        ... )
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+        >>> found.profiles()
+        Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
+        """
+        from receptance.fit.likelihood import profile_likelihoods
+
+        return profile_likelihoods(self, names, level=level, progress=progress)
+
+    def sample(
+        self,
+        *,
+        steps: int = 5000,
+        walkers: int | None = None,
+        seed: int = 0,
+        progress: Callable[[str], None] | None = None,
+    ) -> Samples:
+        """Draw from the posterior with priors that are uniform within bounds, times those given; needs emcee.
+
+        Parameters
+        ----------
+        steps : int, optional
+            Largest number of steps of a walker; sampling ends at a hundred autocorrelation times.
+        walkers : int, optional
+            Number of walkers; by default four per parameter.
+        seed : int, optional
+            Seed of the random numbers.
+        progress : callable, optional
+            Called with a progress message.
+
+        Raises
+        ------
+        ValueError, ReceptanceError
+            Too few steps or walkers, the percentage objective, which is no likelihood, or emcee is not installed.
+        """
+        from receptance.fit.sampling import sample_posterior
+
+        return sample_posterior(self, steps=steps, walkers=walkers, seed=seed, progress=progress)
+
+    @cached_property
+    def predictor(self) -> Predictor:
+        """Predictor of other assemblies from the posterior of the fit."""
+        values = np.array(list(self.values.values()))
+        freedom = None if self.known_scatter else self.degrees_of_freedom
+        return Predictor(self.task.parameters, values, self.covariance, freedom, self.task.threads)
+
+    def at(
+        self,
+        assembly: Assembly,
+        *,
+        configuration: str = "",
+        conditions: Mapping[str, float] | None = None,
+        tolerances: Sequence[Tolerance] | None = None,
+    ) -> PredictedAssembly:
+        """Return another assembly with the identified values, and predictions of it.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            Observed or not.
+        configuration : str, optional
+            Its configuration, for laws and tolerances.
+        conditions : mapping of str to float, optional
+            Its conditions in SI units, for laws.
+        tolerances : sequence of Tolerance, optional
+            Its errors; by default those of the fit. Errors that were not fitted are zero in the assembly, and standard
+            normal in standard errors and draws.
+
+        Returns
+        -------
+        PredictedAssembly
+            With the attribute `assembly`, and the methods `natural_frequencies` and `receptance`.
+
+        Raises
+        ------
+        ValueError
+            The assembly has none of the identified parameters, or a law has no value for it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+        >>> joint, holder = PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")
+        >>> pair = Assembly([Part([bar], name="tool"), joint, holder])
+        >>> modes = Observation.from_modes(
+        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
+        ... )
+        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+        >>> longer = found.at(pair.replace({"tool.segment[0].length": 0.12}))
+        >>> longer.assembly.get("joint.k_theta") == found.values["joint.k_theta"]
+        True
+        >>> low, high = longer.receptance(np.linspace(100.0, 5000.0, 50)).band()
+        >>> bool(np.all(low < high))
+        True
+        """
+        predicted = self.predictor.at(Site(assembly, configuration, "", conditions or {}), tolerances)
+        if not predicted.uncertain:
+            raise ValueError(f"{assembly!r} has none of the identified parameters {', '.join(self.addresses)}")
+        return predicted
+
+    def determined(self, address: str) -> bool:
+        """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
+        unknown = self.unknowns[self.index(address)]
+        low, high = self.interval(address)
+        return low > unknown.lower or high < unknown.upper
+
+    def tables(self) -> list[Table]:
+        """Return parameters, profile intervals, errors of tolerances and residuals."""
+        tables = [self._parameter_table(), self._error_table(), *self._residual_tables()]
+        if self.profiled is not None:
+            tables[1:1] = self.profiled.tables()
+        if self.series is not None:
+            tables[1:1] = self.series.tables()
+        return [table for table in tables if table.rows]
+
+    def sentences(self) -> list[str]:
+        """Return convergence and correlated parameters."""
+        return [f"{self._headline()}.", *self._correlations(), *(self.series.sentences() if self.series else ())]
+
+    def warnings(self) -> list[str]:
+        """Return the advice beside the rejection."""
+        return [text for text in self.advice if text not in self.rejection]
+
+    def data(self) -> dict[str, Any]:
+        """Return parameters, errors, correlations, residuals and starts."""
+        of_data, shares = self.data_errors, self.scatter().shares
+        return {
+            "converged": self.converged,
+            "parameters": {
+                name: {
+                    "value": value,
+                    "standard_error": self.standard_errors[name],
+                    "standard_error_of_data": of_data[name],
+                    "interval_95": self.interval(name),
+                    "shares_of_variance": {error: own[index] for error, own in shares.items()},
+                    "determined": self.determined(name),
+                }
+                for index, (name, value) in enumerate(self.values.items())
+                if name not in self.errors
+            },
+            "errors": {
+                name: {"value": self.values[name], "standard_error": self.standard_errors[name]} for name in self.errors
+            },
+            "profiles": {} if self.profiled is None else {name: one.data() for name, one in self.profiled.items()},
+            **({} if self.series is None else {"series": self.series.data()}),
+            "correlation": {"parameters": self.addresses, "matrix": self.correlation},
+            "covariance_of_fitted_variables": self.covariance,
+            "scales": {unknown.address: unknown.scale for unknown in self.unknowns},
+            "measurements": [
+                {
+                    "name": label,
+                    "assembly": observed.configuration,
+                    "unit": unit,
+                    "count": residual.size,
+                    "rms": _rms(residual),
+                    "residuals": residual,
+                }
+                for label, observed, unit, residual in zip(
+                    self.labels, self.task.observed, self.units, self.residuals, strict=True
+                )
+            ],
+            "rms": self.rms,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "known_scatter": self.known_scatter,
+            "noise_factor": self.noise_factor,
+            "starts": len(self.starts),
+            "starts_agreeing": self.agreeing,
+            "evaluations": self.evaluations,
+            "advice": self.advice,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw measurements, fitted model and intervals, or the parameters of a series; see `Result.plot`."""
+        if self.series:
+            return finished(self.series.plot(ax), self.rejection)
+        from receptance.fit.figures import draw_identification
+
+        return draw_identification(self, ax)
+
+    def __repr__(self) -> str:
+        errors = self.standard_errors
+        found = [f"{x}={value:.4g} +- {errors[x]:.1g}" for x, value in self.values.items() if x not in self.errors]
+        return f"Identification({first_of(found)}; {self._headline()})"
+
+    def _parameter_table(self) -> Table:
+        errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]
+        names = ["standard error", "from noise\nof the data"][: len(errors)]
+        numbers = (Column("value"), *(Column(name) for name in names), Column("95 % interval"))
+        # A profile has the more accurate interval in a table of its own.
+        profiled = () if self.profiled is None else tuple(self.profiled)
+        rows: list[list[Cell]] = []
+        laws = self._laws_of_series()
+        for name, value in self.values.items():
+            if name in self.errors or name in laws:
+                continue
+            unknown = self.unknowns[self.index(name)]
+            shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
+            rows.append([name, amount(value, unknown.unit, 5), *(_error(unknown, value, one) for one in shown)])
+            if name in profiled:
+                rows[-1].append(None)
+            else:
+                determined = self.determined(name)
+                rows[-1].append(amount_interval(self.ends(name), unknown.unit) if determined else number(np.inf))
+        return Table("Identified parameters", ("parameter", *numbers), rows).without_empty()
+
+    def ends(self, address: str) -> tuple[float | None, float | None]:
+        """Return the ends of the 95 % interval of a value; None beyond the bounds, where no values were fitted."""
+        unknown = self.unknowns[self.index(address)]
+        low, high = self.interval(address)
+        return low if low > unknown.lower else None, high if high < unknown.upper else None
+
+    def _error_table(self) -> Table:
+        columns = ("error", Column("value", form="+.2f"), Column("standard error", form=".2f"))
+        rows = [(name, self.values[name], self.standard_errors[name]) for name in self.errors]
+        return Table("Errors of dimensions and materials, in standard deviations", columns, rows)
+
+    def _residual_tables(self) -> list[Table]:
+        common = len(set(self.units)) == 1
+        alone: list[list[Cell]] = []
+        groups: dict[tuple[str, Unit | None], list[tuple[float, str]]] = {}
+        for label, observed, of_one, residual in zip(
+            self.labels, self.task.observed, self.units, self.residuals, strict=True
+        ):
+            rms, unit = _rms(residual), None if common else of_one
+            if label in self.groups:
+                groups.setdefault((self.groups[label], unit), []).append((rms, label))
+                continue
+            shown = rms if rms >= _NO_RESIDUAL else f"below {_NO_RESIDUAL:g}"
+            alone.append([label, observed.describe(), residual.size, shown, unit])
+        together: list[list[Cell]] = []
+        for (group, unit), own in groups.items():
+            sizes = [rms for rms, _ in own]
+            together.append([group, len(own), min(sizes), float(np.median(sizes)), max(sizes), max(own)[1], unit])
+        title = f"Residuals, in {self.units[0]}" if common else "Residuals"
+        numbers = (Column("residuals", form="d"), Column("rms", form=".3g"))
+        by_rms = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
+        by_group: tuple[Column | str, ...] = ("measurements", Column("number", form="d"), *by_rms, "of", "unit")
+        return [
+            Table(title, ("measurement", "data", *numbers, "unit"), alone).without_empty(),
+            Table(f"{title}, by group", by_group, together).without_empty(),
+        ]
+
+    def _correlations(self) -> list[str]:
+        """List strong correlations; those of two parameters at several levels are merged."""
+        pairs: dict[str, list[float]] = {}
+        laws = self._laws_of_series()
+        for i, second in enumerate(self.addresses):
+            for j, first in enumerate(self.addresses[:i]):
+                if abs(self.correlation[i, j]) > _CORRELATED:
+                    if second in laws:
+                        first, second = laws.get(first, first), laws[second]
+                    pairs.setdefault(f"{first} and {second}", []).append(float(self.correlation[i, j]))
+        order = sorted(pairs.items(), key=lambda pair: -max(map(abs, pair[1])))
+        texts = [
+            f"{names}: {own[0]:+.3f}"
+            if len(own) == 1
+            else f"{names} at {len(own)} levels: {min(own):+.3f} to {max(own):+.3f}"
+            for names, own in order[:_MOST_CORRELATIONS]
+        ]
+        more = f"; and {len(order) - len(texts)} more" if len(order) > len(texts) else ""
+        return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}{more}."] if texts else []
+
+    def _laws_of_series(self) -> dict[str, str]:
+        """Return the name of the law of each parameter at a level of the series, which has its own tables."""
+        laws = [law for law in self.task.parameters.given if isinstance(law, Law) and law.name in (self.series or ())]
+        levels = {observation.configuration for observation in self.task.observed}
+        return {name: law.name for law in laws for name in (law.name, *map(law.name_in, levels))}
+
+    def _headline(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        count = len(self.starts)
+        starts = "one start" if count == 1 else f"{self.agreeing} of {count} starts reached the best optimum"
+        return f"{state}, {starts}, {self.evaluations} evaluations, rms {number(self.rms, '.3g')}"
+
+    def index(self, address: str) -> int:
+        """Return the position of an unknown in `addresses`; raise if it was not identified."""
+        if address not in self.values:
+            raise ValueError(f"{address!r} was not identified, only {', '.join(self.addresses)}")
+        return self.addresses.index(address)
+
+
+def _error(unknown: Unknown, value: float, error: float) -> str:
+    """Return a standard error as text: in percent where the scale is logarithmic."""
+    if not np.isfinite(error) or unknown.scale == "linear" or value == 0.0:
+        return amount(error, unknown.unit, 2)
+    return f"{amount(100.0 * error / value, digits=2)} %"
+
+
+def _rms(residual: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(residual**2)))
