@@ -122,5 +122,5 @@ def test_help_opens_with_the_types_of_the_fields() -> None:
 
 
 def test_dir_lists_the_public_names() -> None:
-    assert {"FRF", "Segment", "identify", "io", "spindle", "__version__"} <= set(dir(rc))
+    assert {"FRF", "Segment", "identify", "io", "coupling", "__version__"} <= set(dir(rc))
     assert not {"Any", "TYPE_CHECKING", "lazily", "lazy_loader"} & set(dir(rc))

@@ -250,7 +250,7 @@ class InverseCouplings(Results[InverseCoupling]):
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw real and imaginary part of each term of each joint, and condition numbers; see `Result.plot`."""
-        from receptance.fit.figures import draw_inverse_coupling
+        from receptance.coupling.figure import draw_inverse_coupling
 
         return draw_inverse_coupling(self, ax)
 
