@@ -45,12 +45,6 @@ def test_no_public_function_takes_any_keyword() -> None:
     assert open_ended <= PARAMETERS_OF_CAUSES
 
 
-def test_every_plot_takes_axes() -> None:
-    plots = [(name, function) for name, function in public_functions() if name.endswith(".plot")]
-    assert len(plots) > 15
-    assert [name for name, function in plots if "ax" not in inspect.signature(function).parameters] == []
-
-
 @pytest.mark.parametrize(
     ("function", "declared", "others"),
     [

@@ -118,4 +118,4 @@ def test_an_assembly_in_a_notebook_is_drawn_to_scale() -> None:
     assert "GroundSpring" in text
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert CLAMPED.drawing().axes
+        assert CLAMPED.plot().axes

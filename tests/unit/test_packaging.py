@@ -245,3 +245,13 @@ def test_imports_load_little() -> None:
     assert not model & {"typer", "rich", "matplotlib", "pandas", "xarray"}
     # rich, for the help of all commands, is loaded by typer.
     assert not _loaded("import receptance.cli") & {"numpy", "matplotlib"}
+
+
+def test_only_modules_of_figures_load_matplotlib() -> None:
+    code = (
+        "import importlib, pkgutil, receptance\n"
+        "for module in pkgutil.walk_packages(receptance.__path__, 'receptance.'):\n"
+        "    if not module.name.endswith(('.figure', '__main__', '._core')):\n"
+        "        importlib.import_module(module.name)"
+    )
+    assert "matplotlib" not in _loaded(code)

@@ -8,18 +8,16 @@ import json
 import pkgutil
 import re
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import receptance
-from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+from receptance import FRF, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
 from receptance.fit import Identification
 from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
-from receptance.report.figure import finished, surface
 from receptance.report.result import plain
 from receptance.report.table import amount, amount_interval, interval, joined, number
 
@@ -50,15 +48,9 @@ class Found(Result):
     def data(self) -> dict[str, Any]:
         return {"values": np.array(self.values), "pair": 1 + 2j}
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        return finished(surface(ax, 1.0, 1.0))
-
 
 class FoundThings(Results[Found]):
     heading = "Results"
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        return finished(surface(ax, 1.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +199,8 @@ def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
         assert len(result.plot().axes) == panels
     with pytest.raises(ValueError, match="ax is not part of a grid"):
         profiles.plot(Figure().add_axes((0.1, 0.1, 0.8, 0.8)))
+    with pytest.raises(TypeError, match="there is no figure of a Part"):
+        Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)]).plot()
 
 
 def test_numbers_of_a_fit_are_in_all_forms(fit: Identification) -> None:
@@ -231,16 +225,22 @@ def _classes() -> list[type]:
 
 
 def test_every_result_implements_the_protocol() -> None:
-    """A class declares tables, sentences and data; only `Renderable` renders."""
+    """A class declares tables, sentences, data and the function that draws it; only `Renderable` renders."""
     classes = _classes()
     results = [one for one in classes if issubclass(one, Result) and one not in (Result, Results)]
     assert len(results) > 10
     for one in results:
         assert one.data is not Result.data, one
-        assert one.plot is not Result.plot, one
-        assert next(iter(list(inspect.signature(one.plot).parameters)[1:])) == "ax", one
         assert one.heading != Result.heading, one
         assert one.to_dict is Result.to_dict, one
+    drawn = [one for one in classes if issubclass(one, Renderable) and one.plotted_by]
+    assert {Assembly, FRF, *results} <= set(drawn)
+    for one in drawn:
+        draw = pkgutil.resolve_name(one.plotted_by)
+        content, ax, *options = inspect.signature(draw).parameters.values()
+        assert issubclass(one, get_type_hints(draw)[content.name]), one
+        assert (ax.name, ax.default) == ("ax", None), one
+        assert all(option.kind is option.KEYWORD_ONLY for option in options), one
     others = [one for one in classes if one is not Renderable]
     for name in ("as_dict", "summary", "_repr_html_", "as_text", "as_html"):
         assert not [one for one in others if name in vars(one)], name

@@ -13,7 +13,6 @@ import receptance as rc
 from receptance import campaign, examples
 from receptance.fit.unknowns import as_unknowns
 from receptance.model.fields import Element
-from receptance.report import Result
 
 TOOL = rc.Part([rc.Segment(length=0.0623, outer_diameter=0.0127, material=rc.CARBIDE)], name="tool")
 HOLDER = rc.Part([rc.Segment(length=0.129, outer_diameter=0.045, material=rc.STEEL)], name="holder")
@@ -70,24 +69,6 @@ def _broken(folder: Path) -> Path:
     file = folder / "broken.toml"
     file.write_text("title = 3\n", encoding="utf-8")
     return file
-
-
-def test_plots_take_axes_first() -> None:
-    """Every `plot` has the signature that users of matplotlib expect: `plot(ax=None)`."""
-    waiting, found = [Result], set()
-    for name in (*rc.__all__, "campaign", "modal", "spindle", "stability", "taper", "identification"):
-        getattr(rc, name, None)
-
-    while waiting:
-        one = waiting.pop()
-        waiting += one.__subclasses__()
-        found.add(one)
-    plots = {one: one.plot for one in (*found, rc.FRF, rc.Assembly)}
-    assert len(plots) > 10
-    for one, plot in plots.items():
-        _, first, *rest = inspect.signature(plot).parameters.values()
-        assert (first.name, first.default) == ("ax", None), one
-        assert all(other.kind is inspect.Parameter.KEYWORD_ONLY for other in rest), one
 
 
 def test_options_complete_in_an_editor() -> None:

@@ -5,23 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.run import joints_to_invert, observed_unknowns
-from receptance.model.coordinates import Coordinate
-from receptance.model.figure import Drawing, Mark, draw_assemblies
+from receptance.campaign.run import Campaign, joints_to_invert, observed_unknowns
 from receptance.report import Column, Provenance, Result, Table
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from receptance.campaign.run import Campaign
-    from receptance.fit.observation import Observation
-
-_MOST_DRAWN = 8
-"""Most assemblies in the figure; those of the same shape are drawn once."""
 _MOST_NAMED = 3
 """Most names of assemblies of one shape in a title."""
 
@@ -47,6 +36,7 @@ class CampaignCheck(Result):
     """
 
     heading: ClassVar[str] = "Check"
+    plotted_by = "receptance.campaign.figure:draw_check"
     campaign: Campaign
 
     @property
@@ -144,7 +134,7 @@ class CampaignCheck(Result):
         bare = [name for name in frfs if one.table.measurements[name].sensor is None]
         if bare:
             found.append(
-                f"no sensor is stated for {_listed(bare)}: right for a laser; the mass of an accelerometer belongs to "
+                f"no sensor is stated for {listed(bare)}: right for a laser; the mass of an accelerometer belongs to "
                 'the model, `sensor = "accelerometer"` and [sensors.accelerometer] with `mass = "0.6 g"`'
             )
         if one.unknowns and not any(one.tolerances.values()):
@@ -165,7 +155,7 @@ class CampaignCheck(Result):
         undamped = [name for name, material in one.built.materials.items() if material.loss_factor == 0.0]
         if frfs and undamped:
             found.append(
-                f"{_listed(undamped)}: the loss factor is zero, so that all damping is that of joints; write "
+                f"{listed(undamped)}: the loss factor is zero, so that all damping is that of joints; write "
                 "`loss_factor = 0.001`"
             )
         return found
@@ -197,24 +187,6 @@ class CampaignCheck(Result):
             "advice": self.warnings(),
         }
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the assemblies to scale with sensors and points of measurement; see `Result.plot`."""
-        groups: dict[Any, list[str]] = {}
-        drawings: dict[Any, Drawing] = {}
-        for name, assembly in self.campaign.assemblies.items():
-            measured = [m for m in self.campaign.measurements.values() if m.configuration == name]
-            marks = tuple(dict.fromkeys(mark for one in measured for mark in _marks(one)))
-            shown = measured[0].assembly if measured else assembly
-            key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
-            groups.setdefault(key, []).append(name)
-            drawings.setdefault(key, Drawing(shown, "", marks))
-        titled = [
-            Drawing(one.assembly, _listed(groups[key]), one.marks) for key, one in list(drawings.items())[:_MOST_DRAWN]
-        ]
-        left = len(drawings) - len(titled)
-        more = f"  ·  {left} more shapes are not drawn" if left else ""
-        return draw_assemblies(titled, ax, title=f"{self.campaign.title}{more}")
-
 
 def _refusal(require: Callable[[], object]) -> str:
     """Return the reason for which a command would refuse the campaign; empty if it would not."""
@@ -225,27 +197,7 @@ def _refusal(require: Callable[[], object]) -> str:
     return ""
 
 
-def _shape(item: tuple[str, Any]) -> Any:
-    name, element = item
-    segments = getattr(element, "segments", ())
-    sizes = tuple((s.length, s.outer_diameter, s.inner_diameter, s.material.name) for s in segments)
-    return name, sizes, getattr(element, "length", 0.0)
-
-
-def _marks(measured: Observation) -> list[Mark]:
-    if not measured.is_receptance:
-        return []
-    response, excitation = measured.response, measured.excitation
-    return [
-        Mark(_mark("response", response), response, "response"),
-        Mark(_mark("hit", excitation), excitation, "excitation"),
-    ]
-
-
-def _mark(text: str, at: Coordinate) -> str:
-    return f"{text} (rotation)" if at.direction == "theta" else text
-
-
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Return the first names as text, and the number of the others."""
     rest = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     return ", ".join(names[:_MOST_NAMED]) + rest

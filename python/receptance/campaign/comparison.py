@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import os
 
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
@@ -68,6 +66,7 @@ class Comparison(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Comparison of candidates"
+    plotted_by = "receptance.campaign.figure:draw_comparison"
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -173,12 +172,6 @@ class Comparison(Result):
             "misfit_of_fit": self.misfit_of_fit,
             "agrees": self.agrees,
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the smallest misfit over each parameter and each pair of at most four; see `Result.plot`."""
-        from receptance.sweep.figure import draw_misfit
-
-        return draw_misfit(self.candidates, ax=ax)
 
 
 def compare_candidates(

@@ -18,8 +18,6 @@ from receptance.fit.unknowns import covered
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.campaign.run import Campaign
@@ -59,6 +57,7 @@ class Prediction(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Prediction"
+    plotted_by = "receptance.campaign.figure:draw_prediction"
 
     @property
     def reach(self) -> float:
@@ -136,12 +135,6 @@ class Prediction(Result):
             "not_predicted": self.not_predicted,
             "identified": None if self.identified is None else self.identified.to_dict(),
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw predictions with their intervals, over the measurements; see `Result.plot`."""
-        from receptance.fit.figures import draw_prediction
-
-        return draw_prediction(self, ax)
 
     def __repr__(self) -> str:
         counts = f"{len(self.frequencies)} sets of natural frequencies, {len(self.frfs)} FRFs"

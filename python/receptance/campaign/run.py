@@ -31,7 +31,6 @@ from receptance.report import Column, Provenance, Renderable, Table
 if TYPE_CHECKING:
     import os
 
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.campaign.comparison import Comparison
@@ -47,8 +46,6 @@ if TYPE_CHECKING:
     from receptance.stability import Stability
     from receptance.sweep import Candidates
 
-_MOST_DRAWN = 3
-"""Most assemblies that a notebook shows."""
 _NO_CANDIDATES = """no candidates to rank; write a table for each measurement that you could take, such as
   [candidates."another overhang"]
   kind = "frf"
@@ -122,6 +119,9 @@ class Campaign(Renderable):
     >>> round(found.values["joint_d12.k_theta"], -3)
     104000.0
     """
+
+    plotted_by = "receptance.campaign.figure:draw_campaign"
+    drawn_in_notebooks = True
 
     file: Path
     table: CampaignTable
@@ -322,12 +322,6 @@ class Campaign(Renderable):
     def description(self) -> str:
         """Description of the file."""
         return self.table.description.strip()
-
-    def drawing(self) -> Figure:
-        """Return the figure that a notebook shows: the first assemblies to scale."""
-        from receptance.model.figure import Drawing, draw_assemblies
-
-        return draw_assemblies([Drawing(one, name) for name, one in list(self.assemblies.items())[:_MOST_DRAWN]])
 
     def tables(self) -> list[Table]:
         """Return the measurements; those of a series in a table of their own."""

@@ -11,18 +11,13 @@ import numpy as np
 
 from receptance.campaign.values import kind_of, parse_condition
 from receptance.coupling import ForceSeries
-from receptance.coupling.force_series import draw_with_law
 from receptance.errors import ReceptanceError
 from receptance.fit import identify
 from receptance.fit.unknowns import Law, Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
-from receptance.report.figure import finished, panels, surface, title_left
 from receptance.units import split
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from receptance.campaign.run import Campaign
     from receptance.campaign.schema import SeriesTable
     from receptance.fit import Identification
@@ -40,6 +35,7 @@ class LevelSeries(Results[ForceSeries]):
 
     heading = "Parameters over levels"
     key = "parameters"
+    plotted_by = "receptance.campaign.figure:draw_series"
 
     def __init__(
         self, items: Mapping[str, ForceSeries], *, over: str, unit: str, provenance: Provenance | None = None
@@ -71,10 +67,6 @@ class LevelSeries(Results[ForceSeries]):
             "unit": self.unit,
             "parameters": {name: one.data() for name, one in self.items()},
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw each parameter over the levels with its law; see `Result.plot`."""
-        return _draw(self, ax)
 
 
 def started_by_level(
@@ -204,17 +196,3 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
             if number and unit:
                 return unit, parse_condition(level) / number
     return "", 1.0
-
-
-def _draw(found: LevelSeries, ax: Axes | None) -> Figure:
-    """Draw each parameter over the levels, with 95 % intervals and its law (Xu et al. 2012, figures 10 to 13)."""
-    over = f"{found.over} ({found.unit})" if found.unit else found.over
-    count = len(found)
-    columns = min(count, 3 if count > 4 else 2)
-    rows = -(-count // columns)
-    figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
-    for axes, (name, series) in zip(panels(figure, count, columns), found.items(), strict=True):
-        draw_with_law(axes, series, over, kind_of(name).unit)
-    if found.provenance.title:
-        title_left(figure, found.provenance.title)
-    return finished(figure)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from receptance.catalogue.prediction import ToolPrediction
+from receptance.catalogue.results import CatalogueSummary
 from receptance.report.figure import (
     COLOURS,
     INK,
@@ -18,12 +20,6 @@ from receptance.report.figure import (
     set_up,
     surface,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from receptance.catalogue import CatalogueSummary, ToolPrediction
 
 _LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""
@@ -79,7 +75,7 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
 
 
 def draw_catalogue(catalogue: CatalogueSummary, ax: Axes | None = None) -> Figure:
-    """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency; see `Result.plot`."""
+    """Draw the most flexible mode of every tool: dynamic stiffness over natural frequency."""
     figure = surface(ax, 9.0, 5.8)
     axes = figure.subplots()
     tools = catalogue.tools

@@ -21,9 +21,6 @@ from receptance.report import Column, Provenance, Result, Table
 from receptance.stability import Lobes, Milling, stability_lobes
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from receptance.campaign import Campaign
     from receptance.catalogue.prediction import ToolPrediction
     from receptance.report.table import Cell
@@ -113,6 +110,7 @@ class CatalogueSummary(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Catalogue"
+    plotted_by = "receptance.catalogue.figure:draw_catalogue"
 
     @property
     def rejection(self) -> tuple[str, ...]:
@@ -161,12 +159,6 @@ class CatalogueSummary(Result):
             for tool in self.tools
         ]
         return {"level": self.level, "tools": tools}
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw dynamic stiffness over natural frequency; see `Result.plot`."""
-        from receptance.catalogue.figure import draw_catalogue
-
-        return draw_catalogue(self, ax)
 
 
 def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[ToolPrediction]:

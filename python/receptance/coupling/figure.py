@@ -1,44 +1,49 @@
-"""Figures of inverse couplings."""
+"""Figures of inverse couplings, spindles line by line, and parameters over force."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from numpy.typing import NDArray
 
+from receptance.coupling.force_series import ForceSeries
+from receptance.coupling.inverse import InverseCoupling, InverseCouplings
 from receptance.coupling.line_equations import TERMS
+from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.model.joints import PointJoint
+from receptance.model.terminals import ENTRIES
 from receptance.report.figure import (
     BAD,
     COLOURS,
     NORMAL_95,
     PALE,
-    draw_condition,
+    add_legend,
+    add_room,
     finished,
     set_up,
     surface,
     title_left,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
-    from numpy.typing import NDArray
-
-    from receptance.coupling.inverse import InverseCoupling, InverseCouplings
-
 _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
+_TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+_LAWS = {"constant": "constant", "linear": "K0 + a F", "power": "K0 + a F^n"}
 
 
-def draw_inverse_coupling(found: InverseCouplings, ax: Axes | None = None) -> Figure:
+def draw_inverse_coupling(found: InverseCoupling | InverseCouplings, ax: Axes | None = None) -> Figure:
     """Draw real and imaginary part of each term, with 95 % intervals on usable lines, and the condition number.
 
     Other lines are pale. The orange curves are the constant joint k + i w c that fits all lines.
     """
-    heights = [2.6 * len(one.terms) + 2.6 for one in found.values()]
+    joints = found if isinstance(found, InverseCouplings) else {found.name or found.joint: found}
+    heights = [2.6 * len(one.terms) + 2.6 for one in joints.values()]
     figure = surface(ax, 11.0, sum(heights))
     cells = np.ravel(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights))
-    for cell, (name, one) in zip(cells, found.items(), strict=True):
+    for cell, (name, one) in zip(cells, joints.items(), strict=True):
         _draw_joint(cell, name, one)
     return finished(figure)
 
@@ -70,7 +75,7 @@ def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
                 constant = np.full(lines.size, joint[0]) if column == 0 else 2.0 * np.pi * lines * joint[1]
             _draw_part(axes, lines, part, deviation, usable, constant)
             axes.set_xlim(lines[0], lines[-1])
-    draw_condition(figure.add_subplot(grid[rows, :]), lines, found.condition)
+    _draw_condition(figure.add_subplot(grid[rows, :]), lines, found.condition)
 
 
 def _draw_part(
@@ -106,3 +111,81 @@ def _limits(
     low, high = float(min(ends)), float(max(ends))
     room = 0.35 * (high - low) or 1.0
     return low - room, high + room
+
+
+def _draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[np.float64]) -> None:
+    """Draw the condition number of a system of equations over the frequency lines."""
+    set_up(axes, "Condition number: amplification of relative errors", "frequency (Hz)", "")
+    axes.semilogy(lines, condition, color=COLOURS[0], linewidth=1.0)
+    axes.axhline(1.0, color=PALE, linewidth=0.8)
+    axes.set_xlim(lines[0], lines[-1])
+
+
+def draw_spindle(spindle: SpindleReceptance, ax: Axes | None = None) -> Figure:
+    """Draw the three terms with bands, and the condition number."""
+    figure = surface(ax, 11.0, 8.5)
+    text = (
+        f"Spindle line by line: {', '.join(spindle.labels)}\nblue, with 95 % intervals: usable lines, standard "
+        f"deviation below {100.0 * spindle.limit:g} %;  grey: others"
+    )
+    title_left(figure, text, 10.5)
+    grid = figure.add_gridspec(2, 2)
+    lines = np.asarray(spindle.frequency_hz).real
+    for number, (i, j) in enumerate(ENTRIES):
+        axes = figure.add_subplot(grid[divmod(number, 2)])
+        size, deviation = np.abs(spindle.matrix[:, i, j]), spindle.standard_deviation[:, i, j]
+        set_up(axes, _TITLES[number], "frequency (Hz)" if number == 2 else "", "")
+        shown = np.where(spindle.usable, size, np.nan)
+        axes.semilogy(lines, np.where(spindle.usable, np.nan, size), ".", color=PALE, markersize=2.5)
+        low = np.maximum(shown - NORMAL_95 * deviation, 0.05 * shown)
+        axes.fill_between(lines, low, shown + NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
+        axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
+        if spindle.usable.any():
+            axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
+        axes.set_xlim(lines[0], lines[-1])
+    _draw_condition(figure.add_subplot(grid[1, 1]), lines, spindle.condition)
+    return finished(figure)
+
+
+def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:
+    """Draw values with 95 % intervals, and the best law."""
+    figure = surface(ax, 7.1, 4.9)
+    draw_with_law(figure.subplots(), series, "force", "")
+    return finished(figure)
+
+
+def draw_with_law(axes: Axes, series: ForceSeries, over: str, unit: str) -> None:
+    """Draw a parameter over its levels and its law into empty axes, with titles and a legend.
+
+    `over` is the label of the axis of the levels, `unit` that of the values.
+    """
+    factor, label = _axis_unit(unit, series)
+    set_up(axes, series.name, over, label)
+    colour = COLOURS[0] if ".k_" in series.name else COLOURS[1]
+    levels = np.linspace(float(series.force[0]), float(series.force[-1]), 200)
+    axes.plot(levels, factor * series.law.at(levels), color=colour, alpha=0.45, linewidth=1.4)
+    axes.errorbar(
+        series.force,
+        factor * series.values,
+        NORMAL_95 * factor * series.standard_errors,
+        fmt="o",
+        color=colour,
+        markersize=4,
+        capsize=2.5,
+        linewidth=1.0,
+        label="identified, 95 %",
+    )
+    low, high = series.exponent_interval
+    law = _LAWS[series.law.name]
+    if series.law.name == "power":
+        law += f", n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})"
+    add_room(axes, 0.3)
+    add_legend(axes, loc="upper left", title=law, title_fontsize=9, alignment="left")
+
+
+def _axis_unit(unit: str, series: ForceSeries) -> tuple[float, str]:
+    """Return the factor of the values on the axis, and the unit with its power of ten."""
+    power = 3 * math.floor(math.log10(float(np.max(np.abs(series.values)))) / 3.0)
+    if -3 < power <= 3:
+        return 1.0, unit
+    return 10.0**-power, f"10{str(power).translate(_SUPERSCRIPTS)} {unit}"

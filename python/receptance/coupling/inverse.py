@@ -26,8 +26,6 @@ from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.model.assembly import Assembly
@@ -106,6 +104,7 @@ class InverseCoupling(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Inverse coupling"
+    plotted_by = "receptance.coupling.figure:draw_inverse_coupling"
 
     def term(self, name: str) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
         """Return values, standard deviations and mask of one term, `(n,)` each.
@@ -233,10 +232,6 @@ class InverseCoupling(Result):
             "rms": self.rms,
         }
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw real and imaginary part of each term, and the condition number; see `Result.plot`."""
-        return InverseCouplings({self.name or self.joint: self}).plot(ax)
-
     def __repr__(self) -> str:
         usable = ", ".join(f"{name} on {int(self.term(name)[2].sum())}" for name in self.terms)
         return f"InverseCoupling({self.joint!r}, {len(self.frequency_hz)} lines; usable: {usable})"
@@ -247,12 +242,7 @@ class InverseCouplings(Results[InverseCoupling]):
 
     heading = "Inverse coupling"
     key = "joints"
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw real and imaginary part of each term of each joint, and condition numbers; see `Result.plot`."""
-        from receptance.coupling.figure import draw_inverse_coupling
-
-        return draw_inverse_coupling(self, ax)
+    plotted_by = "receptance.coupling.figure:draw_inverse_coupling"
 
 
 def invert_coupling(

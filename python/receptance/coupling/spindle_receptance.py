@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,6 @@ from receptance.fit.observation import Observation, check_observations, common_l
 from receptance.frf import FRF
 from receptance.model.terminals import ENTRIES, MeasuredPart
 from receptance.report import Column, Provenance, Result, Table
-from receptance.report.figure import COLOURS, NORMAL_95, PALE, draw_condition, finished, set_up, surface, title_left
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -79,6 +72,7 @@ class SpindleReceptance(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Spindle receptances line by line"
+    plotted_by = "receptance.coupling.figure:draw_spindle"
 
     @property
     def standard_deviation(self) -> NDArray[np.float64]:
@@ -179,31 +173,6 @@ class SpindleReceptance(Result):
             "limit": self.limit,
             "rms": self.rms,
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the three terms with bands, and the condition number; see `Result.plot`."""
-        figure = surface(ax, 11.0, 8.5)
-        text = (
-            f"Spindle line by line: {', '.join(self.labels)}\nblue, with 95 % intervals: usable lines, standard "
-            f"deviation below {100.0 * self.limit:g} %;  grey: others"
-        )
-        title_left(figure, text, 10.5)
-        grid = figure.add_gridspec(2, 2)
-        lines = np.asarray(self.frequency_hz).real
-        for number, (i, j) in enumerate(ENTRIES):
-            axes = figure.add_subplot(grid[divmod(number, 2)])
-            size, deviation = np.abs(self.matrix[:, i, j]), self.standard_deviation[:, i, j]
-            set_up(axes, _TITLES[number], "frequency (Hz)" if number == 2 else "", "")
-            shown = np.where(self.usable, size, np.nan)
-            axes.semilogy(lines, np.where(self.usable, np.nan, size), ".", color=PALE, markersize=2.5)
-            low = np.maximum(shown - NORMAL_95 * deviation, 0.05 * shown)
-            axes.fill_between(lines, low, shown + NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
-            axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
-            if self.usable.any():
-                axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
-            axes.set_xlim(lines[0], lines[-1])
-        draw_condition(figure.add_subplot(grid[1, 1]), lines, self.condition)
-        return finished(figure)
 
     def __repr__(self) -> str:
         lines = np.asarray(self.frequency_hz).real

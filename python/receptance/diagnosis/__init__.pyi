@@ -1,3 +1,4 @@
+from . import figure as figure
 from .catalogue import CATALOGUE as CATALOGUE
 from .causes import Cause as Cause
 from .causes import Parameter as Parameter

@@ -5,13 +5,18 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
 
 from receptance.diagnosis.by_mode import Curve, curves
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.frf.presentation import PHASE_FROM
+from receptance.diagnosis.verdict import Verdict
+from receptance.frf.figure import PHASE_FROM
 from receptance.report.figure import (
     COLOURS,
     PALE,
@@ -24,13 +29,6 @@ from receptance.report.figure import (
     surface,
     title_left,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from receptance.diagnosis import Verdict
 
 _CANDIDATES = 14
 _NAME = 26
@@ -82,8 +80,6 @@ def curve_figure(before: Curve, after: Curve | None) -> Figure:
 
 def prediction_figure(before: Curve, after: Curve | None) -> Figure:
     """Return magnitude, phase and error of a predicted receptance, on all lines and around its highest peak."""
-    from matplotlib.ticker import NullFormatter
-
     figure = new_figure(9.0, 6.2)
     axes = figure.subplots(3, 2, sharex="col", height_ratios=(3, 2, 2), width_ratios=(3, 2))
     lines, peak = before.frequency_hz, float(before.frequency_hz[np.argmax(np.abs(before.measured))])

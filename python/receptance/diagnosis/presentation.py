@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from receptance import diagnosis
 from receptance.diagnosis.by_mode import ModeResidual, curves
-from receptance.diagnosis.figure import curve_figure, evidence_figure, frequencies_figure
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.thresholds import MARGIN
@@ -445,7 +445,10 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
     if not verdict.gains:
         return
     fitted = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
-    drawn = [(f"held out: {before.label}", curve_figure(before, after)) for before, after in held_out_curves(verdict)]
+    drawn = [
+        (f"held out: {before.label}", diagnosis.figure.curve_figure(before, after))
+        for before, after in held_out_curves(verdict)
+    ]
     texts = [f"Records {fitted}: measured, and predicted."] if drawn else []
     gain = verdict.gains[0]
     folds = [
@@ -470,10 +473,13 @@ def _section_of_fitted_data(verdict: Verdict) -> PageSection:
     records = [i for i, observation in enumerate(observations) if observation.is_receptance]
     lists = [i for i in range(len(before)) if i not in records]
     largest = sorted(records, key=lambda i: -float((before[i].residual ** 2).mean()))[:_RECORDS]
-    drawn = [(before[i].label or f"receptance {i + 1}", curve_figure(before[i], after[i])) for i in sorted(largest)]
+    drawn = [
+        (before[i].label or f"receptance {i + 1}", diagnosis.figure.curve_figure(before[i], after[i]))
+        for i in sorted(largest)
+    ]
     if lists:
         extended = [curve for i in lists if (curve := after[i]) is not None]
-        drawn.append(("natural frequencies", frequencies_figure([before[i] for i in lists], extended)))
+        drawn.append(("natural frequencies", diagnosis.figure.frequencies_figure([before[i] for i in lists], extended)))
     counts = {
         "receptances": len(records),
         "lines": sum(before[i].frequency_hz.size for i in records),
@@ -502,7 +508,7 @@ def _section_of_causes(verdict: Verdict) -> Iterator[PageSection]:
     columns = ("cause, alone", "place", "size, with 95 % interval", "similar effect")
     every = [alternatives(verdict)] if len(likely) > _LONGEST else []
     every += [Table("Sizes, and causes with a similar effect on these data", columns, rows)] if rows else []
-    figure = ("odds of each cause alone to the best", evidence_figure(verdict))
+    figure = ("odds of each cause alone to the best", diagnosis.figure.evidence_figure(verdict))
     yield PageSection("All causes", [text], [figure], [table.without_empty() for table in every])
 
 

@@ -12,16 +12,12 @@ import numpy as np
 from receptance.diagnosis import presentation
 from receptance.diagnosis.averaging import AveragedAssembly
 from receptance.diagnosis.by_mode import residuals_by_mode, residuals_of_frequencies
-from receptance.diagnosis.figure import draw_diagnosis
 from receptance.diagnosis.judgement import doubt_prediction
 from receptance.diagnosis.wording import title_of
 from receptance.fit.parameters import Site
 from receptance.report import Fact, PageSection, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from receptance.diagnosis.adequacy import Adequacy
     from receptance.diagnosis.by_mode import Bias, ModeResidual
     from receptance.diagnosis.causes import Parameter
@@ -212,6 +208,7 @@ class Verdict(Result):
     campaign_path: str = field(default="", repr=False)
 
     heading = "Diagnosis"
+    plotted_by = "receptance.diagnosis.figure:draw_diagnosis"
 
     @property
     def adequacy_after(self) -> Adequacy | None:
@@ -411,10 +408,6 @@ class Verdict(Result):
             "undecidable": self.undecidable,
             "settings": self.settings,
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw measured and modelled data before and after, and the evidence of the candidates; see `Result.plot`."""
-        return draw_diagnosis(self, ax)
 
     def __repr__(self) -> str:
         names = ", ".join(one.id for one in self.causes)

@@ -23,8 +23,6 @@ from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import amount, amount_interval
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.fit.problem import End
@@ -341,6 +339,7 @@ class Profile(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Profile likelihood"
+    plotted_by = "receptance.fit.figure:draw_profiles"
 
     @property
     def bounded(self) -> bool:
@@ -365,10 +364,6 @@ class Profile(Result):
             "rise": self.rise,
         }
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the rise of -2 log L over the parameter, and the threshold of the interval; see `Result.plot`."""
-        return Profiles({self.name: self}).plot(ax)
-
     def __repr__(self) -> str:
         return f"Profile({self.name}: {self.statement})"
 
@@ -378,12 +373,7 @@ class Profiles(Results[Profile]):
 
     heading = "Profile likelihoods"
     key = "profiles"
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the rise of -2 log L over each parameter, and the threshold of its interval; see `Result.plot`."""
-        from receptance.fit.figures import draw_profiles
-
-        return draw_profiles(self, ax)
+    plotted_by = "receptance.fit.figure:draw_profiles"
 
 
 def profile_likelihoods(

@@ -16,12 +16,9 @@ from receptance.fit.prediction import Scatter
 from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import Law, Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
-from receptance.report.figure import finished
 from receptance.report.table import Cell, amount, amount_interval, number
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.fit.likelihood import Profiles
@@ -150,6 +147,7 @@ class Identification(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Identified parameters"
+    plotted_by = "receptance.fit.figure:draw_identification"
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -501,14 +499,6 @@ class Identification(Result):
             "evaluations": self.evaluations,
             "advice": self.advice,
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw measurements, fitted model and intervals, or the parameters of a series; see `Result.plot`."""
-        if self.series:
-            return finished(self.series.plot(ax), self.rejection)
-        from receptance.fit.figures import draw_identification
-
-        return draw_identification(self, ax)
 
     def __repr__(self) -> str:
         errors = self.standard_errors

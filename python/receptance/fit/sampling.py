@@ -20,8 +20,6 @@ from receptance.fit.likelihood import require_likelihood, residual_variance
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.fit.problem import Problem
@@ -81,6 +79,7 @@ class Samples(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Draws from the posterior"
+    plotted_by = "receptance.fit.figure:draw_samples"
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the draws of one parameter, `(n,)`.
@@ -135,12 +134,6 @@ class Samples(Result):
             "steps": self.steps,
             "burnt": self.burnt,
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw a histogram of each parameter with its 95 % interval; see `Result.plot`."""
-        from receptance.fit.figures import draw_samples
-
-        return draw_samples(self, ax)
 
     def __repr__(self) -> str:
         return f"Samples({'; '.join([self._headline(), *self.notes])})"

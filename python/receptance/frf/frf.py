@@ -19,13 +19,12 @@ from receptance.frf.validation import check_form, check_lines, checked_fields
 from receptance.frf.variance import interval_factor, pool_entries, saturation_note, variance_from_coherence
 from receptance.model.coordinates import Coordinate, Side
 from receptance.report import Renderable, Table
+from receptance.report.table import percent
 from receptance.units import FORMS, Form, FRFKind, frf_unit
 
 if TYPE_CHECKING:
     import pandas
     import xarray
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Selection: TypeAlias = Coordinate | str | int | Sequence[Coordinate | str | int] | None
 """Responses or excitations to select: by number, coordinate or label; all by default."""
@@ -128,6 +127,9 @@ class FRF(Renderable):
     >>> frf.to("accelerance").unit
     'm/s^2/N'
     """
+
+    plotted_by = "receptance.frf.figure:draw_frf"
+    drawn_in_notebooks = True
 
     frequency_hz: NDArray[np.float64]
     values: NDArray[np.complex128]
@@ -519,19 +521,31 @@ class FRF(Renderable):
 
     def tables(self) -> list[Table]:
         """Return the table of `summary`: lines, form, coordinates, averages and quality."""
-        from receptance.frf.presentation import summary_table
-
-        return [summary_table(self)]
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw magnitude, phase and, if known, coherence; see `receptance.frf.presentation.draw_frf`."""
-        from receptance.frf.presentation import draw_frf
-
-        return draw_frf(self, ax)
-
-    def drawing(self) -> Figure:
-        """Return the figure that a notebook shows."""
-        return self.plot()
+        lines = self.frequency_hz
+        rows = [
+            ("lines", f"{lines.size}, {lines[0]:g} to {lines[-1]:g} Hz{_spacing(lines)}"),
+            ("form", f"{self.form} in {', '.join(self.distinct_units)}"),
+        ]
+        sides = {"responses": self.responses, "excitations": self.excitations}
+        for (title, side), labels in zip(sides.items(), self.labels or ((), ()), strict=True):
+            names = [
+                coordinate.describe() + (f" ({labels[index]})" if labels and labels[index] else "")
+                for index, coordinate in enumerate(side)
+            ]
+            rows.append((title, "; ".join(names)))
+        if self.decay_rate:
+            rows.append(("exponential window", f"decay rate {self.decay_rate:g} 1/s on force and response"))
+        if self.averages is not None:
+            rows.append(("averages", str(self.averages)))
+        if self.coherence is not None:
+            rows.append(("coherence", f"median {np.median(self.coherence):.4g}, lowest {self.coherence.min():.4g}"))
+        if self.standard_deviation is not None:
+            rows.append(("standard deviation", f"median {percent(np.median(self.standard_deviation), 3)}"))
+        if self.usable is not None:
+            rows.append(("usable", f"{np.count_nonzero(self.usable)} lines{_band(lines[self.usable])}"))
+        if self.source:
+            rows.append(("source", self.source))
+        return [Table("", ("property", "value"), rows)]
 
     def conjugated(self) -> FRF:
         """Return the complex conjugate, for files written for e^(-i w t), with a note."""
@@ -626,6 +640,18 @@ def form_factor(frequency_hz: NDArray[np.inexact], old: Form, new: Form) -> NDAr
     for _ in range(abs(power)):
         factor = factor * s
     return 1.0 / factor if power < 0 else factor
+
+
+def _spacing(frequency_hz: NDArray[np.float64]) -> str:
+    steps = np.diff(frequency_hz)
+    if not steps.size:
+        return ""
+    even = bool(np.ptp(steps) <= 1e-6 * steps.max())
+    return f", {steps.mean():.6g} Hz apart" if even else f", {steps.min():.6g} to {steps.max():.6g} Hz apart"
+
+
+def _band(frequency_hz: NDArray[np.float64]) -> str:
+    return f", {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz" if frequency_hz.size else ""
 
 
 def _selected(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +11,7 @@ from receptance.frf import FRF
 from receptance.io.measurements import Coherence, Measurement
 from receptance.report import Provenance, Result, Table
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_MOST_DRAWN = 4
+MOST_DRAWN = 4
 """Most measurements of one file in a figure."""
 
 
@@ -52,6 +48,7 @@ class FileContents(Result):
     provenance: Provenance = field(default_factory=Provenance)
 
     heading = "Contents of a file"
+    plotted_by = "receptance.io.figure:draw_contents"
 
     @property
     def title(self) -> str:
@@ -69,9 +66,9 @@ class FileContents(Result):
     def notes(self) -> tuple[str, ...]:
         """Warnings of the reader and notes on the measurements, each once."""
         notes = dict.fromkeys([*self.warned, *(note for one in self.measurements for note in one.notes)])
-        if len(self.measurements) > _MOST_DRAWN:
+        if len(self.measurements) > MOST_DRAWN:
             notes[
-                f"the figure shows the first {_MOST_DRAWN} of {len(self.measurements)} measurements; "
+                f"the figure shows the first {MOST_DRAWN} of {len(self.measurements)} measurements; "
                 "`--number N` shows another"
             ] = None
         return tuple(notes)
@@ -88,18 +85,6 @@ class FileContents(Result):
     def data(self) -> dict[str, Any]:
         """Return the format, and kind, band, unit and quality of each measurement."""
         return {"file": self.name, "format": self.format, "measurements": list(map(_facts, self.measurements))}
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the first measurements, a panel each; see `Result.plot`."""
-        from receptance.report.figure import finished, surface
-
-        drawn = self.measurements[:_MOST_DRAWN]
-        if len(drawn) == 1:
-            return drawn[0].plot(ax)
-        figure = surface(ax, 9.0, 4.6 * len(drawn))
-        for axes, measurement in zip(figure.subplots(len(drawn), 1), drawn, strict=True):
-            measurement.plot(axes)
-        return finished(figure)
 
 
 def _facts(one: Measurement) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,19 +14,10 @@ from receptance.errors import warn_user
 from receptance.frf import FRF
 from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
 from receptance.report import Column, Renderable, Table
-from receptance.report.figure import COLOURS, INK, add_legend, finished, panels, set_up, surface, title_left
 from receptance.units import channel_kind, parse_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _LOW_COHERENCE = 0.5
 """Below, more of the response is unexplained than explained."""
-_MAX_PANELS = 8
-"""Most channels drawn; the title states how many there are."""
-_MAX_NAMED = 8
-"""Most entries of a coherence named in the legend."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -59,6 +50,9 @@ class Coherence(Renderable):
     >>> Coherence(frequency_hz=[1.0, 2.0, 3.0], values=[0.4, 0.98, 0.99])
     Coherence(3 lines from 1 to 3 Hz, median 0.98)
     """
+
+    plotted_by = "receptance.io.figure:draw_coherence"
+    drawn_in_notebooks = True
 
     frequency_hz: NDArray[np.float64]
     values: NDArray[np.float64]
@@ -118,27 +112,6 @@ class Coherence(Renderable):
             *([("source", self.source)] if self.source else []),
         ]
         return [Table("", ("property", "value"), rows)]
-
-    def drawing(self) -> Figure:
-        """Return the figure that a notebook shows."""
-        return self.plot()
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the coherence of all entries over frequency; `ax` as in `FRF.plot`."""
-        figure = surface(ax, 9.0, 3.2)
-        axes = figure.subplots()
-        set_up(axes, "", "frequency (Hz)", "coherence")
-        labels = self.labels if self.values[0].size <= _MAX_NAMED else None
-        for number, (i, j) in enumerate(np.ndindex(self.values.shape[1:])):
-            name = f"{labels[0][i]} over {labels[1][j]}" if labels else None
-            colour = COLOURS[number % len(COLOURS)]
-            axes.plot(self.frequency_hz, self.values[:, i, j], color=colour, linewidth=0.9, label=name)
-        axes.set_ylim(0.0, 1.05)
-        axes.set_xlim(float(self.frequency_hz[0]), max(float(self.frequency_hz[-1]), 1e-9))
-        if labels:
-            add_legend(axes, loc="best")
-        title_left(figure, self.label or "Coherence", 11.0)
-        return finished(figure)
 
     def __len__(self) -> int:
         return int(self.frequency_hz.size)
@@ -203,6 +176,9 @@ class TimeSeries(Renderable):
     >>> hit.channel("tip")
     array([ 0.        ,  4.903325 , -2.4516625])
     """
+
+    plotted_by = "receptance.io.figure:draw_time_series"
+    drawn_in_notebooks = True
 
     values: NDArray[np.float64]
     channels: tuple[str, ...]
@@ -294,24 +270,6 @@ class TimeSeries(Renderable):
             Table("", ("property", "value"), rows),
             Table("Channels", ("channel", "quantity", Column("largest magnitude", form=".4g"), "unit"), channels),
         ]
-
-    def drawing(self) -> Figure:
-        """Return the figure that a notebook shows."""
-        return self.plot()
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw all channels over time, a panel each; `ax` as in `FRF.plot`."""
-        shown = min(len(self.channels), _MAX_PANELS)
-        figure = surface(ax, 9.0, 1.2 + 1.7 * shown)
-        for index, axes in enumerate(panels(figure, shown, 1, sharex=True)):
-            unit = self.units[index].replace("^2", "²")
-            set_up(axes, "", "", f"{self.channels[index]}\n({unit})")
-            axes.plot(self.time_s, self.values[:, index], color=COLOURS[index % len(COLOURS)], linewidth=0.8)
-        axes.set_xlabel("time (s)", color=INK)
-        axes.set_xlim(float(self.time_s[0]), float(self.time_s[-1]) + 1e-12)
-        more = f"  ·  the first {shown} of {len(self.channels)} channels" if shown < len(self.channels) else ""
-        title_left(figure, (self.label or "Time records") + more, 11.0)
-        return finished(figure)
 
     def __len__(self) -> int:
         return int(self.values.shape[0])

@@ -1,14 +1,17 @@
-"""Figure of a global modal fit."""
+"""Figures of modal estimates."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from receptance.frf import form_factor
-from receptance.frf.presentation import PHASE_FROM
+from receptance.frf.figure import PHASE_FROM
+from receptance.modal.modal_fit import ModalFit
+from receptance.modal.ring_down import RingDown
 from receptance.report.figure import (
     COLOURS,
     INK,
@@ -17,24 +20,19 @@ from receptance.report.figure import (
     finished,
     phase_line,
     set_up,
+    set_up_phase,
     surface,
     title_left,
 )
 from receptance.units import FORMS, FRFKind, frf_unit
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from receptance.modal import ModalFit
-
-Curve = tuple["NDArray[np.float64]", "NDArray[np.complex128]"]
+Curve = tuple[NDArray[np.float64], NDArray[np.complex128]]
 """Lines, and the fit on them in the form of the FRF."""
 _LABEL_WIDTH = 0.04
 """Least distance of the labels of two modes, as a share of the band."""
 
 
-def draw_modal_fit(fit: ModalFit, *, response: int = 0, excitation: int = 0, ax: Axes | None = None) -> Figure:
+def draw_modal_fit(fit: ModalFit, ax: Axes | None = None, *, response: int = 0, excitation: int = 0) -> Figure:
     """Draw measured and fitted values of one entry, its residuals, and the poles among their candidates."""
     figure = surface(ax, 11.0, 7.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0), width_ratios=(1.45, 1.0))
@@ -75,14 +73,12 @@ def _draw_magnitude(axes: Axes, fit: ModalFit, response: int, excitation: int, c
 
 
 def _draw_phase(axes: Axes, fit: ModalFit, response: int, excitation: int, curve: Curve) -> None:
-    set_up(axes, "", "frequency (Hz)", "phase (°)")
     lines, fitted = curve
     lowest = PHASE_FROM[fit.frf.form]
+    set_up_phase(axes, lowest, "frequency (Hz)")
     measured = phase_line(fit.frf.frequency_hz, fit.frf.values[:, response, excitation], lowest)
     axes.plot(*measured, ".", color=COLOURS[0], markersize=4)
     axes.plot(*phase_line(lines, fitted, lowest), color=COLOURS[1], linewidth=1.3)
-    axes.set_yticks([-180, -90, 0, 90, 180])
-    axes.set_ylim(lowest - 5.0, lowest + 365.0)
 
 
 def _draw_poles(axes: Axes, fit: ModalFit) -> None:
@@ -152,3 +148,28 @@ def _curve(fit: ModalFit, response: int, excitation: int) -> Curve:
     complex_lines = lines - 1j * fit.frf.decay_rate / (2.0 * np.pi)
     factor = form_factor(complex_lines, "receptance", fit.frf.form)
     return lines, fit.receptance(complex_lines)[:, response, excitation] * factor
+
+
+def draw_ring_down(decay: RingDown, ax: Axes | None = None) -> Figure:
+    """Draw natural frequency and damping against amplitude, with 95 % intervals."""
+    figure = surface(ax, 10.0, 4.4)
+    left, right = figure.subplots(1, 2)
+    set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
+    set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
+    panels = (
+        (left, decay.frequency_hz, decay.frequency_interval_hz(), 1.0),
+        (right, decay.damping_ratio, decay.damping_interval(), 100.0),
+    )
+    # Labels of more ticks would overlap.
+    decades = np.log10(decay.amplitude.max() / decay.amplitude.min())
+    ticks = range(1, 10) if decades < 1.0 else (1, 2, 5) if decades < 2.5 else (1,)
+    for axes, values, interval, scale in panels:
+        errors = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
+        axes.errorbar(decay.amplitude, scale * values, errors, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=ticks))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.ticklabel_format(axis="y", useOffset=False)
+    title_left(figure, f"Ring-down between {decay.band_hz[0]:g} and {decay.band_hz[1]:g} Hz")
+    return finished(figure)

@@ -100,6 +100,7 @@ class ModalFit(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Modes"
+    plotted_by = "receptance.modal.figure:draw_modal_fit"
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -199,10 +200,16 @@ class ModalFit(Result):
         }
 
     def plot(self, ax: Axes | None = None, *, response: int = 0, excitation: int = 0) -> Figure:
-        """Draw measured and synthesised values of one entry, residuals and poles; see `Result.plot`."""
-        from receptance.modal.figure import draw_modal_fit
+        """Draw measured and synthesised values of one entry, residuals and poles.
 
-        return draw_modal_fit(self, response=response, excitation=excitation, ax=ax)
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            As in `Result.plot`.
+        response, excitation : int, optional
+            Numbers of the entry, from 0.
+        """
+        return self._plot(ax, response=response, excitation=excitation)
 
     def _headline(self) -> str:
         low, high = self.frf.frequency_hz[0], self.frf.frequency_hz[-1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,12 +13,7 @@ from receptance import _checks
 from receptance.errors import warn_user
 from receptance.modal.estimate import intervals
 from receptance.report import Column, Provenance, Result, Table
-from receptance.report.figure import COLOURS, finished, set_up, surface, title_left
 from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TAPS_PER_WIDTH = 4.0
 """Length of the filter times the width of the band: half of the amplitude passes at the ends of the band."""
@@ -197,6 +192,7 @@ class RingDown(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Ring-down"
+    plotted_by = "receptance.modal.figure:draw_ring_down"
 
     def at(self, amplitude: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return natural frequency in Hz and damping ratio at given amplitudes, interpolated in the log amplitude.
@@ -250,32 +246,6 @@ class RingDown(Result):
         """Return all values of the blocks."""
         names = [column.name for column in fields(self) if column.name not in ("notes", "provenance")]
         return {name: getattr(self, name) for name in names}
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw natural frequency and damping against amplitude, with 95 % intervals; see `Result.plot`."""
-        from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
-
-        figure = surface(ax, 10.0, 4.4)
-        left, right = figure.subplots(1, 2)
-        set_up(left, "Natural frequency", "amplitude (unit of the record)", "Hz")
-        set_up(right, "Damping ratio", "amplitude (unit of the record)", "%")
-        panels = (
-            (left, self.frequency_hz, self.frequency_interval_hz(), 1.0),
-            (right, self.damping_ratio, self.damping_interval(), 100.0),
-        )
-        # Labels of more ticks would overlap.
-        decades = np.log10(self.amplitude.max() / self.amplitude.min())
-        ticks = range(1, 10) if decades < 1.0 else (1, 2, 5) if decades < 2.5 else (1,)
-        for axes, values, interval, scale in panels:
-            errors = scale * np.stack([values - interval[:, 0], interval[:, 1] - values])
-            axes.errorbar(self.amplitude, scale * values, errors, fmt="o-", color=COLOURS[0], markersize=5, capsize=3)
-            axes.set_xscale("log")
-            axes.xaxis.set_major_locator(LogLocator(subs=ticks))
-            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            axes.xaxis.set_minor_locator(NullLocator())
-            axes.ticklabel_format(axis="y", useOffset=False)
-        title_left(figure, f"Ring-down between {self.band_hz[0]:g} and {self.band_hz[1]:g} Hz")
-        return finished(figure)
 
     def __repr__(self) -> str:
         return (

@@ -37,9 +37,6 @@ from receptance.model.terminals import MeasuredPart
 from receptance.report import Column, Renderable, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from receptance.model.modes import ModeShapes
 
 
@@ -85,6 +82,9 @@ class Assembly(Renderable):
     >>> assembly.natural_frequencies(15e3).round(0)
     array([ 2623.,  9314., 13343.])
     """
+
+    plotted_by = "receptance.model.figure:draw_assembly"
+    drawn_in_notebooks = True
 
     notes: Sequence[str] = ()
 
@@ -163,25 +163,6 @@ class Assembly(Renderable):
         """
         return _matches(self.parameters)
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the assembly to scale: sections of its parts in mm, joints and attachments.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            As in `Result.plot`.
-
-        Examples
-        --------
-        >>> from receptance import STEEL, Assembly, Part, Segment
-        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
-        >>> [axes.get_xlabel() for axes in bar.plot().axes]
-        ['distance from the tip (mm)']
-        """
-        from receptance.model.figure import Drawing, draw_assemblies
-
-        return draw_assemblies([Drawing(self)], ax)
-
     def mode_shapes(self, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
         """Return the shapes of the modes with damping up to a frequency; see `receptance.model.modes`.
 
@@ -206,10 +187,6 @@ class Assembly(Renderable):
     def tables(self) -> list[Table]:
         """Return the tables of `summary`: elements and attachments with their values."""
         return _element_tables(self)
-
-    def drawing(self) -> Figure:
-        """Return the figure that a notebook shows: the assembly to scale."""
-        return self.plot()
 
     def receptance(
         self,

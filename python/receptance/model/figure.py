@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
 
 from receptance.model.addresses import place_on, points_of
-from receptance.model.beams import Part, SpreadJoint
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Material, Part, Section, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass, Resonator
+from receptance.model.modes import ModeShapes
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
 from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from receptance.model.assembly import Assembly
-    from receptance.model.beams import Material, Section, Segment
-    from receptance.model.modes import ModeShapes
 
 _WIDTH = 9.0
 """Width of a figure in inches."""
@@ -54,8 +53,13 @@ class Drawing:
     marks: tuple[Mark, ...] = ()
 
 
+def draw_assembly(assembly: Assembly, ax: Axes | None = None) -> Figure:
+    """Draw an assembly to scale: sections of its parts in mm, joints and attachments."""
+    return draw_assemblies([Drawing(assembly)], ax)
+
+
 def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, title: str = "") -> Figure:
-    """Draw assemblies below each other, all to the same scale, in mm from the tip; see `Result.plot`.
+    """Draw assemblies below each other, all to the same scale, in mm from the tip.
 
     Segments are drawn in section: bores are white, or have the fill of the material in them. Below are the lengths of
     segments and the names of parts, above the diameters (outer/inner) and the names of joints, attachments and points
@@ -74,8 +78,6 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
         sketch.draw(place)
     axes[-1].set_xlabel("distance from the tip (mm)", color=INK)
     if any(fills):
-        from matplotlib.patches import Patch
-
         patches = [
             Patch(facecolor=fill, edgecolor=INK, linewidth=0.6, label=name) for name, fill in fills.items() if name
         ]
@@ -86,9 +88,7 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
 
 
 def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
-    """Draw the assembly and below it the deflection of each mode, over the distance from the tip; see `Result.plot`."""
-    import numpy as np
-
+    """Draw the assembly and below it the deflection of each mode, over the distance from the tip."""
     assembly = shapes.assembly
     ends = (-0.03 * _extent(assembly), 1.03 * _extent(assembly))
     sketch = _Sketch(Drawing(assembly), _extent(assembly) / (_WIDTH - 2.0 * _MARGIN), ends, {})
@@ -333,8 +333,6 @@ class _Sketch:
 
     def draw_shapes(self, axes: Axes) -> None:
         """Draw the axis, the sections and the joints without labels."""
-        from matplotlib.patches import Rectangle
-
         set_up(axes, "", "", "", grid="none")
         over = 0.3 * self.ends[0]
         axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])

@@ -22,9 +22,6 @@ from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from receptance.model.assembly import Assembly
 
 _STEP = 1e-6
@@ -255,6 +252,7 @@ class ModeShapes(Result):
     """
 
     heading: ClassVar[str] = "Mode shapes"
+    plotted_by = "receptance.model.figure:draw_mode_shapes"
     assembly: Assembly = field(repr=False)
     frequency_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64] = field(repr=False)
@@ -295,18 +293,6 @@ class ModeShapes(Result):
         """Return frequencies, damping ratios, points and shapes."""
         names = ("frequency_hz", "damping_ratio", "part", "position", "distance", "y", "theta")
         return {name: getattr(self, name) for name in names}
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the deflection of each mode over the assembly, with the outline of its parts to scale along the axis.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            As in `Result.plot`.
-        """
-        from receptance.model.figure import draw_mode_shapes
-
-        return draw_mode_shapes(self, ax)
 
 
 def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:

@@ -20,8 +20,6 @@ from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import percent
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.fit.result import Identification
@@ -157,6 +155,7 @@ class NextMeasurement(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Next measurement"
+    plotted_by = "receptance.predict.figure:draw_next_measurement"
 
     @property
     def best(self) -> RankedCandidate:
@@ -238,12 +237,6 @@ class NextMeasurement(Result):
                 for one in self.ranking
             ],
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the present interval of each target and that with each candidate; see `Result.plot`."""
-        from receptance.fit.figures import draw_next_measurement
-
-        return draw_next_measurement(self, ax)
 
     def __repr__(self) -> str:
         order = [f"{one.label} ({percent(one.shrink, 3)})" for one in self.ranking]

@@ -22,8 +22,6 @@ from receptance.fit.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknow
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from receptance.fit.observation import Observation
@@ -91,6 +89,7 @@ class Transfer(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Transfer"
+    plotted_by = "receptance.predict.figure:draw_transfer"
 
     @property
     def modes(self) -> tuple[PredictedMode, ...]:
@@ -209,12 +208,6 @@ class Transfer(Result):
             "intervals_uninformative": len(self.modes) - self.inside[1],
             "splits": [_split_as_dict(split, self.level) for split in self.splits],
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw errors of natural frequencies with their intervals, and receptances with bands; see `Result.plot`."""
-        from receptance.fit.figures import draw_transfer
-
-        return draw_transfer(self, ax)
 
     def _mode_table(self) -> Table:
         columns = (

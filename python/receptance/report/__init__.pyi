@@ -1,3 +1,4 @@
+from . import figure as figure
 from .result import PageSection as PageSection
 from .result import Provenance as Provenance
 from .result import Renderable as Renderable

@@ -1,27 +1,30 @@
-"""Shared functions of figures; matplotlib is loaded when a figure is drawn, and figures are returned, not shown."""
+"""Shared functions of figures, which are returned, not shown.
+
+Modules of figures import matplotlib; they are loaded when a figure is drawn (`Renderable.plotted_by`).
+"""
 
 from __future__ import annotations
 
-import functools
 import io
 import re
 import textwrap
 import warnings
+from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+from numpy.typing import NDArray
 
 from receptance._text import printable
 from receptance.report.table import REJECTED
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
-    from matplotlib.figure import Figure, SubFigure
-    from numpy.typing import NDArray
 
 # Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
@@ -40,6 +43,13 @@ _POWER = "$\\mathdefault{"
 """Prefix of the labels that matplotlib writes at logarithmic axes."""
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows without a magic command of matplotlib, which would register figures."""
+
+    def _repr_png_(self) -> bytes:
+        return as_image(self, "png", self.dpi)
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure without window and global state.
 
@@ -48,23 +58,8 @@ def new_figure(width: float, height: float) -> Figure:
     width, height : float
         Size in inches.
     """
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     layout = ConstrainedLayoutEngine(w_pad=_PADDING, h_pad=_PADDING)
-    return _shown_figure()(figsize=(width, height), layout=layout, facecolor="white")
-
-
-@functools.cache
-def _shown_figure() -> type[Figure]:
-    from matplotlib.figure import Figure
-
-    class ShownFigure(Figure):
-        """A figure that a notebook shows without a magic command of matplotlib, which would register figures."""
-
-        def _repr_png_(self) -> bytes:
-            return as_image(self, "png", self.dpi)
-
-    return ShownFigure
+    return ShownFigure(figsize=(width, height), layout=layout, facecolor="white")
 
 
 def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
@@ -118,9 +113,6 @@ def finished(figure: Figure | SubFigure, rejection: Sequence[str] = ()) -> Figur
 
     Its texts have names of users, in which dollar signs mark no formulas.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.text import Text
-
     if rejection:
         width = int(_LETTERS_PER_INCH * figure.bbox.width / figure.get_dpi())
         lines = [textwrap.fill(text.replace("`", ""), width) for text in (f"{REJECTED}.", *rejection)]
@@ -144,8 +136,6 @@ def title_left(figure: Figure | SubFigure, text: str, size: float = 13.0) -> Non
 
 def add_heading(figure: Figure, title: str, caption: str) -> None:
     """Add a title and a caption above the panels of a large figure."""
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.93), w_pad=_PADDING, h_pad=_PADDING))
     figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
     figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
@@ -167,8 +157,6 @@ def set_up(axes: Axes, title: str, x: str = "", y: str = "", *, grid: Literal["x
 
 def add_legend(place: Axes | Figure | SubFigure, *entries: Any, **options: Any) -> None:
     """Add a legend without frame to axes, or to a figure: then below the axes; options as in `matplotlib`."""
-    from matplotlib.axes import Axes
-
     if not isinstance(place, Axes):
         options = {"loc": "outside lower center", **options}
     place.legend(*entries, **{"frameon": False, "fontsize": 9, **options})
@@ -182,8 +170,6 @@ def add_room(axes: Axes, share: float) -> None:
 
 def plain_ticks(axis: Axis) -> None:
     """Use a few plain numbers along a logarithmic axis with a small range."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
-
     axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
@@ -220,12 +206,11 @@ def phase_line(
     return np.insert(lines, jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
-def draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[np.float64]) -> None:
-    """Draw the condition number of a system of equations over the frequency lines."""
-    set_up(axes, "Condition number: amplification of relative errors", "frequency (Hz)", "")
-    axes.semilogy(lines, condition, color=COLOURS[0], linewidth=1.0)
-    axes.axhline(1.0, color=PALE, linewidth=0.8)
-    axes.set_xlim(lines[0], lines[-1])
+def set_up_phase(axes: Axes, lowest: float, x: str = "") -> None:
+    """Set labels, ticks and limits of axes for phases in degrees over a full turn."""
+    set_up(axes, "", x, "phase (°)")
+    axes.set_yticks([-180, -90, 0, 90, 180])
+    axes.set_ylim(lowest - 5.0, lowest + 365.0)
 
 
 def as_image(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
@@ -275,8 +260,6 @@ def as_svg(figure: Figure, title: str) -> str:
     >>> text[:39], "<title>a &lt; b</title>" in text, "var(--ink)" in text, "script" in text
     ('<svg class="figure" role="img" viewBox=', True, True, False)
     """
-    import matplotlib as mpl
-
     buffer = io.StringIO()
     # The salt makes the names of markers and clipping paths of each figure of a page different ones.
     options: dict[Any, Any] = {
@@ -300,6 +283,4 @@ def as_svg(figure: Figure, title: str) -> str:
 
 def image_formats() -> tuple[str, ...]:
     """Return the names of the formats in which figures can be saved."""
-    from matplotlib.figure import Figure
-
     return tuple(sorted(Figure().canvas.get_supported_filetypes()))

@@ -9,8 +9,8 @@ from html import escape
 from importlib import resources
 from typing import TYPE_CHECKING
 
+from receptance import report
 from receptance._text import printable
-from receptance.report.figure import as_image, as_svg
 from receptance.report.table import REJECTED
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def as_html(content: Renderable, figure: Figure | None = None) -> str:
     parts = [f"<p><b>{shown(content.title)}</b></p>", rejection_html(content)]
     if figure is not None:
         # Of many lines a drawing in vectors would be many times as large.
-        drawing = base64.b64encode(as_image(figure, "png", figure.dpi)).decode()
+        drawing = base64.b64encode(report.figure.as_image(figure, "png", figure.dpi)).decode()
         alternative = escape(printable(content.title), quote=True)
         parts.append(f'<img alt="{alternative}" style="max-width: 100%" src="data:image/png;base64,{drawing}">')
     return "\n".join(filter(None, [*parts, *content_html(content)]))
@@ -123,7 +123,7 @@ def wide_figure(figure: Figure, title: str) -> str:
     """Return a figure in the width of the page; on a narrow screen it scrolls, so that its text stays legible."""
     # Two FRFs with their intervals are 16.8 inches wide, and the page on a desktop 1088 px.
     least = 64.0 * float(figure.get_size_inches()[0])
-    return f'<figure class="wide" style="--least: {least:.0f}px">{as_svg(figure, title)}</figure>'
+    return f'<figure class="wide" style="--least: {least:.0f}px">{report.figure.as_svg(figure, title)}</figure>'
 
 
 def result_page(result: Result, title: str = "", measured: Sequence[Table] = ()) -> str:
@@ -157,7 +157,7 @@ def _header(result: Result, heading: str) -> str:
 
 
 def _section_html(section: PageSection) -> list[str]:
-    figures = "".join(f"<figure>{as_svg(figure, title)}</figure>" for title, figure in section.figures)
+    figures = "".join(f"<figure>{report.figure.as_svg(figure, title)}</figure>" for title, figure in section.figures)
     return [
         f"<h2>{shown(section.title)}</h2>",
         *(f'<p class="small">{shown(text)}</p>' for text in section.texts),

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -157,6 +158,14 @@ class Renderable(ABC):
     apply to it.
     """
 
+    plotted_by: ClassVar[str] = ""
+    """Function that draws this, as `package.module:function`; empty if there is no figure.
+
+    It is loaded when a figure is drawn, so that results do not import matplotlib.
+    """
+    drawn_in_notebooks: ClassVar[bool] = False
+    """Whether a notebook shows the figure below the title."""
+
     if TYPE_CHECKING:
 
         @property
@@ -223,14 +232,36 @@ class Renderable(ABC):
 
         return as_text(self, width)
 
-    def drawing(self) -> Figure | None:
-        """Return the figure that a notebook shows below the title; None for text and tables alone."""
-        return None
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the content.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes that are replaced by the figure; several panels share their place. By default a new figure.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure; save it with `savefig`.
+
+        Raises
+        ------
+        TypeError
+            There is no figure of this type.
+        """
+        return self._plot(ax)
+
+    def _plot(self, ax: Axes | None, **options: Any) -> Figure:
+        if not self.plotted_by:
+            raise TypeError(f"plot: there is no figure of a {type(self).__name__}")
+        figure: Figure = resolve_name(self.plotted_by)(self, ax, **options)
+        return figure
 
     def _repr_html_(self) -> str:
         from receptance.report.html import as_html
 
-        return as_html(self, self.drawing())
+        return as_html(self, self.plot() if self.drawn_in_notebooks else None)
 
 
 @dataclass(frozen=True)
@@ -246,8 +277,8 @@ class PageSection:
 class Result(Renderable):
     """Base of all results: a subclass defines tables, sentences and data, which are rendered here.
 
-    A subclass has the attributes `provenance` and `notes` (sentences for the user), defines `data` and `plot`, and
-    overrides `tables`, `sentences`, and `warnings` if the user should act on something.
+    A subclass has the attributes `provenance` and `notes` (sentences for the user), defines `data` and
+    `plotted_by`, and overrides `tables`, `sentences`, and `warnings` if the user should act on something.
     """
 
     heading: ClassVar[str] = "Result"
@@ -290,21 +321,6 @@ class Result(Renderable):
     @abstractmethod
     def data(self) -> dict[str, Any]:
         """Return the values of this result for `to_dict`; arrays and dataclasses are allowed."""
-
-    @abstractmethod
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the result.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Axes that are replaced by the figure; several panels share their place. By default a new figure.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The figure; save it with `savefig`.
-        """
 
     def to_html(self, title: str = "", *, measured: Sequence[Table] = ()) -> str:
         """Return the result as one HTML page without scripts, which needs no network.

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, panels, set_up, surface
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from receptance.stability import Lobes, Stability, StableCut
+from receptance.stability.lobes import Lobes, Stability, StableCut
 
 _SPEED = "spindle speed (1000 rpm)"
 _LARGEST_COUNT = 8
@@ -45,7 +40,7 @@ def draw_lobes(lobes: Lobes, ax: Axes | None = None) -> Figure:
     return finished(figure, lobes.rejection)
 
 
-def draw_several_lobes(several: Stability, ax: Axes | None = None) -> Figure:
+def draw_stability(several: Stability, ax: Axes | None = None) -> Figure:
     """Draw up to eight lobe diagrams below each other; a single one like `draw_lobes`."""
     diagrams = list(several.values())[:_LARGEST_COUNT]
     if len(diagrams) == 1:

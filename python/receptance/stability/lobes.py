@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,12 +15,6 @@ from receptance.frf.plausibility import check_drive_point
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.tip import beyond_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _SHARES = (0.5, 0.2, 0.05)
 """Thresholds as shares of the largest 1/depth: segments above them are processed first."""
@@ -272,6 +267,7 @@ class Lobes(Result):
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Stability"
+    plotted_by = "receptance.stability.figure:draw_lobes"
 
     @property
     def certain_depth(self) -> NDArray[np.float64]:
@@ -451,12 +447,6 @@ class Lobes(Result):
             "chatter_hz": self.chatter_hz,
         }
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw limit, band, recommended speeds and chatter frequency; see `Result.plot`."""
-        from receptance.stability.figure import draw_lobes
-
-        return draw_lobes(self, ax)
-
     def _required_draws(self) -> NDArray[np.float64]:
         if self.draws is None:
             raise ValueError("Lobes: there are no draws, from which probabilities follow; give draws or cuts")
@@ -485,6 +475,7 @@ class Stability(Results[Lobes]):
 
     heading = "Stability"
     key = "cuts"
+    plotted_by = "receptance.stability.figure:draw_stability"
 
     def __init__(
         self,
@@ -503,12 +494,6 @@ class Stability(Results[Lobes]):
             "cuts": [{**lobes.data(), "notes": lobes.notes} for lobes in self.values()],
             "identified": None if self.identified is None else self.identified.to_dict(),
         }
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the lobes of each cut with their bands; see `Result.plot`."""
-        from receptance.stability.figure import draw_several_lobes
-
-        return draw_several_lobes(self, ax)
 
 
 def stability_lobes(

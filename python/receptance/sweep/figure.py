@@ -6,15 +6,15 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from receptance.report.figure import COLOURS, INK, finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
-    from matplotlib.figure import Figure
 
 _BINS = 30
 """Number of bins for a parameter with more than twice as many values."""

@@ -1,22 +1,26 @@
-"""Figure and summary table of an FRF."""
+"""Figures of FRFs."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
+from receptance.frf import FRF
 from receptance.model.coordinates import UnknownPosition
-from receptance.report import Table
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, phase_line, set_up, surface, title_left
-from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
-
-    from receptance.frf import FRF
+from receptance.report.figure import (
+    COLOURS,
+    INK,
+    PALE,
+    add_legend,
+    finished,
+    phase_line,
+    set_up,
+    set_up_phase,
+    surface,
+    title_left,
+)
 
 _MAX_NAMED = 8
 """Most entries named in the legend; of more entries only the number is given."""
@@ -27,7 +31,7 @@ PHASE_FROM = {"receptance": -225.0, "mobility": -180.0, "accelerance": -135.0}
 
 
 def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
-    """Draw magnitude, phase and, if known, coherence of all entries of an FRF; see `Result.plot`.
+    """Draw magnitude, phase and, if known, coherence of all entries of an FRF.
 
     Lines outside the usable band are shaded. If the variance is known, a pale band around the magnitude is the 95 %
     interval.
@@ -38,12 +42,10 @@ def draw_frf(frf: FRF, ax: Axes | None = None) -> Figure:
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     unit = frf.unit.replace("^2", "²") if len(frf.distinct_units) == 1 else "SI units"
     set_up(panels[0], "", "", f"|{frf.form}| ({unit})")
-    set_up(panels[1], "", "", "phase (°)")
+    set_up_phase(panels[1], PHASE_FROM[frf.form])
     for number, entry in enumerate(np.ndindex(frf.shape[1:])):
         _draw_entry(panels, frf, entry, COLOURS[number % len(COLOURS)], number < _MAX_NAMED)
     panels[0].set_yscale("log")
-    panels[1].set_yticks([-180, -90, 0, 90, 180])
-    panels[1].set_ylim(PHASE_FROM[frf.form] - 5.0, PHASE_FROM[frf.form] + 365.0)
     if rows == 3:
         set_up(panels[2], "", "", "coherence")
         panels[2].set_ylim(0.0, 1.05)
@@ -116,44 +118,3 @@ def _title(figure: Figure | SubFigure, axes: Axes, frf: FRF) -> None:
     title_left(figure, "  ·  ".join([title, *details]), 11.0)
     if any(_name(frf, i, j) for i, j in np.ndindex(n_out, n_in)):
         add_legend(axes, loc="best")
-
-
-def summary_table(frf: FRF) -> Table:
-    """Return lines, form, coordinates, averages and quality of an FRF."""
-    rows = [
-        ("lines", f"{frf.frequency_hz.size}, {frf.frequency_hz[0]:g} to {frf.frequency_hz[-1]:g} Hz{_spacing(frf)}"),
-        ("form", f"{frf.form} in {', '.join(frf.distinct_units)}"),
-    ]
-    names = frf.labels or ((), ())
-    for title, side, labels in zip(("responses", "excitations"), (frf.responses, frf.excitations), names, strict=True):
-        names_of_side = [
-            coordinate.describe() + (f" ({labels[index]})" if labels and labels[index] else "")
-            for index, coordinate in enumerate(side)
-        ]
-        rows.append((title, "; ".join(names_of_side)))
-    if frf.decay_rate:
-        rows.append(("exponential window", f"decay rate {frf.decay_rate:g} 1/s on force and response"))
-    if frf.averages is not None:
-        rows.append(("averages", str(frf.averages)))
-    if frf.coherence is not None:
-        rows.append(("coherence", f"median {np.median(frf.coherence):.4g}, lowest {frf.coherence.min():.4g}"))
-    if frf.standard_deviation is not None:
-        rows.append(("standard deviation", f"median {percent(np.median(frf.standard_deviation), 3)}"))
-    if frf.usable is not None:
-        rows.append(("usable", f"{np.count_nonzero(frf.usable)} lines{_band(frf)}"))
-    if frf.source:
-        rows.append(("source", frf.source))
-    return Table("", ("property", "value"), rows)
-
-
-def _spacing(frf: FRF) -> str:
-    steps = np.diff(frf.frequency_hz)
-    if not steps.size:
-        return ""
-    even = bool(np.ptp(steps) <= 1e-6 * steps.max())
-    return f", {steps.mean():.6g} Hz apart" if even else f", {steps.min():.6g} to {steps.max():.6g} Hz apart"
-
-
-def _band(frf: FRF) -> str:
-    inside = frf.frequency_hz[frf.usable]
-    return f", {inside[0]:g} to {inside[-1]:g} Hz" if inside.size else ""

@@ -1,0 +1,165 @@
+"""Figures of campaigns: assemblies to scale, predictions, parameters over levels, and comparisons of candidates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from numpy.typing import NDArray
+
+from receptance.campaign.check import CampaignCheck, listed
+from receptance.campaign.comparison import Comparison
+from receptance.campaign.prediction import Prediction
+from receptance.campaign.run import Campaign
+from receptance.campaign.series import LevelSeries
+from receptance.campaign.values import kind_of
+from receptance.coupling.figure import draw_with_law
+from receptance.fit.figure import (
+    MOST_FRFS,
+    cell_grid,
+    draw_curves,
+    draw_frequencies,
+    draw_ratio,
+    left_out,
+    legend_with_noise,
+    pair_of_panels,
+    set_up_magnitude,
+)
+from receptance.fit.observation import Observation
+from receptance.fit.prediction import PredictedFRF
+from receptance.model.coordinates import Coordinate
+from receptance.model.figure import Drawing, Mark, draw_assemblies
+from receptance.report.figure import BAND, INK, PALE, finished, panels, surface, title_left
+from receptance.sweep.figure import draw_misfit
+
+_MOST_OF_CAMPAIGN = 3
+"""Most assemblies in the figure of a campaign."""
+_MOST_SHAPES = 8
+"""Most assemblies in the figure of a check; those of the same shape are drawn once."""
+
+
+def draw_campaign(campaign: Campaign, ax: Axes | None = None) -> Figure:
+    """Draw the first assemblies to scale."""
+    first = list(campaign.assemblies.items())[:_MOST_OF_CAMPAIGN]
+    return draw_assemblies([Drawing(assembly, name) for name, assembly in first], ax)
+
+
+def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
+    """Draw the assemblies to scale with sensors and points of measurement."""
+    groups: dict[Any, list[str]] = {}
+    drawings: dict[Any, Drawing] = {}
+    for name, assembly in check.campaign.assemblies.items():
+        measured = [m for m in check.campaign.measurements.values() if m.configuration == name]
+        marks = tuple(dict.fromkeys(mark for one in measured for mark in _marks(one)))
+        shown = measured[0].assembly if measured else assembly
+        key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
+        groups.setdefault(key, []).append(name)
+        drawings.setdefault(key, Drawing(shown, "", marks))
+    titled = [
+        Drawing(one.assembly, listed(groups[key]), one.marks) for key, one in list(drawings.items())[:_MOST_SHAPES]
+    ]
+    left = len(drawings) - len(titled)
+    more = f"  ·  {left} more shapes are not drawn" if left else ""
+    return draw_assemblies(titled, ax, title=f"{check.campaign.title}{more}")
+
+
+def _shape(item: tuple[str, Any]) -> Any:
+    name, element = item
+    segments = getattr(element, "segments", ())
+    sizes = tuple((s.length, s.outer_diameter, s.inner_diameter, s.material.name) for s in segments)
+    return name, sizes, getattr(element, "length", 0.0)
+
+
+def _marks(measured: Observation) -> list[Mark]:
+    if not measured.is_receptance:
+        return []
+    response, excitation = measured.response, measured.excitation
+    return [
+        Mark(_mark("response", response), response, "response"),
+        Mark(_mark("hit", excitation), excitation, "excitation"),
+    ]
+
+
+def _mark(text: str, at: Coordinate) -> str:
+    return f"{text} (rotation)" if at.direction == "theta" else text
+
+
+def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
+    """Draw predictions with their intervals, and measurements."""
+    frfs = found.frfs[:MOST_FRFS]
+    compared = [one for one in found.frequencies if one.measured_hz is not None]
+    title = f"{found.title}{left_out(found.frfs, frfs)}"
+    figure, cells = cell_grid(ax, len(frfs) + bool(compared), title)
+    for frf, cell in zip(frfs, cells, strict=False):
+        _predicted_frf(cell, frf, found)
+    if compared:
+        rows = [
+            (
+                one.name,
+                [mode.mode for mode in one.modes],
+                one.measured_hz,
+                one.predicted_hz,
+                found.reach * one.scatter.total,
+                np.array([mode.measured_deviation_hz for mode in one.modes]),
+            )
+            for one in compared
+        ]
+        title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
+        draw_frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
+    return finished(figure, found.rejection)
+
+
+def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> None:
+    lines = frf.frequency_hz.real
+    measured = frf.measured is not None
+    top, below = pair_of_panels(cell)
+    title = f"{frf.name}: {'held out' if measured else 'predicted, not measured'}"
+    set_up_magnitude(top, title, frf.response, frf.excitation)
+    size = np.abs(frf.receptance)
+    shown = size if frf.measured is None else np.concatenate([size, np.abs(frf.measured)])
+    limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
+    low, high = frf.band(found.level)
+    low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
+    top.fill_between(lines, low, high, color=BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
+    draw_curves(top, lines, frf.measured, frf.receptance, "predicted")
+    top.set_ylim(*limits)
+    if not measured:
+        for one in found.frequencies:
+            if one.name == frf.name:
+                _name_modes(top, one.predicted_hz, found.reach * one.scatter.total)
+    legend_with_noise(top, frf.measured_deviation)
+    label = "measured over\npredicted (dB)" if measured else "band (dB)"
+    log_ratio = frf.log_ratio.real if measured else None
+    draw_ratio(below, label, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
+
+
+def _name_modes(axes: Axes, frequency_hz: NDArray[np.float64], half_hz: NDArray[np.float64]) -> None:
+    """Annotate natural frequencies with their intervals."""
+    for frequency, half in zip(frequency_hz, half_hz, strict=True):
+        text = f"{frequency:.0f} ± {half:.0f} Hz" if np.isfinite(half) else f"{frequency:.0f} Hz, open"
+        axes.axvline(frequency, color=PALE, linewidth=0.7, linestyle=":")
+        axes.annotate(
+            text, (frequency, 0.03), xycoords=("data", "axes fraction"), xytext=(-4, 0), textcoords="offset points",
+            rotation=90, ha="right", va="bottom", fontsize=8, color=INK,
+        )  # fmt: skip
+
+
+def draw_series(found: LevelSeries, ax: Axes | None = None) -> Figure:
+    """Draw each parameter over the levels, with 95 % intervals and its law (Xu et al. 2012, figures 10 to 13)."""
+    over = f"{found.over} ({found.unit})" if found.unit else found.over
+    count = len(found)
+    columns = min(count, 3 if count > 4 else 2)
+    rows = -(-count // columns)
+    figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
+    for axes, (name, series) in zip(panels(figure, count, columns), found.items(), strict=True):
+        draw_with_law(axes, series, over, kind_of(name).unit)
+    if found.provenance.title:
+        title_left(figure, found.provenance.title)
+    return finished(figure)
+
+
+def draw_comparison(found: Comparison, ax: Axes | None = None) -> Figure:
+    """Draw the smallest misfit over each parameter and each pair of at most four."""
+    return draw_misfit(found.candidates, ax=ax)
