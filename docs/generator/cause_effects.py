@@ -11,9 +11,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from receptance import (
     CARBIDE,
@@ -38,10 +39,6 @@ from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 from receptance.fit.predictor import Predictor
 from receptance.report.figure import COLOURS, INK, PALE, new_figure, set_up
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
 __all__ = ["Effect", "effect", "figure", "look_alikes"]
 

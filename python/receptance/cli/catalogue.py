@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.text import Text
 
+from receptance import report
 from receptance._files import check_target, write_whole
 from receptance.cli.campaigns import CampaignFile, run_on_campaign
 from receptance.cli.running import InputError, NewSeed, Targets, input_errors, refuse_existing, takes_targets
@@ -135,12 +136,11 @@ def _write_files(
     """Write the figure and the FRF of each tool, and yield the predictions unchanged."""
     from receptance.catalogue.figure import draw_tool
     from receptance.io import write
-    from receptance.report.figure import as_image
 
     for prediction in predictions:
         name = names[prediction.row.name]
         if figures is not None:
-            write_whole({figures / f"{name}.png": as_image(draw_tool(prediction), "png")})
+            write_whole({figures / f"{name}.png": report.figure.as_image(draw_tool(prediction), "png")})
         if frfs is not None:
             write(frfs / f"{name}.csv", prediction.as_frf())
         yield prediction

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from receptance import diagnosis
 from receptance.cli.running import Targets, input_errors, takes_targets, with_progress
 from receptance.report.terminal import print_sentences, print_title
 
@@ -31,7 +32,7 @@ def demo(targets: Targets) -> None:
     """
     targets.require_new()
     found = with_progress(_diagnose)
-    targets.write(found.to_dict, lambda: _draw(found), report=found.to_html)
+    targets.write(found.to_dict, lambda: _draw(found), html=found.to_html)
     console = targets.console()
     print_title(console, "Hammer test of a 12 mm carbide blank in a holder, at three overhangs")
     print_sentences(console, [" ".join(texts) for texts in _story(found)])
@@ -102,8 +103,7 @@ def _prediction(found: Verdict, *, after: bool) -> str:
 
 
 def _draw(found: Verdict) -> Figure:
-    from receptance.diagnosis.figure import prediction_figure
     from receptance.diagnosis.held_out_curves import held_out_curves
 
     ((before, after),) = held_out_curves(found)
-    return prediction_figure(before, after)
+    return diagnosis.figure.prediction_figure(before, after)

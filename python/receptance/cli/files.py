@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from receptance import report
 from receptance._reading import Option, ReadingOptions, reading_options
 from receptance.cli.running import (
     InputError,
@@ -183,11 +184,9 @@ def open_figure(console: Console, draw: Any, name: str) -> None:
     if not (sys.stdout.isatty() and sys.stdin.isatty()):
         console.print("No figure in a pipe: --plot FILE.png saves it.", soft_wrap=True)
         return
-    from receptance.report.figure import as_image
-
     try:
         with tempfile.NamedTemporaryFile(prefix=f"{name}-", suffix=".png", delete=False) as file:
-            file.write(as_image(draw(), "png"))
+            file.write(report.figure.as_image(draw(), "png"))
     except OSError as error:
         raise InputError(f"the figure cannot be written: {error.strerror or error}; --plot FILE.png saves it") from None
     if typer.launch(file.name) != 0:

@@ -21,9 +21,10 @@ from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableT
 from rich.control import Control
 from rich.segment import Segment
 
+from receptance import report
 from receptance._files import check_target, write_whole
 from receptance._text import printable
-from receptance.report.terminal import LEAST_WIDTH
+from receptance.report.terminal import LEAST_WIDTH, print_result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -256,7 +257,7 @@ class Targets:
         results: Callable[[], dict[str, Any]],
         draw: Callable[[], Figure] | None = None,
         profiles: Callable[[], Figure] | None = None,
-        report: Callable[[], str] | None = None,
+        html: Callable[[], str] | None = None,
         more: Mapping[Path, str] | None = None,
     ) -> None:
         """Write all output files or none; profiles become a second figure, and `more` are contents of other files."""
@@ -267,19 +268,17 @@ class Targets:
             document = json.dumps(results(), indent=2, allow_nan=False) + "\n"
         if json_file is not None:
             contents[json_file] = document.encode()
-        if page is not None and report is not None:
+        if page is not None and html is not None:
             with input_errors():  # some results have no figure, such as sweeps of many parameters
-                contents[page] = report().encode()
+                contents[page] = html().encode()
         figures: dict[Path, bytes] = {}
         if plot is not None and draw is not None:
-            from receptance.report.figure import as_image
-
             try:
                 with input_errors():
-                    figures[plot] = as_image(draw(), self.kind)
+                    figures[plot] = report.figure.as_image(draw(), self.kind)
                 if profiles is not None:
                     self._names.append(("Figure", _beside(plot, PROFILES)))
-                    figures[_beside(plot, PROFILES)] = as_image(profiles(), self.kind)
+                    figures[_beside(plot, PROFILES)] = report.figure.as_image(profiles(), self.kind)
             except Exception:
                 with input_errors():
                     write_whole(contents)  # results are written even if the figure cannot be drawn
@@ -298,8 +297,6 @@ class Targets:
         more: Mapping[Path, str] | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
-        from receptance.report.terminal import print_result
-
         self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), more)
         console = self.console()
         print_result(console, result, measured)
@@ -325,13 +322,10 @@ def _beside(path: Path, what: str) -> Path:
 
 
 def _image_kind(plot: Path) -> str:
-    from receptance.report.figure import image_formats
-
+    formats = report.figure.image_formats()
     kind = plot.suffix.removeprefix(".").lower()
-    if kind not in image_formats():
-        raise InputError(
-            f"cannot write {plot}: expected an ending with a format of figures: {', '.join(image_formats())}"
-        )
+    if kind not in formats:
+        raise InputError(f"cannot write {plot}: expected an ending with a format of figures: {', '.join(formats)}")
     return kind
 
 

@@ -1,4 +1,6 @@
 from . import figure as figure
+from . import html as html
+from . import terminal as terminal
 from .result import PageSection as PageSection
 from .result import Provenance as Provenance
 from .result import Renderable as Renderable

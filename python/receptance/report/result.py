@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from receptance import report
 from receptance._text import first_of
 from receptance.report.table import Fact, Table, joined
 
@@ -228,9 +229,7 @@ class Renderable(ABC):
         width : int, optional
             Number of characters per line, at least 40. Numbers are never cut; wide tables are split.
         """
-        from receptance.report.terminal import as_text
-
-        return as_text(self, width)
+        return report.terminal.as_text(self, width)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the content.
@@ -259,9 +258,7 @@ class Renderable(ABC):
         return figure
 
     def _repr_html_(self) -> str:
-        from receptance.report.html import as_html
-
-        return as_html(self, self.plot() if self.drawn_in_notebooks else None)
+        return report.html.as_html(self, self.plot() if self.drawn_in_notebooks else None)
 
 
 @dataclass(frozen=True)
@@ -337,9 +334,7 @@ class Result(Renderable):
         str
             The page; write it to a file with the ending `.html`, encoded as UTF-8.
         """
-        from receptance.report.html import result_page
-
-        return result_page(self, title, measured)
+        return report.html.result_page(self, title, measured)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as values that JSON supports; a number that is not finite is None."""
