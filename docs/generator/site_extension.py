@@ -14,8 +14,19 @@ from sphinx.util.docutils import SphinxRole
 OUTSIDE = {"../README.md": "index.md", "../CHANGELOG.md": "changes.md", "../CONTRIBUTING.md": "contributing.md"}
 """Files beside `docs` that pages link to, and the pages of the site that take their place."""
 
-INTERNAL = {"columns_of", "countable", "declared", "flat", "layout", "quantities", "tabulated", "tied"}
-"""Members of elements and assemblies that the library reads and users do not need."""
+INTERNAL = {
+    "columns_of",
+    "countable",
+    "declared",
+    "drawn_in_notebooks",
+    "flat",
+    "layout",
+    "plotted_by",
+    "quantities",
+    "tabulated",
+    "tied",
+}
+"""Members that the library reads and users do not need."""
 
 
 class NameRole(SphinxRole):

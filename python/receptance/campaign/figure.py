@@ -52,13 +52,14 @@ def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
     drawings: dict[Any, Drawing] = {}
     for name, assembly in check.campaign.assemblies.items():
         measured = [m for m in check.campaign.measurements.values() if m.configuration == name]
-        marks = tuple(dict.fromkeys(mark for one in measured for mark in _marks(one)))
+        marks = tuple(dict.fromkeys(mark for observation in measured for mark in _marks(observation)))
         shown = measured[0].assembly if measured else assembly
         key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
         groups.setdefault(key, []).append(name)
         drawings.setdefault(key, Drawing(shown, "", marks))
     titled = [
-        Drawing(one.assembly, listed(groups[key]), one.marks) for key, one in list(drawings.items())[:_MOST_SHAPES]
+        Drawing(drawing.assembly, listed(groups[key]), drawing.marks)
+        for key, drawing in list(drawings.items())[:_MOST_SHAPES]
     ]
     left = len(drawings) - len(titled)
     more = f"  ·  {left} more shapes are not drawn" if left else ""
@@ -86,32 +87,32 @@ def _mark(text: str, at: Coordinate) -> str:
     return f"{text} (rotation)" if at.direction == "theta" else text
 
 
-def draw_prediction(found: Prediction, ax: Axes | None = None) -> Figure:
+def draw_prediction(prediction: Prediction, ax: Axes | None = None) -> Figure:
     """Draw predictions with their intervals, and measurements."""
-    frfs = found.frfs[:MOST_FRFS]
-    compared = [one for one in found.frequencies if one.measured_hz is not None]
-    title = f"{found.title}{left_out(found.frfs, frfs)}"
+    frfs = prediction.frfs[:MOST_FRFS]
+    compared = [frequencies for frequencies in prediction.frequencies if frequencies.measured_hz is not None]
+    title = f"{prediction.title}{left_out(prediction.frfs, frfs)}"
     figure, cells = cell_grid(ax, len(frfs) + bool(compared), title)
     for frf, cell in zip(frfs, cells, strict=False):
-        _predicted_frf(cell, frf, found)
+        _predicted_frf(cell, frf, prediction)
     if compared:
         rows = [
             (
-                one.name,
-                [mode.mode for mode in one.modes],
-                one.measured_hz,
-                one.predicted_hz,
-                found.reach * one.scatter.total,
-                np.array([mode.measured_deviation_hz for mode in one.modes]),
+                frequencies.name,
+                [mode.mode for mode in frequencies.modes],
+                frequencies.measured_hz,
+                frequencies.predicted_hz,
+                prediction.reach * frequencies.scatter.total,
+                np.array([mode.measured_deviation_hz for mode in frequencies.modes]),
             )
-            for one in compared
+            for frequencies in compared
         ]
-        title = f"Natural frequencies held out, with {100.0 * found.level:g} % intervals"
+        title = f"Natural frequencies held out, with {100.0 * prediction.level:g} % intervals"
         draw_frequencies(cells[len(frfs)].subplots(), title, "predicted", rows)
-    return finished(figure, found.rejection)
+    return finished(figure, prediction.rejection)
 
 
-def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> None:
+def _predicted_frf(cell: SubFigure, frf: PredictedFRF, prediction: Prediction) -> None:
     lines = frf.frequency_hz.real
     measured = frf.measured is not None
     top, below = pair_of_panels(cell)
@@ -120,19 +121,19 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, found: Prediction) -> Non
     size = np.abs(frf.receptance)
     shown = size if frf.measured is None else np.concatenate([size, np.abs(frf.measured)])
     limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
-    low, high = frf.band(found.level)
+    low, high = frf.band(prediction.level)
     low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
-    top.fill_between(lines, low, high, color=BAND, linewidth=0, label=f"{100.0 * found.level:g} % band")
+    top.fill_between(lines, low, high, color=BAND, linewidth=0, label=f"{100.0 * prediction.level:g} % band")
     draw_curves(top, lines, frf.measured, frf.receptance, "predicted")
     top.set_ylim(*limits)
     if not measured:
-        for one in found.frequencies:
-            if one.name == frf.name:
-                _name_modes(top, one.predicted_hz, found.reach * one.scatter.total)
+        for frequencies in prediction.frequencies:
+            if frequencies.name == frf.name:
+                _name_modes(top, frequencies.predicted_hz, prediction.reach * frequencies.scatter.total)
     legend_with_noise(top, frf.measured_deviation)
     label = "measured over\npredicted (dB)" if measured else "band (dB)"
     log_ratio = frf.log_ratio.real if measured else None
-    draw_ratio(below, label, lines, log_ratio, found.reach * frf.scatter.total, frf.measured_deviation)
+    draw_ratio(below, label, lines, log_ratio, prediction.reach * frf.scatter.total, frf.measured_deviation)
 
 
 def _name_modes(axes: Axes, frequency_hz: NDArray[np.float64], half_hz: NDArray[np.float64]) -> None:
@@ -146,20 +147,20 @@ def _name_modes(axes: Axes, frequency_hz: NDArray[np.float64], half_hz: NDArray[
         )  # fmt: skip
 
 
-def draw_series(found: LevelSeries, ax: Axes | None = None) -> Figure:
+def draw_series(levels: LevelSeries, ax: Axes | None = None) -> Figure:
     """Draw each parameter over the levels, with 95 % intervals and its law (Xu et al. 2012, figures 10 to 13)."""
-    over = f"{found.over} ({found.unit})" if found.unit else found.over
-    count = len(found)
+    over = f"{levels.over} ({levels.unit})" if levels.unit else levels.over
+    count = len(levels)
     columns = min(count, 3 if count > 4 else 2)
     rows = -(-count // columns)
     figure = surface(ax, 5.6 * columns + (1.5 if columns == 1 else 0.0), 4.2 * rows + 0.7)
-    for axes, (name, series) in zip(panels(figure, count, columns), found.items(), strict=True):
+    for axes, (name, series) in zip(panels(figure, count, columns), levels.items(), strict=True):
         draw_with_law(axes, series, over, kind_of(name).unit)
-    if found.provenance.title:
-        title_left(figure, found.provenance.title)
+    if levels.provenance.title:
+        title_left(figure, levels.provenance.title)
     return finished(figure)
 
 
-def draw_comparison(found: Comparison, ax: Axes | None = None) -> Figure:
+def draw_comparison(comparison: Comparison, ax: Axes | None = None) -> Figure:
     """Draw the smallest misfit over each parameter and each pair of at most four."""
-    return draw_misfit(found.candidates, ax=ax)
+    return draw_misfit(comparison.candidates, ax=ax)

@@ -34,36 +34,36 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u20
 _LAWS = {"constant": "constant", "linear": "K0 + a F", "power": "K0 + a F^n"}
 
 
-def draw_inverse_coupling(found: InverseCoupling | InverseCouplings, ax: Axes | None = None) -> Figure:
+def draw_inverse_coupling(coupling: InverseCoupling | InverseCouplings, ax: Axes | None = None) -> Figure:
     """Draw real and imaginary part of each term, with 95 % intervals on usable lines, and the condition number.
 
     Other lines are pale. The orange curves are the constant joint k + i w c that fits all lines.
     """
-    joints = found if isinstance(found, InverseCouplings) else {found.name or found.joint: found}
-    heights = [2.6 * len(one.terms) + 2.6 for one in joints.values()]
+    joints = coupling if isinstance(coupling, InverseCouplings) else {coupling.name or coupling.joint: coupling}
+    heights = [2.6 * len(joint.terms) + 2.6 for joint in joints.values()]
     figure = surface(ax, 11.0, sum(heights))
     cells = np.ravel(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights))
-    for cell, (name, one) in zip(cells, joints.items(), strict=True):
-        _draw_joint(cell, name, one)
+    for cell, (name, joint) in zip(cells, joints.items(), strict=True):
+        _draw_joint(cell, name, joint)
     return finished(figure)
 
 
-def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
+def _draw_joint(figure: SubFigure, name: str, coupling: InverseCoupling) -> None:
     title_left(
         figure,
-        f"{name} line by line, from {', '.join(found.labels)}\n"
-        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * found.limit:g} %;  grey: other "
+        f"{name} line by line, from {', '.join(coupling.labels)}\n"
+        f"blue, with 95 % intervals: usable lines, standard deviation below {100.0 * coupling.limit:g} %;  grey: other "
         "lines;  orange: k + i w c fitted to all lines",
         10.5,
     )
-    rows = len(found.terms)
+    rows = len(coupling.terms)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.0] * rows + [0.8])
-    lines = np.asarray(found.frequency_hz).real
-    for row, term in enumerate(found.terms):
-        value, noise, usable = found.term(term)
-        model = found.model_deviation[:, *TERMS[term]]
+    lines = np.asarray(coupling.frequency_hz).real
+    for row, term in enumerate(coupling.terms):
+        value, noise, usable = coupling.term(term)
+        model = coupling.model_deviation[:, *TERMS[term]]
         deviation = np.hypot(noise, model)
-        joint = found.typical.get(term)
+        joint = coupling.typical.get(term)
         for column, part in enumerate((value.real, value.imag)):
             axes = figure.add_subplot(grid[row, column])
             symbol = f"{'Re' if column == 0 else 'Im'} {_SYMBOLS[term]}"
@@ -75,7 +75,7 @@ def _draw_joint(figure: SubFigure, name: str, found: InverseCoupling) -> None:
                 constant = np.full(lines.size, joint[0]) if column == 0 else 2.0 * np.pi * lines * joint[1]
             _draw_part(axes, lines, part, deviation, usable, constant)
             axes.set_xlim(lines[0], lines[-1])
-    _draw_condition(figure.add_subplot(grid[rows, :]), lines, found.condition)
+    _draw_condition(figure.add_subplot(grid[rows, :]), lines, coupling.condition)
 
 
 def _draw_part(

@@ -50,7 +50,7 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     """Draw the first five receptances and natural frequencies, before and after, and the evidence of the candidates."""
     before = curves(verdict.base_fit)
     after = [] if verdict.explanation is None else curves(verdict.explanation.fit)
-    receptances = [i for i, one in enumerate(before) if np.iscomplexobj(one.measured)]
+    receptances = [i for i, curve in enumerate(before) if np.iscomplexobj(curve.measured)]
     frequencies = [i for i in range(len(before)) if i not in receptances]
     candidates = verdict.candidates[:_CANDIDATES]
     count = len(receptances[:_RECEPTANCES]) + bool(frequencies) + bool(candidates)
@@ -84,18 +84,18 @@ def prediction_figure(before: Curve, after: Curve | None) -> Figure:
     axes = figure.subplots(3, 2, sharex="col", height_ratios=(3, 2, 2), width_ratios=(3, 2))
     lines, peak = before.frequency_hz, float(before.frequency_hz[np.argmax(np.abs(before.measured))])
     for column, chosen in zip(axes.T, (lines > 0.0, np.abs(lines / peak - 1.0) < _AROUND), strict=True):
-        own, other = (None if curve is None else _on_lines(curve, chosen) for curve in (before, after))
-        assert own is not None
-        _draw_receptance(column[0], own, other)
-        _draw_phase(column[1], own, other)
-        _draw_ratio(column[2], own, other)
+        drawn_before, drawn_after = (None if curve is None else _on_lines(curve, chosen) for curve in (before, after))
+        assert drawn_before is not None
+        _draw_receptance(column[0], drawn_before, drawn_after)
+        _draw_phase(column[1], drawn_before, drawn_after)
+        _draw_ratio(column[2], drawn_before, drawn_after)
         for upper in column[:2]:
             upper.set_xlabel("")
     set_up(axes[0, 1], f"around {peak:.0f} Hz")
     axes[0, 1].get_legend().remove()
     axes[0, 1].yaxis.set_minor_formatter(NullFormatter())
-    for own in axes[1:, 1]:
-        own.set_ylabel("")
+    for panel in axes[1:, 1]:
+        panel.set_ylabel("")
     return finished(figure)
 
 
@@ -176,16 +176,16 @@ def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve
 
 def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
     """Draw the odds of each cause to the best in powers of ten; a dashed line marks the margin of evidence."""
-    reported, best = {one.id for one in verdict.causes}, verdict.best_evidence
-    bars = [(one.title, best - one.evidence, one.id in reported) for one in verdict.candidates]
+    reported, best = {cause.id for cause in verdict.causes}, verdict.best_evidence
+    bars = [(cause.title, best - cause.evidence, cause.id in reported) for cause in verdict.candidates]
     bars = sorted([*bars, ("the model as it is", best, False)], key=lambda bar: bar[1])[:_CANDIDATES]
     set_up(axes, title, "n, where the odds are 1 : 10^n", "", grid="x")
     decades = [min(0.5 * behind / np.log(10.0), _DECADES) for _, behind, _ in bars]
     places = range(len(bars))
-    axes.hlines(places, 0.0, decades, color=[COLOURS[2] if own else PALE for *_, own in bars], lw=2.0)
-    for place, decade, (*_, own) in zip(places, decades, bars, strict=True):
+    axes.hlines(places, 0.0, decades, color=[COLOURS[2] if is_cause else PALE for *_, is_cause in bars], lw=2.0)
+    for place, decade, (*_, is_cause) in zip(places, decades, bars, strict=True):
         marker = ">" if decade == _DECADES else "o"
-        axes.plot([decade], [place], marker, color=COLOURS[2] if own else PALE, ms=6.0, clip_on=False)
+        axes.plot([decade], [place], marker, color=COLOURS[2] if is_cause else PALE, ms=6.0, clip_on=False)
     axes.axvline(0.5 * MARGIN / np.log(10.0), color=COLOURS[1], lw=1.0, ls="--")
     axes.set_yticks(places, [textwrap.fill(name, _NAME) for name, *_ in bars], fontsize=9)
     axes.set_ylim(len(bars) - 0.4, -0.6)

@@ -48,20 +48,20 @@ OPEN = 1e3
 """Factor to either side up to which the band of a transfer is drawn."""
 
 
-def draw_identification(found: Identification, ax: Axes | None = None) -> Figure:
+def draw_identification(fit: Identification, ax: Axes | None = None) -> Figure:
     """Draw measurements and fitted model, their ratio, and the intervals of the parameters, or those of a series."""
-    if found.series:
-        return finished(found.series.plot(ax), found.rejection)
-    everything = list(zip(found.labels, found.task.observed, found.assemblies, strict=True))
+    if fit.series:
+        return finished(fit.series.plot(ax), fit.rejection)
+    everything = list(zip(fit.labels, fit.task.observed, fit.assemblies, strict=True))
     frfs = [(label, observation, assembly) for label, observation, assembly in everything if observation.is_receptance]
     shown = frfs[:MOST_FRFS]
     lists = [
         (label, observation, assembly) for label, observation, assembly in everything if not observation.is_receptance
     ]
-    parameters = [name for name in found.values if name not in found.errors]
+    parameters = [name for name in fit.values if name not in fit.errors]
     # Many rows take the whole width below the other panels.
     below = 1.4 + 0.24 * len(parameters) if len(parameters) > _MOST_BESIDE else 0.0
-    title = f"{found.title}{left_out(frfs, shown)}"
+    title = f"{fit.title}{left_out(frfs, shown)}"
     figure, cells = cell_grid(ax, len(shown) + bool(lists) + (not below), title, below)
     for (label, seen, assembly), cell in zip(shown, cells, strict=False):
         model = assembly.receptance(
@@ -74,7 +74,7 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
         low, high = top.get_ylim()
         top.set_ylim(low, 30.0 * high)
         # As stated: the fit may have used more, and predictions show the stated noise as well.
-        noise = None if seen.standard_deviation is None else seen.standard_deviation / found.noise_factor
+        noise = None if seen.standard_deviation is None else seen.standard_deviation / fit.noise_factor
         legend_with_noise(top, noise)
         ratio = np.log(np.abs(seen.receptance / model))
         draw_ratio(bottom, "measured over\nfitted (dB)", lines, ratio, None, noise)
@@ -85,8 +85,8 @@ def draw_identification(found: Identification, ax: Axes | None = None) -> Figure
             fitted = assembly.lowest_natural_frequencies(max(listed.modes))[0][[mode - 1 for mode in listed.modes]]
             rows.append((label, listed.modes, listed.frequency_hz, fitted, None, listed.standard_deviation))
         draw_frequencies(axes, "Natural frequencies, fitted against measured", "fitted", rows)
-    _parameters(cells[-1], found, parameters)
-    return finished(figure, found.rejection)
+    _parameters(cells[-1], fit, parameters)
+    return finished(figure, fit.rejection)
 
 
 def cell_grid(
@@ -210,20 +210,20 @@ def draw_frequencies(axes: Axes, title: str, series: str, rows: Sequence[tuple[A
     add_legend(axes, loc="upper right", ncols=2)
 
 
-def _parameters(cell: SubFigure, found: Identification, names: Sequence[str]) -> None:
+def _parameters(cell: SubFigure, fit: Identification, names: Sequence[str]) -> None:
     """Draw the 95 % interval of every parameter relative to its value."""
     axes = cell.subplots()
     between = "\n" if len(names) <= _MOST_BESIDE else "   "
     set_up(axes, "95 % intervals of the parameters", "relative to the value", grid="both")
-    styles = [(BAND, 12.0, "with tolerances")] if found.errors else []
+    styles = [(BAND, 12.0, "with tolerances")] if fit.errors else []
     styles.append((COLOURS[0], 6.0, "from the data"))
     for colour, width, label in styles:
         axes.plot([], [], color=colour, linewidth=width, label=label)
     labels = []
     for index, address in enumerate(names):
-        value = found.values[address]
-        intervals = [found.interval(address)] if found.errors else []
-        for ends, (colour, width, _) in zip([*intervals, found.interval(address, exact=True)], styles, strict=True):
+        value = fit.values[address]
+        intervals = [fit.interval(address)] if fit.errors else []
+        for ends, (colour, width, _) in zip([*intervals, fit.interval(address, exact=True)], styles, strict=True):
             low, high = sorted(end / value if value else float("inf") for end in ends)
             # A wider interval would hide all others.
             bounded = np.isfinite(high) and high < OPEN and bool(value)
@@ -262,9 +262,9 @@ def _factors(axes: Axes) -> None:
     axes.set_xlim(1.0 / span, span)
 
 
-def draw_profiles(found: Profile | Profiles, ax: Axes | None = None) -> Figure:
+def draw_profiles(likelihood: Profile | Profiles, ax: Axes | None = None) -> Figure:
     """Draw the rise of -2 log L over each parameter, the threshold of the interval, and its meaning."""
-    profiles = found if isinstance(found, Profiles) else Profiles({found.name: found})
+    profiles = likelihood if isinstance(likelihood, Profiles) else Profiles({likelihood.name: likelihood})
     if not profiles:
         raise ValueError("profiles is empty, expected at least one")
     figure, cells = _titled_panels(ax, len(profiles), 3, (5.0, 3.6), profiles.provenance.title)

@@ -65,12 +65,12 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
     segments and the names of parts, above the diameters (outer/inner) and the names of joints, attachments and points
     of measurement.
     """
-    longest = max(_extent(one.assembly) for one in drawings)
+    longest = max(_extent(drawing.assembly) for drawing in drawings)
     fills: dict[str, str] = {}
     inches = _WIDTH - 2.0 * _MARGIN - 0.3
     scale = longest / inches
     ends = (-_MARGIN * scale, longest + _MARGIN * scale)
-    sketches = [_Sketch(one, scale, ends, fills) for one in drawings]
+    sketches = [_Sketch(drawing, scale, ends, fills) for drawing in drawings]
     heights = [sketch.height / scale + 0.75 for sketch in sketches]
     figure = surface(ax, _WIDTH, sum(heights) + 0.6)
     axes = panels(figure, len(sketches), 1, height_ratios=heights, sharex=True)
@@ -104,11 +104,11 @@ def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
         place.set_title(f"{number + 1}: {text}", loc="left", fontsize=9.5, color=INK)
         place.axhline(0.0, color=PALE, linewidth=0.8)
         for index, name in enumerate(dict.fromkeys(shapes.part)):
-            own = [point for point, part in enumerate(shapes.part) if part == name]
+            points = [point for point, part in enumerate(shapes.part) if part == name]
             colour = COLOURS[index % len(COLOURS)]
-            x = _MM * shapes.distance[own]
-            place.plot(x, turned[own], color=colour, linewidth=1.6, label=name)
-            place.fill_between(x, turned[own], 0.0, color=colour, alpha=0.15, linewidth=0)
+            x = _MM * shapes.distance[points]
+            place.plot(x, turned[points], color=colour, linewidth=1.6, label=name)
+            place.fill_between(x, turned[points], 0.0, color=colour, alpha=0.15, linewidth=0)
     (axes[-1] if axes else outline).set_xlabel("distance from the tip (mm)", color=INK)
     if axes:
         add_legend(axes[0], loc="best")
@@ -290,8 +290,8 @@ class _Sketch:
             part, along = points_of(assembly.elements, name, attachment)
             middle, half = self._place(part, sum(along) / len(along))
             if isinstance(attachment, GroundSpring):
-                for one in along:
-                    at, radius = self._place(part, one)
+                for point in along:
+                    at, radius = self._place(part, point)
                     self.symbols.append((at, -radius, "ground", COLOURS[2]))
                 self._label(middle, -half, name, COLOURS[2])
                 continue

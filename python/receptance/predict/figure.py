@@ -32,47 +32,47 @@ _WIDEST = 1e4
 """An open side of a target is drawn up to this factor of the value, with an arrow head."""
 
 
-def draw_transfer(found: Transfer, ax: Axes | None = None) -> Figure:
+def draw_transfer(transfer: Transfer, ax: Axes | None = None) -> Figure:
     """Draw errors of predicted natural frequencies with their intervals, and predicted receptances with their bands."""
-    frfs = found.frfs[:8]
-    if not found.modes and not frfs:
-        raise ValueError(f"nothing was predicted: {'; '.join(found.not_predicted) or 'there is no split'}")
+    frfs = transfer.frfs[:8]
+    if not transfer.modes and not frfs:
+        raise ValueError(f"nothing was predicted: {'; '.join(transfer.not_predicted) or 'there is no split'}")
     columns = 1 if not frfs else 2
     rows = max(len(frfs), 1)
-    tall = 1.6 + 0.24 * len(found.modes)
+    tall = 1.6 + 0.24 * len(transfer.modes)
     height = max(tall, 2.9 * rows) + 0.6
     figure = surface(ax, 7.2 + 6.2 * (columns - 1), height)
-    hits, count = found.inside
-    text = f"{hits} of {count} natural frequencies in their {100 * found.level:g} % intervals"
-    title_left(figure, f"{found.title}\n{text}", 12.0 if len(found.title) < 50 * columns else 10.0)
+    hits, count = transfer.inside
+    text = f"{hits} of {count} natural frequencies in their {100 * transfer.level:g} % intervals"
+    title_left(figure, f"{transfer.title}\n{text}", 12.0 if len(transfer.title) < 50 * columns else 10.0)
     cells = figure.subfigures(1, columns, squeeze=False, width_ratios=[7.2, 6.2][:columns])[0]
-    _draw_modes(cells[0].subplots(), found)
+    _draw_modes(cells[0].subplots(), transfer)
     if frfs:
         for axes, frf in zip(np.ravel(cells[1].subplots(len(frfs), 1, squeeze=False)), frfs, strict=True):
-            _draw_frf(axes, frf, found.level)
-    return finished(figure, found.rejection)
+            _draw_frf(axes, frf, transfer.level)
+    return finished(figure, transfer.rejection)
 
 
-def _draw_modes(axes: Axes, found: Transfer) -> None:
+def _draw_modes(axes: Axes, transfer: Transfer) -> None:
     set_up(axes, "Held out", "predicted against measured (%)", grid="x")
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    labels, before, several = [], "", len({mode.configuration for mode in found.modes}) > 1
-    for row, mode in enumerate(found.modes):
+    labels, before, several = [], "", len({mode.configuration for mode in transfer.modes}) > 1
+    for row, mode in enumerate(transfer.modes):
         text = f"{mode.measured_hz:.0f} Hz" + ("" if mode.mode is None else f"  mode {mode.mode}")
         labels.append(f"{mode.configuration}   {text}" if mode.configuration != before and several else text)
         before = mode.configuration
-        interval = mode.interval_hz(found.level, mode.measured_deviation_hz)
+        interval = mode.interval_hz(transfer.level, mode.measured_deviation_hz)
         if mode.measured_hz is None or mode.error_percent is None or interval is None:
             axes.plot(0.0, row, "x", color=BAD, markersize=7)
             label_point(axes, "no prediction", (0.0, row), offset=(6.0, -3.0), colour=BAD)
             continue
-        if mode.uninformative(found.level):
+        if mode.uninformative(transfer.level):
             axes.plot(mode.error_percent, row, "o", color=PALE, markerfacecolor="white", markersize=5)
             point = mode.error_percent, row
             label_point(axes, f"interval {UNINFORMATIVE}", point, offset=(6.0, -3.0), colour=PALE)
             continue
         low, high = (100.0 * (end / mode.measured_hz - 1.0) for end in interval)
-        inside = mode.within(found.level)
+        inside = mode.within(transfer.level)
         colour = COLOURS[0] if inside else BAD
         if np.isfinite(high):
             axes.plot([low, high], [row, row], color=colour, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
@@ -105,19 +105,19 @@ def _draw_frf(axes: Axes, frf: PredictedFRF, level: float) -> None:
     add_legend(axes, fontsize=8, loc="upper right")
 
 
-def draw_next_measurement(found: NextMeasurement, ax: Axes | None = None) -> Figure:
+def draw_next_measurement(measurement: NextMeasurement, ax: Axes | None = None) -> Figure:
     """Draw the interval of each target now and as expected with each candidate, the best candidate on top."""
     # Four panels are drawn as a square.
-    columns = min(len(found.targets), 2 if len(found.targets) == 4 else 3)
-    rows = -(-len(found.targets) // columns)
-    names = ["now", *(one.label for one in found.ranking)]
+    columns = min(len(measurement.targets), 2 if len(measurement.targets) == 4 else 3)
+    rows = -(-len(measurement.targets) // columns)
+    names = ["now", *(candidate.label for candidate in measurement.ranking)]
     height = rows * (0.9 + 0.36 * len(names)) + 0.7
     figure = surface(ax, 2.2 + 3.6 * columns, height)
-    title_left(figure, f"{found.title}: intervals now and as expected")
-    cells = panels(figure, len(found.targets), columns, sharey=True)
-    for axes, name in zip(cells, found.targets, strict=True):
-        _draw_target(axes, name, [one.expected[name] for one in found.ranking], names)
-    return finished(figure, found.rejection)
+    title_left(figure, f"{measurement.title}: intervals now and as expected")
+    cells = panels(figure, len(measurement.targets), columns, sharey=True)
+    for axes, name in zip(cells, measurement.targets, strict=True):
+        _draw_target(axes, name, [candidate.expected[name] for candidate in measurement.ranking], names)
+    return finished(figure, measurement.rejection)
 
 
 def _draw_target(axes: Axes, name: str, expected: list[Expectation], names: list[str]) -> None:

@@ -84,9 +84,9 @@ def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
         raise ValueError("plot: ax is not part of a grid; create it with `figure.subplots()` or `plt.subplots()`")
     parent = ax.figure
     ax.remove()
-    found = parent.add_subfigure(place)
-    found.set_facecolor("none")
-    return found
+    subfigure = parent.add_subfigure(place)
+    subfigure.set_facecolor("none")
+    return subfigure
 
 
 def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any) -> list[Axes]:
@@ -102,7 +102,7 @@ def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any)
         Keyword arguments of `Figure.subplots`, such as `sharex`.
     """
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, **options)
-    axes = [one for row in grid for one in row]
+    axes = [cell for row in grid for cell in row]
     for empty in axes[count:]:
         empty.set_visible(False)
     return axes[:count]
@@ -276,8 +276,8 @@ def as_svg(figure: Figure, title: str) -> str:
     assert size is not None
     body = text[text.index("<defs>") :]
     body = re.sub(r'<g id="[^"]*"', "<g", body)
-    body = re.sub(r' d="[^"]*"', lambda one: _DECIMALS.sub(r"\1", one[0]).replace("\n", ""), body)
-    body = _COLOUR.sub(lambda one: f"var(--{_ROLES[one[0].lower()]})", body)
+    body = re.sub(r' d="[^"]*"', lambda match: _DECIMALS.sub(r"\1", match[0]).replace("\n", ""), body)
+    body = _COLOUR.sub(lambda match: f"var(--{_ROLES[match[0].lower()]})", body)
     return f'<svg class="figure" role="img" {size[0]}><title>{escape(printable(title))}</title>{body}'
 
 
