@@ -18,16 +18,16 @@ from receptance.model.terminals import ENTRIES
 from receptance.report.figure import (
     BAD,
     COLOURS,
-    NORMAL_95,
     PALE,
     add_legend,
-    add_room,
     finished,
     set_up,
     surface,
     title_left,
 )
 
+_NORMAL_95 = 1.96
+"""Half width of a 95 % interval in standard deviations."""
 _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 _TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
@@ -92,7 +92,7 @@ def _draw_part(
     axes.set_ylim(*_limits(part[chosen], part[shown], constant))
     axes.plot(lines[shown & ~chosen], part[shown & ~chosen], ".", color=PALE, markersize=2.5, alpha=0.5)
     if chosen.any():
-        half = np.where(chosen, NORMAL_95 * deviation, np.nan)
+        half = np.where(chosen, _NORMAL_95 * deviation, np.nan)
         axes.fill_between(lines, part - half, part + half, color=COLOURS[0], alpha=0.2, linewidth=0)
         axes.plot(lines[chosen], part[chosen], ".", color=COLOURS[0], markersize=2.5)
     else:
@@ -137,8 +137,8 @@ def draw_spindle(spindle: SpindleReceptance, ax: Axes | None = None) -> Figure:
         set_up(axes, _TITLES[number], "frequency (Hz)" if number == 2 else "", "")
         shown = np.where(spindle.usable, size, np.nan)
         axes.semilogy(lines, np.where(spindle.usable, np.nan, size), ".", color=PALE, markersize=2.5)
-        low = np.maximum(shown - NORMAL_95 * deviation, 0.05 * shown)
-        axes.fill_between(lines, low, shown + NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
+        low = np.maximum(shown - _NORMAL_95 * deviation, 0.05 * shown)
+        axes.fill_between(lines, low, shown + _NORMAL_95 * deviation, color=COLOURS[0], alpha=0.25, linewidth=0)
         axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
         if spindle.usable.any():
             axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
@@ -167,7 +167,7 @@ def draw_with_law(axes: Axes, series: ForceSeries, over: str, unit: str) -> None
     axes.errorbar(
         series.force,
         factor * series.values,
-        NORMAL_95 * factor * series.standard_errors,
+        _NORMAL_95 * factor * series.standard_errors,
         fmt="o",
         color=colour,
         markersize=4,
@@ -179,7 +179,8 @@ def draw_with_law(axes: Axes, series: ForceSeries, over: str, unit: str) -> None
     law = _LAWS[series.law.name]
     if series.law.name == "power":
         law += f", n = {series.law.exponent:.2f} ({low:.2f} to {high:.2f})"
-    add_room(axes, 0.3)
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.3 * (top - bottom))  # room for the legend
     add_legend(axes, loc="upper left", title=law, title_fontsize=9, alignment="left")
 
 

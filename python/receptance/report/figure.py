@@ -33,8 +33,6 @@ PALE = "#9A9A9A"
 BAD = "#B2182B"
 BAND = "#BBD9EC"
 _GRID = "#E6E6E6"
-NORMAL_95 = 1.96
-"""Half width of a 95 % interval in standard deviations."""
 _PADDING = 0.08
 """Distance between panels, titles and the edge of a figure in inches."""
 _LETTERS_PER_INCH = 14.0
@@ -134,13 +132,6 @@ def title_left(figure: Figure | SubFigure, text: str, size: float = 13.0) -> Non
     figure.suptitle(text, x=0.01, ha="left", fontsize=size, color=INK)
 
 
-def add_heading(figure: Figure, title: str, caption: str) -> None:
-    """Add a title and a caption above the panels of a large figure."""
-    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 0.93), w_pad=_PADDING, h_pad=_PADDING))
-    figure.text(0.5, 0.977, title, ha="center", va="center", fontsize=15, color=INK)
-    figure.text(0.5, 0.95, caption, ha="center", va="center", fontsize=10.5, color="#6A6A6A")
-
-
 def set_up(axes: Axes, title: str, x: str = "", y: str = "", *, grid: Literal["x", "y", "both", "none"] = "y") -> None:
     """Set title, labels and grid lines of axes, and remove the upper and the right part of the frame."""
     axes.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK)
@@ -160,12 +151,6 @@ def add_legend(place: Axes | Figure | SubFigure, *entries: Any, **options: Any) 
     if not isinstance(place, Axes):
         options = {"loc": "outside lower center", **options}
     place.legend(*entries, **{"frameon": False, "fontsize": 9, **options})
-
-
-def add_room(axes: Axes, share: float) -> None:
-    """Extend the vertical axis upwards by a share of its length, for a legend."""
-    bottom, top = axes.get_ylim()
-    axes.set_ylim(bottom, top + share * (top - bottom))
 
 
 def plain_ticks(axis: Axis) -> None:
