@@ -61,7 +61,7 @@ def read_campaign(
 ) -> dict[str, Any]:
     """Return the fields of the campaign in a file, see `receptance.campaign.Campaign.load`."""
     file = _find(Path(path))
-    data, text = _read(file)
+    data, text = read_contents(file)
     return campaign_fields(file, data, text, called=path, threads=threads, progress=progress)
 
 
@@ -170,7 +170,7 @@ def _find(path: Path) -> Path:
     )
 
 
-def _read(file: Path) -> tuple[dict[str, Any], str]:
+def read_contents(file: Path) -> tuple[dict[str, Any], str]:
     """Return the contents of a file and its text."""
     try:
         text = read_whole(file).decode("utf-8-sig")

@@ -2,6 +2,11 @@
 
 import sys
 
+import lazy_loader
+
+# Modules that commands load when they need them.
+__getattr__, _, _ = lazy_loader.attach_stub(__name__, __file__)
+
 __all__ = ["main"]
 
 _INTERRUPTED = 130

@@ -95,7 +95,13 @@ def reading_of(given: Mapping[str, Any]) -> ReadingOptions:
     """Return the keywords of `read_all` from options of a command, without those that were not given."""
     found = {name: value for name, value in given.items() if value is not None and value is not False and value != []}
     for name in _REPEATED & found.keys():
-        found[name] = _units_of(found[name]) if name == "unit" else _named_values(found[name], name)
+        texts, option = found[name], f"--{reading_options()[name][1].option or name}"
+        if name != "unit":
+            found[name] = named_values(texts, option, "ROLE=NAME")
+        elif len(texts) == 1 and "=" not in texts[0]:
+            found[name] = texts[0]  # of FRFs
+        else:
+            found[name] = named_values(texts, option, "one unit, or CHANNEL=UNIT for each channel")
     for name in _LISTED & found.keys():
         found[name] = found[name].split(",")
     return cast(ReadingOptions, found)
@@ -122,28 +128,17 @@ def read_measurements(source: Path, reading: ReadingOptions, number: int | None)
     return found if number is None else [found[number - 1]], notes
 
 
-def _named_values(given: Sequence[str], name: str, form: str = "ROLE=NAME") -> dict[str, str]:
+def named_values(texts: Sequence[str], option: str, expected: str) -> dict[str, str]:
     """Return names and values, separated by the last =, because names may contain one and units do not."""
-    _, option = reading_options()[name]
-    words = f"--{option.option or name}"
-    found: dict[str, str] = {}
-    for text in given:
+    values: dict[str, str] = {}
+    for text in texts:
         key, sign, value = text.rpartition("=")
         if not sign or not key or not value:
-            raise InputError(f"{words} is {text!r}, expected {form}")
-        if key in found:
-            raise InputError(f"{words} is given twice for {key!r}, expected one")
-        found[key] = value
-    return found
-
-
-def _units_of(given: Sequence[str]) -> str | dict[str, str]:
-    """Return the unit of FRFs, or the units of channels."""
-    return (
-        given[0]
-        if len(given) == 1 and "=" not in given[0]
-        else _named_values(given, "unit", "one unit, or CHANNEL=UNIT for each channel")
-    )
+            raise InputError(f"{option} is {text!r}, expected {expected}")
+        if key in values:
+            raise InputError(f"{option} is given twice for {key!r}, expected one")
+        values[key] = value
+    return values
 
 
 # Commands -------------------------------------------------------------------------------------------------------------
