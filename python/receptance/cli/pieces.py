@@ -37,7 +37,7 @@ def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
 
     Examples
     --------
-    >>> from receptance.cli.draft import parse_pieces
+    >>> from receptance.cli.pieces import parse_pieces
     >>> [(piece.length, piece.outer_diameter, piece.inner_diameter) for piece in parse_pieces("48 mm x 50/20 mm")]
     [(0.048, 0.05, 0.02)]
     """
@@ -157,7 +157,7 @@ def parse_material(text: str) -> Material:
 
     Examples
     --------
-    >>> from receptance.cli.draft import parse_material
+    >>> from receptance.cli.pieces import parse_material
     >>> parse_material("aluminium = 70 GPa, 2700 kg/m^3, 0.33").youngs_modulus
     70000000000.0
     """
@@ -181,7 +181,7 @@ def readable(value: float, kind: Quantity) -> str | float:
     Examples
     --------
     >>> from receptance import units
-    >>> from receptance.cli.draft import readable
+    >>> from receptance.cli.pieces import readable
     >>> readable(0.0127, units.LENGTH), readable(580e9, units.MODULUS)
     ('12.7 mm', '580 GPa')
     """
