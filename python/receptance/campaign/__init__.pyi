@@ -1,3 +1,6 @@
+from . import stability as stability
+from . import values as values
+from . import write as write
 from .check import CampaignCheck as CampaignCheck
 from .comparison import Comparison as Comparison
 from .prediction import Prediction as Prediction
@@ -11,6 +14,5 @@ from .schema_document import json_schema as json_schema
 from .stability import CampaignCut as CampaignCut
 from .stability import Tip as Tip
 from .values import Deviation as Deviation
-from .values import parse_deviation_share as parse_deviation_share
 from .write import extended_text as extended_text
 from .write import write_extended as write_extended

@@ -7,7 +7,7 @@ import io
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance._files import check_target, inert, write_whole
+from receptance.catalogue.figure import draw_tool
 from receptance.fit.covariance import UNINFORMATIVE
+from receptance.io import write
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.figure import as_image
 from receptance.stability import Lobes, Milling, stability_lobes
 
 if TYPE_CHECKING:
@@ -258,6 +261,19 @@ def write_depths(
             rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
         yield prediction
     write_whole({path: text.getvalue().encode()})
+
+
+def write_files(
+    predictions: Iterable[ToolPrediction], names: Mapping[str, str], figures: Path | None, frfs: Path | None
+) -> Iterator[ToolPrediction]:
+    """Write the figure and the FRF of each tool into folders under their file names, and yield the predictions."""
+    for prediction in predictions:
+        name = names[prediction.row.name]
+        if figures is not None:
+            write_whole({figures / f"{name}.png": as_image(draw_tool(prediction), "png")})
+        if frfs is not None:
+            write(frfs / f"{name}.csv", prediction.as_frf())
+        yield prediction
 
 
 def file_names(names: Iterable[str]) -> dict[str, str]:

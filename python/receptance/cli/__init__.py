@@ -1,13 +1,10 @@
-"""The command line `receptance`."""
+"""The command line `receptance`; modules that not every command needs are imported at first use."""
 
 import sys
 
 import lazy_loader
 
-# Modules that commands load when they need them.
-__getattr__, _, _ = lazy_loader.attach_stub(__name__, __file__)
-
-__all__ = ["main"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 _INTERRUPTED = 130
 

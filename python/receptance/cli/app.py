@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from receptance import report
 from receptance._text import printable
 from receptance.cli.campaigns import (
     check,
@@ -53,9 +54,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from receptance.report import versions
-
-        found = versions()
+        found = report.versions()
         print(f"receptance {found.pop('receptance')} ({', '.join(f'{name} {value}' for name, value in found.items())})")
         raise typer.Exit
 

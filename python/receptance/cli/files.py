@@ -9,10 +9,13 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated, Any, cast
 
 import typer
+from rich.console import Console
 
+import receptance
+from receptance import io, report
 from receptance._reading import Option, ReadingOptions, reading_options
 from receptance.cli.running import (
     InputError,
@@ -25,13 +28,7 @@ from receptance.cli.running import (
     with_parameters,
 )
 from receptance.errors import ReceptanceWarning
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from receptance import FRF
-    from receptance.io import Coherence, TimeSeries
-    from receptance.io.measurements import Measurement
+from receptance.units import form_name
 
 READING = "Reading of files that do not state everything"
 """Group of options in the help."""
@@ -117,12 +114,12 @@ def collected_warnings() -> Iterator[list[str]]:
     notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
 
 
-def read_measurements(source: Path, reading: ReadingOptions, number: int | None) -> tuple[list[Measurement], list[str]]:
+def read_measurements(
+    source: Path, reading: ReadingOptions, number: int | None
+) -> tuple[list[io.measurements.Measurement], list[str]]:
     """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
-    from receptance.io import read_all
-
     with collected_warnings() as notes:
-        found = read_all(source, **reading)
+        found = io.read_all(source, **reading)
     if number is not None and number > len(found):
         raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
     return found if number is None else [found[number - 1]], notes
@@ -159,15 +156,12 @@ def show(
 
     The figure is opened in the default viewer, or saved with --plot.
     """
-    from receptance.io.contents import FileContents
-    from receptance.io.files import FORMATS, file_format
-
     targets.protect(source, "the file to show")
     targets.require_new()
     with input_errors():
         found, warned = read_measurements(source, reading, number)
-        read_as = reading.get("format") or file_format(source)
-    contents = FileContents(source.name, FORMATS[read_as].title, tuple(found), tuple(warned))
+        read_as = reading.get("format") or io.files.file_format(source)
+    contents = io.contents.FileContents(source.name, io.files.FORMATS[read_as].title, tuple(found), tuple(warned))
     targets.show(contents)
     if not no_window and not targets.asked:
         open_figure(targets.console(), contents.plot, source.stem)
@@ -178,11 +172,9 @@ def open_figure(console: Console, draw: Any, name: str) -> None:
     if not (sys.stdout.isatty() and sys.stdin.isatty()):
         console.print("No figure in a pipe: --plot FILE.png saves it.", soft_wrap=True)
         return
-    from receptance.report.figure import as_image
-
     try:
         with tempfile.NamedTemporaryFile(prefix=f"{name}-", suffix=".png", delete=False) as file:
-            file.write(as_image(draw(), "png"))
+            file.write(report.figure.as_image(draw(), "png"))
     except OSError as error:
         raise InputError(f"the figure cannot be written: {error.strerror or error}; --plot FILE.png saves it") from None
     if typer.launch(file.name) != 0:
@@ -209,15 +201,13 @@ def convert(
     overwrite: Overwrite = False,
 ) -> None:
     """Convert FRFs, coherences and time records to another file format."""
-    from receptance.io import write
-
     if target.exists() and source.exists() and target.resolve() == source.resolve():
         raise InputError(f"IN and OUT are both {source}; give two files")
     refuse_existing("OUT", target, overwrite=overwrite)
     with input_errors(), collected_warnings() as further:
         found, notes = read_measurements(source, reading, number)
         written = [_as_form(thing, form) for thing in found]
-        write(target, written, format=target_format)
+        io.write(target, written, format=target_format)
     console = output()
     for thing in written:
         console.print(f"{thing!r}", soft_wrap=True)
@@ -226,13 +216,10 @@ def convert(
     console.print(f"Written: {target}", soft_wrap=True)
 
 
-def _as_form(thing: FRF | TimeSeries | Coherence, form: str | None) -> Any:
-    from receptance import FRF
-    from receptance.units import form_name
-
+def _as_form(thing: io.measurements.Measurement, form: str | None) -> Any:
     if form is None:
         return thing
     name = form_name(form)
-    if not isinstance(thing, FRF):
+    if not isinstance(thing, receptance.FRF):
         raise ValueError(f"--as is {form!r}, but {thing!r} is not an FRF")
     return thing.to(name)

@@ -79,7 +79,7 @@ def _averages(text: str, answers: Mapping[str, Any]) -> int:
 
 
 def _deviation(text: str, answers: Mapping[str, Any]) -> str:
-    campaign.parse_deviation_share(text)
+    campaign.values.parse_deviation_share(text)
     return text
 
 
@@ -292,7 +292,7 @@ def new(
     result = {"file": str(target), "measurements": data, "assumed": list(_ASSUMED), "notes": list(notes), "next": step}
     targets.write(lambda: result)
     print_list(console, "Assumed, and commented in the file", _ASSUMED)
-    print_list(console, "Notes", list(report.grouped_notes(notes)))
+    print_list(console, "Notes", list(report.result.grouped_notes(notes)))
     console.print(f"Written: {target}", soft_wrap=True)
     targets.print_names(console)
     console.print(f"Next: {step}", soft_wrap=True)

@@ -14,21 +14,17 @@ from contextvars import ContextVar
 from pathlib import Path
 from threading import Event, Lock, Thread
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderHook
 from rich.control import Control
 from rich.segment import Segment
 
+import receptance
 from receptance._files import check_target, write_whole
 from receptance._text import printable
-from receptance.report.terminal import LEAST_WIDTH
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from receptance.report import Result, Table
+from receptance.report.terminal import LEAST_WIDTH, print_result
 
 _PIPE_WIDTH = 132
 _QUIET = 10.0
@@ -254,8 +250,8 @@ class Targets:
     def write(
         self,
         results: Callable[[], dict[str, Any]],
-        draw: Callable[[], Figure] | None = None,
-        profiles: Callable[[], Figure] | None = None,
+        draw: Callable[[], Any] | None = None,
+        profiles: Callable[[], Any] | None = None,
         report: Callable[[], str] | None = None,
         more: Mapping[Path, str] | None = None,
     ) -> None:
@@ -272,14 +268,12 @@ class Targets:
                 contents[page] = report().encode()
         figures: dict[Path, bytes] = {}
         if plot is not None and draw is not None:
-            from receptance.report.figure import as_image
-
             try:
                 with input_errors():
-                    figures[plot] = as_image(draw(), self.kind)
+                    figures[plot] = receptance.report.figure.as_image(draw(), self.kind)
                 if profiles is not None:
                     self._names.append(("Figure", _beside(plot, PROFILES)))
-                    figures[_beside(plot, PROFILES)] = as_image(profiles(), self.kind)
+                    figures[_beside(plot, PROFILES)] = receptance.report.figure.as_image(profiles(), self.kind)
             except Exception:
                 with input_errors():
                     write_whole(contents)  # results are written even if the figure cannot be drawn
@@ -291,15 +285,13 @@ class Targets:
 
     def show(
         self,
-        result: Result,
-        measured: Sequence[Table] = (),
+        result: receptance.report.Result,
+        measured: Sequence[receptance.report.Table] = (),
         *,
-        profiles: Callable[[], Figure] | None = None,
+        profiles: Callable[[], Any] | None = None,
         more: Mapping[Path, str] | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
-        from receptance.report.terminal import print_result
-
         self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), more)
         console = self.console()
         print_result(console, result, measured)
@@ -325,13 +317,10 @@ def _beside(path: Path, what: str) -> Path:
 
 
 def _image_kind(plot: Path) -> str:
-    from receptance.report.figure import image_formats
-
     kind = plot.suffix.removeprefix(".").lower()
-    if kind not in image_formats():
-        raise InputError(
-            f"cannot write {plot}: expected an ending with a format of figures: {', '.join(image_formats())}"
-        )
+    formats = receptance.report.figure.image_formats()
+    if kind not in formats:
+        raise InputError(f"cannot write {plot}: expected an ending with a format of figures: {', '.join(formats)}")
     return kind
 
 

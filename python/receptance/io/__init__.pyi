@@ -1,3 +1,6 @@
+from . import contents as contents
+from . import files as files
+from . import measurements as measurements
 from .errors import FileFormatError as FileFormatError
 from .files import read as read
 from .files import read_all as read_all

@@ -1,9 +1,11 @@
+from . import figure as figure
+from . import result as result
+from . import table as table
 from .result import PageSection as PageSection
 from .result import Provenance as Provenance
 from .result import Renderable as Renderable
 from .result import Result as Result
 from .result import Results as Results
-from .result import grouped_notes as grouped_notes
 from .result import versions as versions
 from .table import Column as Column
 from .table import Fact as Fact
