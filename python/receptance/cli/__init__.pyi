@@ -2,5 +2,4 @@ from . import candidates as candidates
 from . import draft as draft
 from . import pieces as pieces
 from . import story as story
-
-def main() -> None: ...
+from .__main__ import main as main
