@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from receptance.campaign.data import CampaignData
+from receptance.campaign.identification import fit_inputs, observed_unknowns, transfer_errors
+from receptance.campaign.inversion import joints_to_invert
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.run import joints_to_invert, observed_unknowns
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies
 from receptance.report import Column, Provenance, Result, Table
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.campaign.run import Campaign
     from receptance.fit.observation import Observation
 
 _MOST_DRAWN = 8
@@ -47,7 +48,7 @@ class CampaignCheck(Result):
     """
 
     heading: ClassVar[str] = "Check"
-    campaign: Campaign
+    campaign: CampaignData
 
     @property
     def provenance(self) -> Provenance:
@@ -74,7 +75,7 @@ class CampaignCheck(Result):
             fit = _refusal(lambda: observed_unknowns(one, one.to_identify))
         weights = [name for name, observation in one.to_identify.items() if not observation.weighted]
         lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
-        identify = fit or _refusal(one.fitted)
+        identify = fit or _refusal(lambda: fit_inputs(one))
         measured = {observation.configuration for observation in one.measurements.values()}
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
         tips = [tip for cut in one.cuts.values() for tip in (cut.x, cut.y)]
@@ -85,7 +86,7 @@ class CampaignCheck(Result):
             or ("" if one.held_out or one.unmeasured else "no held-out measurement, no assembly unmeasured"),
             "transfer": fit
             or ("" if len(measured) > 1 else "one measured assembly, expected two or more")
-            or _refusal(one.transferred),
+            or _refusal(lambda: transfer_errors(one)),
             "diagnose": fit or lacks,
             "invert": fit or _refusal(lambda: joints_to_invert(one)),
             "next": identify or ("" if one.candidates else "no candidates, expected [candidates.NAME]"),
