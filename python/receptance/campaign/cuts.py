@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
-from receptance.campaign.measurements import read_entry, restrict_to_bands
+from receptance.campaign.measurements import MeasurementReader, read_entry, restrict_to_bands
+from receptance.campaign.problems import KeyPath
+from receptance.campaign.schema import TipTable
 from receptance.fit import Observation
 from receptance.frf import FRF
 from receptance.frf.variance import with_variance
@@ -16,15 +18,6 @@ from receptance.stability import (
     Turning,
 )
 from receptance.stability.tip import require_drive_point
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from receptance.campaign.measurements import MeasurementReader
-    from receptance.campaign.problems import KeyPath
-    from receptance.campaign.schema import TipTable
-
-_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True, kw_only=True)
