@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import tomllib
 from dataclasses import replace
@@ -13,8 +14,6 @@ import pytest
 import foreign_beam
 from command_line import call
 from receptance import CARBIDE, FRF, campaign, examples
-from receptance.cli import new as module
-from receptance.cli.draft import inserted, parse_material, parse_pieces, pieces_of
 from receptance.io import Coherence, TimeSeries, read_frf, write
 
 ANSWERS = {
@@ -39,7 +38,7 @@ def options(without: tuple[str, ...] = (), **changed: str) -> list[str]:
 def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(module.sys.stdin, "isatty", lambda: False, raising=False)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
     beam = replace(foreign_beam.PROTOCOL, step_hz=50.0, span_hz=950.0)
     headers = {60.0: "Mittelungen;10\nFrequenz [Hz];Real [g/N];Imag [g/N];Coh\n", 80.0: "Frequenz;Real;Imag;Coh\n"}
     for (overhang, header), name in zip(headers.items(), ("tool_60mm.csv", "bare.csv"), strict=True):
@@ -132,43 +131,48 @@ def test_all_missing_options_are_listed(monkeypatch: pytest.MonkeyPatch, capsys:
     assert campaign.load("made").measurements["bare"].weighted
 
 
+class Terminal(io.StringIO):
+    """Standard input of a user who types some lines."""
+
+    def isatty(self) -> bool:
+        return True
+
+
 def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    replies = iter(
-        [
-            *("Frequenz [Hz],Real,Imag,Coh", "g/N", "none", "12", "60 mm", "80", "80 mm", "20 mm", "carbid", "carbide"),
-            *("48 mm x 50 mm, 90x44/16 mm", "steel", "400 mm", "48 mm", "laser", "spindle"),
-        ]
-    )
-    monkeypatch.setattr(module.sys.stdin, "isatty", lambda: True, raising=False)
-    asked = []
-
-    def prompt(question: str, default: str | None = None) -> str:
-        asked.append((question.partition(" (such as")[0], default))
-        return next(replies)
-
-    monkeypatch.setattr(module.typer, "prompt", prompt)
+    answers = [
+        *("Frequenz [Hz],Real,Imag,Coh", "g/N", "none", "12", "", "80", "80 mm", "20 mm", "carbid", "carbide"),
+        *("48 mm x 50 mm, 90x44/16 mm", "steel", "400 mm", "48 mm", "laser", "spindle"),
+    ]
+    monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
     assert call(monkeypatch, "new", "made", "tool_60mm.csv", "bare.csv") == 0
     text = capsys.readouterr().out
-    for words in ('This is "none", expected a whole number', 'This is "80", without a unit', "did you mean", "400 mm"):
+    for words in ('this is "none", expected a whole number', 'this is "80", without a unit', "did you mean", "400 mm"):
         assert words in text
-    assert ("Overhang of tool_60mm, from the holder's face to the tip", "60 mm") in asked
-    assert next(replies, None) is None
-    found = campaign.load("made")
-    assert list(found.assemblies["bare"].elements) == ["tool", "joint", "holder", "spindle"]
-    assert found.assemblies["bare"].get("tool.segment[0].length") == pytest.approx(0.08)
-    assert found.table.measurements["bare"].averages == 12
-    assert found.table.measurements["tool_60mm"].unit is None
+    assert "Overhang of tool_60mm, from the holder's face to the tip (such as 60 mm) [60 mm]" in text
+    made = campaign.load("made")
+    assert list(made.assemblies["bare"].elements) == ["tool", "joint", "holder", "spindle"]
+    assert made.assemblies["tool_60mm"].get("tool.segment[0].length") == pytest.approx(0.06)
+    assert made.assemblies["bare"].get("tool.segment[0].length") == pytest.approx(0.08)
+    assert made.table.measurements["bare"].averages == 12
+    assert made.table.measurements["tool_60mm"].unit is None
 
 
-def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(module.sys.stdin, "isatty", lambda: True, raising=False)
-
-    def prompt(*arguments: object, **options: object) -> str:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module.typer, "prompt", prompt)
+def test_the_end_of_the_input_leaves_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", Terminal("60 mm\n20 mm\n"))
     assert call(monkeypatch, "new", "made", "tool_60mm.csv") == 130
     assert "interrupted, no file was left incomplete" in capsys.readouterr().err
+    assert left() == BEFORE
+
+
+def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(Terminal):
+        def readline(self, *arguments: object) -> str:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("sys.stdin", Interrupted())
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv") == 130
     assert left() == BEFORE
 
 
@@ -197,7 +201,7 @@ def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch, capsys:
         (["made", "tool_60mm.csv", *options(), "--spindle-modes", "2"], "expected --support spindle"),
         (["made", "tool_60mm.csv", *options(averages="5")], "--averages is 5, but tool_60mm.csv states 10"),
         (["made", "tool_60mm.csv", *options(standard_deviation="2")], '--standard-deviation is "2", expected'),
-        (["made", "tool_60mm.csv", *options(hold_out="x")], '--hold-out is "x", expected "tool_60mm"'),
+        (["made", "tool_60mm.csv", *options(hold_out="x")], '--hold-out names "x", expected "tool_60mm"'),
         (["made", "tool_60mm.csv", *options(hold_out="tool_60mm")], "--hold-out names all measurements"),
         (["made", "tool_60mm.csv", *options(material="alu")], '--material is "alu", expected "NAME ='),
         (["made", "tool_60mm.csv", *options(material="alu = 70 kg, 1 kg/m^3")], "a mass, expected a modulus"),
@@ -265,12 +269,12 @@ def test_holders_from_files(monkeypatch: pytest.MonkeyPatch) -> None:
         ("h.csv", "holder,length [mm],outer diameter [mm],material\na,1,2,s\n", "h.csv:b", 'has no "b"'),
         ("h.toml", "x = ", "h.toml", "is not TOML"),
         ("h.toml", "x = 1", "h.toml", r"has neither \[\[segments\]\] nor"),
-        ("h.toml", '[[segments]]\nlength = "1 mm"', "h.toml", r"segments\[0\] has no outer_diameter"),
+        ("h.toml", '[[segments]]\nlength = "1 mm"', "h.toml", r"segments\[0\]\.outer_diameter: is missing"),
         (
             "h.toml",
             '[[segments]]\nlength = "1 kg"\nouter_diameter = "9 mm"',
             "h.toml",
-            r"segments\[0\].length is .*mass",
+            r"line 2, segments\[0\]\.length: is .*mass",
         ),
         ("h.txt", "48 mm", "h.txt", "expected .csv or .toml"),
     ],
@@ -302,35 +306,34 @@ def test_ends_of_low_coherence_are_left_out(monkeypatch: pytest.MonkeyPatch) -> 
     assert frf.coherence is not None
 
 
-def test_pieces_as_text() -> None:
-    (shank,) = parse_pieces("0.5 in", shank=True)
-    assert (shank.length, shank.outer_diameter) == (0.0, pytest.approx(0.0127))
-    tool = parse_pieces("30x9.6 mm, 12 mm", material="carbide", shank=True)
-    assert [(p.length, p.outer_diameter, p.material) for p in tool] == [
-        (0.03, 0.0096, "carbide"),
-        (0.0, 0.012, "carbide"),
+def test_pieces_with_other_units(monkeypatch: pytest.MonkeyPatch) -> None:
+    pieces = options(tool="30x9.6 mm, 0.5 in", holder="40 mm x 50/12.7 mm, 6 cm x 40 mm", insertion="55 mm")
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *pieces) == 0
+    parts = tomllib.loads(Path("made/campaign.toml").read_text())["parts"]
+    sizes = [
+        (row["length"], row["outer_diameter"], row.get("inner_diameter"), row.get("core"))
+        for name in ("tool", "holder")
+        for row in parts[name]["segments"]
     ]
-    for text in ("", "mm", "50/60 mm", "10 mm x 5 mm x 3 mm", "10 kg", "-5 mm", "1 mm/"):
-        with pytest.raises(ValueError, match="is "):
-            parse_pieces(text, shank=True)
-
-
-def test_the_shank_fills_the_bore_over_the_insertion() -> None:
-    holder = parse_pieces("40 mm x 50/20 mm, 60 mm x 40 mm", material="steel")
-    (shank,) = parse_pieces("20 mm", material="carbide", shank=True)
-    found = inserted(holder, 0.055, shank)
-    assert [(p.length, p.inner_diameter, p.core) for p in found] == [
-        (0.04, 0.02, "carbide"),
-        (pytest.approx(0.015), 0.02, "carbide"),
-        (pytest.approx(0.045), 0.0, ""),
+    assert sizes == [
+        ("30 mm", "9.6 mm", None, None),
+        ("30 mm", "12.7 mm", None, None),
+        ("40 mm", "50 mm", "12.7 mm", "carbide"),
+        ("15 mm", "40 mm", "12.7 mm", "carbide"),
+        ("45 mm", "40 mm", None, None),
     ]
-    assert inserted(holder, 0.0, shank) == holder
-    with pytest.raises(ValueError, match="is 120 mm, longer than the holder of 100 mm"):
-        inserted(holder, 0.12, shank)
 
 
-def test_materials_as_text() -> None:
-    found = parse_material("aluminium = 70 GPa, 2.7 g/cm^3, 0.33")
-    assert (found.name, found.youngs_modulus, found.density) == ("aluminium", 70e9, pytest.approx(2700.0))
-    with pytest.raises(ValueError, match="segments is empty"):
-        pieces_of([], "segments")
+@pytest.mark.parametrize("text", ["", "mm", "50/60 mm", "10 mm x 5 mm x 3 mm", "10 kg", "-5 mm", "1 mm/"])
+def test_wrong_pieces(text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(tool=text)) == 2
+    assert f'--tool is "{text}"' in capsys.readouterr().err
+    assert left() == BEFORE
+
+
+def test_another_material(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = options(material="aluminium = 70 GPa, 2.7 g/cm^3, 0.33", holder_material="aluminium", insertion="none")
+    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *given) == 0
+    holder = campaign.load("made").assemblies["tool_60mm"]
+    assert holder.get("holder.segment[0].youngs_modulus") == 70e9
+    assert holder.get("holder.segment[0].density") == pytest.approx(2700.0)

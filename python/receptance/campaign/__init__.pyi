@@ -1,5 +1,16 @@
+from . import comparison as comparison
+from . import diagnosis as diagnosis
+from . import inversion as inversion
+from . import next_measurement as next_measurement
+from . import prediction as prediction
+from . import stability as stability
+from . import values as values
+from . import write as write
 from .check import CampaignCheck as CampaignCheck
 from .comparison import Comparison as Comparison
+from .cuts import CampaignCut as CampaignCut
+from .cuts import Tip as Tip
+from .data import CampaignData as CampaignData
 from .prediction import Prediction as Prediction
 from .prediction import predict_assembly as predict_assembly
 from .problems import CampaignError as CampaignError
@@ -8,8 +19,6 @@ from .run import Campaign as Campaign
 from .run import load as load
 from .schema_document import field_tables as field_tables
 from .schema_document import json_schema as json_schema
-from .stability import CampaignCut as CampaignCut
-from .stability import Tip as Tip
 from .values import Deviation as Deviation
 from .write import extended_text as extended_text
 from .write import write_extended as write_extended

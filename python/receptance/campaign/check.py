@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
+from receptance.campaign.data import CampaignData
+from receptance.campaign.identification import fit_inputs, observed_unknowns, transfer_errors
+from receptance.campaign.inversion import joints_to_invert
 from receptance.campaign.problems import CampaignError
-from receptance.campaign.run import Campaign, joints_to_invert, observed_unknowns
 from receptance.report import Column, Provenance, Result, Table
 
 _MOST_NAMED = 3
@@ -37,7 +39,7 @@ class CampaignCheck(Result):
 
     heading: ClassVar[str] = "Check"
     plotted_by = "receptance.campaign.figure:draw_check"
-    campaign: Campaign
+    campaign: CampaignData
 
     @property
     def provenance(self) -> Provenance:
@@ -64,7 +66,7 @@ class CampaignCheck(Result):
             fit = _refusal(lambda: observed_unknowns(one, one.to_identify))
         weights = [name for name, observation in one.to_identify.items() if not observation.weighted]
         lacks = f"no standard deviation of {', '.join(weights[:3])}" if weights else ""
-        identify = fit or _refusal(one.fitted)
+        identify = fit or _refusal(lambda: fit_inputs(one))
         measured = {observation.configuration for observation in one.measurements.values()}
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
         tips = [tip for cut in one.cuts.values() for tip in (cut.x, cut.y)]
@@ -75,7 +77,7 @@ class CampaignCheck(Result):
             or ("" if one.held_out or one.unmeasured else "no held-out measurement, no assembly unmeasured"),
             "transfer": fit
             or ("" if len(measured) > 1 else "one measured assembly, expected two or more")
-            or _refusal(one.transferred),
+            or _refusal(lambda: transfer_errors(one)),
             "diagnose": fit or lacks,
             "invert": fit or _refusal(lambda: joints_to_invert(one)),
             "next": identify or ("" if one.candidates else "no candidates, expected [candidates.NAME]"),

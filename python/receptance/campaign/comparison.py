@@ -12,6 +12,8 @@ import numpy as np
 from scipy import special
 
 from receptance._text import instead_of
+from receptance.campaign.data import CampaignData
+from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.values import kind_of
 from receptance.fit import Identification, Observation
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from receptance.campaign.run import Campaign
     from receptance.sweep import Candidates
 
 _BEST = 10
@@ -175,7 +176,7 @@ class Comparison(Result):
 
 
 def compare_candidates(
-    campaign: Campaign,
+    campaign: CampaignData,
     candidates: Candidates,
     *,
     given: Mapping[str, float] | None = None,
@@ -213,7 +214,7 @@ def compare_candidates(
 
 
 def _observations(
-    campaign: Campaign, varied: Sequence[str], given: Mapping[str, float]
+    campaign: CampaignData, varied: Sequence[str], given: Mapping[str, float]
 ) -> tuple[tuple[Observation, ...], Identification | None]:
     """Return the observations with given and identified values of parameters that do not vary, and the fit."""
     measurements = dict(campaign.to_identify)
@@ -233,12 +234,9 @@ def _observations(
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
     settings = campaign.table.settings.with_(profiles=False)
-    fit = replace(
-        campaign,
-        table=campaign.table.with_(settings=settings),
-        measurements=measurements,
-        unknowns=unknowns,
-    ).identify()
+    fit = identify_campaign(
+        replace(campaign, table=campaign.table.with_(settings=settings), measurements=measurements, unknowns=unknowns)
+    )
     identified = []
     for name, measured, assembly in zip(measurements, observations, fit.assemblies, strict=True):
         observation = altered(measured, assembly=assembly)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from receptance.campaign.check import CampaignCheck, listed
 from receptance.campaign.comparison import Comparison
+from receptance.campaign.data import CampaignData
 from receptance.campaign.prediction import Prediction
-from receptance.campaign.run import Campaign
 from receptance.campaign.series import LevelSeries
 from receptance.campaign.values import kind_of
 from receptance.coupling.figure import draw_with_law
@@ -40,7 +40,7 @@ _MOST_SHAPES = 8
 """Most assemblies in the figure of a check; those of the same shape are drawn once."""
 
 
-def draw_campaign(campaign: Campaign, ax: Axes | None = None) -> Figure:
+def draw_campaign(campaign: CampaignData, ax: Axes | None = None) -> Figure:
     """Draw the first assemblies to scale."""
     first = list(campaign.assemblies.items())[:_MOST_OF_CAMPAIGN]
     return draw_assemblies([Drawing(assembly, name) for name, assembly in first], ax)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.campaign.data import CampaignData
+from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.parameters import Site
@@ -20,7 +22,6 @@ from receptance.report import Column, Provenance, Result, Table
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.campaign.run import Campaign
     from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
     from receptance.model.assembly import Assembly
     from receptance.report.table import Cell
@@ -244,14 +245,14 @@ _WIDE = 0.5
 """Standard deviation of the logarithm from which on a first-order band is only approximate."""
 
 
-def predict_campaign(campaign: Campaign, identified: Identification | None) -> Prediction:
+def predict_campaign(campaign: CampaignData, identified: Identification | None) -> Prediction:
     """Predict held-out measurements and assemblies without measurements; see `Campaign.predict`."""
     held_out, unmeasured = campaign.held_out, campaign.unmeasured
     if not held_out and not unmeasured:
         text = 'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without one'
         raise CampaignError.about(campaign.file, text)
     if identified is None and campaign.unknowns:
-        identified = campaign.identify()
+        identified = identify_campaign(campaign)
     notes = list(campaign.notes if identified is None else identified.notes)
     frequencies: list[PredictedFrequencies] = []
     frfs: list[PredictedFRF] = []
@@ -300,7 +301,7 @@ def predict_campaign(campaign: Campaign, identified: Identification | None) -> P
 
 
 def predict_assembly(
-    campaign: Campaign,
+    campaign: CampaignData,
     identified: Identification | None,
     site: Site,
     tolerances: Sequence[Tolerance],
@@ -349,7 +350,7 @@ def predict_assembly(
 
 
 def _unmeasured(
-    name: str, campaign: Campaign, predicted: PredictedAssembly, notes: list[str]
+    name: str, campaign: CampaignData, predicted: PredictedAssembly, notes: list[str]
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
     assembly = predicted.assembly
     lines = prediction_lines(campaign, assembly)
@@ -368,7 +369,7 @@ def _unmeasured(
     return frequencies, replace(frf, name=name, assembly=name)
 
 
-def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float64]:
+def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.float64]:
     """Return the lines in Hz on which an assembly without measurements is predicted."""
     settings = campaign.table.prediction
     upper = campaign.highest_frequency
@@ -386,7 +387,7 @@ def prediction_lines(campaign: Campaign, assembly: Assembly) -> NDArray[np.float
     return lines_between(campaign, lower, upper, _LINES)
 
 
-def lines_between(campaign: Campaign, lower: float, upper: float, steps: int) -> NDArray[np.float64]:
+def lines_between(campaign: CampaignData, lower: float, upper: float, steps: int) -> NDArray[np.float64]:
     """Return the lines in Hz between two limits, `steps` steps without `prediction.step`."""
     settings = campaign.table.prediction
     if lower >= upper:

@@ -8,12 +8,13 @@ import tomllib
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from receptance import _checks
 from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
+from receptance.campaign.cuts import CampaignCut, build_cut
 from receptance.campaign.keys import OWNERS, WRONG, Names, Place
 from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
@@ -24,9 +25,6 @@ from receptance.fit.observation import Observation
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.units import parse_any
-
-if TYPE_CHECKING:
-    from receptance.campaign.stability import CampaignCut
 
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
@@ -61,7 +59,7 @@ def read_campaign(
 ) -> dict[str, Any]:
     """Return the fields of the campaign in a file, see `receptance.campaign.Campaign.load`."""
     file = _find(Path(path))
-    data, text = _read(file)
+    data, text = read_contents(file)
     return campaign_fields(file, data, text, called=path, threads=threads, progress=progress)
 
 
@@ -96,8 +94,6 @@ def campaign_fields(
     places = _places(table, built, builder)
     cuts: dict[str, CampaignCut | None] = {}
     if table.cuts:
-        from receptance.campaign.stability import build_cut
-
         cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
@@ -170,7 +166,7 @@ def _find(path: Path) -> Path:
     )
 
 
-def _read(file: Path) -> tuple[dict[str, Any], str]:
+def read_contents(file: Path) -> tuple[dict[str, Any], str]:
     """Return the contents of a file and its text."""
     try:
         text = read_whole(file).decode("utf-8-sig")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.campaign.data import CampaignData
 from receptance.campaign.values import kind_of, parse_condition
 from receptance.coupling import ForceSeries
 from receptance.errors import ReceptanceError
@@ -18,7 +19,6 @@ from receptance.report import Column, Provenance, Results, Table
 from receptance.units import split
 
 if TYPE_CHECKING:
-    from receptance.campaign.run import Campaign
     from receptance.campaign.schema import SeriesTable
     from receptance.fit import Identification
     from receptance.fit.observation import Observation
@@ -70,7 +70,7 @@ class LevelSeries(Results[ForceSeries]):
 
 
 def started_by_level(
-    campaign: Campaign, observations: Sequence[Observation], unknowns: Sequence[Unknown]
+    campaign: CampaignData, observations: Sequence[Observation], unknowns: Sequence[Unknown]
 ) -> list[Unknown]:
     """Return the unknowns with start values of free ones from separate fits of each configuration.
 
@@ -111,7 +111,7 @@ def started_by_level(
 
 
 def _fitted(
-    campaign: Campaign,
+    campaign: CampaignData,
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     values: Mapping[str, float],
@@ -147,7 +147,7 @@ def _fitted(
         return None  # the fit of all levels reports the error
 
 
-def over_levels(campaign: Campaign, fit: Identification) -> LevelSeries:
+def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
     """Return every free parameter over the levels of the series.
 
     Parameters at fewer than `LEAST_LEVELS` levels are left out. Standard errors are those from the scatter of the data,

@@ -17,6 +17,8 @@ import tomli_w
 from receptance import units
 from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
+from receptance.campaign.data import CampaignData
+from receptance.campaign.diagnosis import base_model
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis.model import Model
@@ -32,7 +34,6 @@ from receptance.model.terminals import ModalPart
 from receptance.units import Quantity
 
 if TYPE_CHECKING:
-    from receptance.campaign.run import Campaign
     from receptance.diagnosis import Verdict
     from receptance.diagnosis.explanation import Explanation
     from receptance.diagnosis.fitting import Fit
@@ -180,7 +181,7 @@ class _Extended:
         return [name for name in own if (name in self.temporary) == temporary]
 
 
-def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
+def extended_text(campaign: CampaignData, verdict: Verdict, folder: Path) -> str:
     """Return the model that a diagnosis has extended as the text of a campaign file.
 
     The file is identified and predicted like any other. Start values are the results of the diagnosis.
@@ -202,7 +203,7 @@ def extended_text(campaign: Campaign, verdict: Verdict, folder: Path) -> str:
     return tomli_w.dumps(_extended(campaign, verdict, folder))
 
 
-def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Path:
+def write_extended(campaign: CampaignData, verdict: Verdict, path: str | Path) -> Path:
     """Write the model that a diagnosis has extended as a campaign file, completely or not at all.
 
     Parameters and errors are those of `extended_text`; `path` is that of the new file, which is returned.
@@ -212,7 +213,7 @@ def write_extended(campaign: Campaign, verdict: Verdict, path: str | Path) -> Pa
     return target
 
 
-def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, Any]:
+def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[str, Any]:
     """Return the contents of the extended file."""
     base, explanation = verdict.selection.base.model, verdict.explanation
     if explanation is None:
@@ -251,7 +252,7 @@ def _extended(campaign: Campaign, verdict: Verdict, folder: Path) -> dict[str, A
     return data
 
 
-def _early_end(campaign: Campaign, explanation: Explanation) -> float | None:
+def _early_end(campaign: CampaignData, explanation: Explanation) -> float | None:
     """Return the end of truncated records, if a cause has identified it from all of them together."""
     given = {name: observation.ends for name, observation in campaign.measurements.items()}
     found = explanation.fit.model.receptances
@@ -277,7 +278,7 @@ def _applied(
     return _Extended(observation, model.observations[0], model.tolerances, tuple(temporary))
 
 
-def _of_assembly(campaign: Campaign, base: Model, explanation: Explanation, name: str) -> _Extended:
+def _of_assembly(campaign: CampaignData, base: Model, explanation: Explanation, name: str) -> _Extended:
     """Apply the causes of an explanation to an assembly without sensors."""
     assembly = campaign.assemblies[name]
     own = [observation for observation in campaign.measurements.values() if observation.configuration == name]
@@ -293,7 +294,7 @@ def _of_assembly(campaign: Campaign, base: Model, explanation: Explanation, name
 
 
 def _write_structure(
-    data: dict[str, Any], campaign: Campaign, assemblies: Mapping[str, _Extended], unknown: set[str]
+    data: dict[str, Any], campaign: CampaignData, assemblies: Mapping[str, _Extended], unknown: set[str]
 ) -> None:
     """Write the elements that causes have changed, and the values in which assemblies differ."""
     materials = _Materials(campaign.table.materials)
@@ -530,10 +531,10 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
     return replace(model, observations=tuple(kept), tolerances=tolerances)
 
 
-def _check(campaign: Campaign, fit: Fit, data: dict[str, Any], folder: Path, *, with_discrepancy: bool) -> None:
+def _check(campaign: CampaignData, fit: Fit, data: dict[str, Any], folder: Path, *, with_discrepancy: bool) -> None:
     """Raise a ValueError if the written campaign is not the model that was diagnosed."""
     again = campaign.from_contents(folder / "extended.toml", copy.deepcopy(data))
-    written = again.base_model()[0]
+    written = base_model(again)[0]
     task = _on_diagnosed_lines(written, fit.model, with_discrepancy=with_discrepancy).task
     problem = task.problem()
     names = set(task.variables.names)
@@ -557,7 +558,7 @@ _OWN = ("title", "description", "settings")
 _LONG = re.compile(r"^(-?\d[\d.]*(?:e[-+]?\d+)?)(?= |$)")
 
 
-def with_campaign_lines(campaign: Campaign, verdict: Verdict) -> Verdict:
+def with_campaign_lines(campaign: CampaignData, verdict: Verdict) -> Verdict:
     """Return the verdict with the lines that add its explanation to the file; without them if there are none."""
     if verdict.explanation is None or not verdict.final:
         return verdict
@@ -570,7 +571,7 @@ def with_campaign_lines(campaign: Campaign, verdict: Verdict) -> Verdict:
             return verdict
 
 
-def changed_lines(campaign: Campaign, verdict: Verdict) -> tuple[str, ...]:
+def changed_lines(campaign: CampaignData, verdict: Verdict) -> tuple[str, ...]:
     """Return the lines in which the extended model of a diagnosis differs from the campaign file.
 
     They are what `extended_text` writes, with the same errors, without roles and start values of the unknowns that the

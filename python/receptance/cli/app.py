@@ -5,15 +5,14 @@ Exit codes: 0 success, 1 internal error, 2 wrong input, 3 negative result (--str
 
 from __future__ import annotations
 
-import atexit
-import gc
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
 
+from receptance import report
 from receptance._text import printable
 from receptance.cli.campaigns import (
     check,
@@ -53,9 +52,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from receptance.report import versions
-
-        found = versions()
+        found = report.versions()
         print(f"receptance {found.pop('receptance')} ({', '.join(f'{name} {value}' for name, value in found.items())})")
         raise typer.Exit
 
@@ -69,46 +66,24 @@ def _root(
     del version
 
 
-def _built(groups: Mapping[str, Mapping[str, Callable[..., None]]]) -> typer.Typer:
-    """Return the application with some commands, in the groups of its help."""
-    built = typer.Typer(
-        context_settings={"help_option_names": ["-h", "--help"]},
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-        help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
-    )
-    built.callback()(_root)
-    for group, commands in groups.items():
-        for name, command in commands.items():
-            # The text of `schema` is all that it does.
-            built.command(name, rich_help_panel=group)(command if command is schema else takes_quiet(command))
-    return built
-
-
-app = _built(_COMMANDS)
-
-
-def _needed(arguments: Sequence[str]) -> typer.Typer:
-    """Return the application with the command that is called, or with all of them for help and mistakes.
-
-    At each call typer reads the annotations of all commands, which takes a twentieth of a second.
-    """
-    name = arguments[0] if arguments else ""
-    for group, commands in _COMMANDS.items():
-        if name in commands:
-            return _built({group: {name: commands[name]}})
-    return app
+app = typer.Typer(
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Identify joints of spindle-holder-tool assemblies from measured vibration.",
+)
+app.callback()(_root)
+for _group, _commands in _COMMANDS.items():
+    for _name, _command in _commands.items():
+        # The text of `schema` is all that it does.
+        app.command(_name, rich_help_panel=_group)(_command if _command is schema else takes_quiet(_command))
 
 
 def run() -> int:
     """Run the command line and return its exit code; an interruption without an answer is a KeyboardInterrupt."""
-    # Importing makes many objects that stay; looking for garbage among them takes a twelfth of a short command.
-    gc.set_threshold(50_000, 20, 20)
-    # So does the search at the end of the process, which returns all memory anyway.
-    atexit.register(gc.freeze)
     try:
         # Not standalone, so that interruptions and wrong input get their own exit codes here.
-        code = _needed(sys.argv[1:])(standalone_mode=False, prog_name="receptance")
+        code = app(standalone_mode=False, prog_name="receptance")
     except (InputError, MissingExtraError) as error:
         print(f"receptance: {printable(str(error))}", file=sys.stderr)
         return 2

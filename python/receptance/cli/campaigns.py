@@ -8,10 +8,11 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import typer
 
+from receptance import campaign, diagnosis, examples
 from receptance.cli.files import NoWindow, open_figure
 from receptance.cli.running import (
     InputError,
@@ -26,10 +27,6 @@ from receptance.cli.running import (
 )
 from receptance.errors import ReceptanceError, ReceptanceWarning
 
-if TYPE_CHECKING:
-    from receptance.campaign import Campaign, Prediction
-    from receptance.diagnosis import Verdict
-
 _MOST_FILES = 6
 _Found = TypeVar("_Found")
 
@@ -38,17 +35,12 @@ CampaignFile = Annotated[
 ]
 
 
-def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None]) -> Campaign:
+def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None]) -> campaign.Campaign:
     """Read a campaign, and check that no file that it reads would be overwritten."""
-    from receptance.campaign import load
-
-    if not path.exists():
-        from receptance.examples import EXAMPLES
-
-        if str(path) in EXAMPLES:
-            hint = f"`receptance example {path}` writes the example of this name"
-            raise InputError(f"there is no campaign file or folder {path}; {hint}")
-    found = load(path, progress=progress)
+    if not path.exists() and str(path) in examples.EXAMPLES:
+        hint = f"`receptance example {path}` writes the example of this name"
+        raise InputError(f"there is no campaign file or folder {path}; {hint}")
+    found = campaign.load(path, progress=progress)
     targets.protect(found.file, "the campaign file")
     files = [file for name in found.measurements for file in found.files_of(name)]
     files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
@@ -61,20 +53,19 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
 
 
 def run_on_campaign(
-    path: Path, targets: Targets, work: Callable[[Campaign], _Found], seed: int | None = None
-) -> tuple[Campaign, _Found]:
+    path: Path, targets: Targets, work: Callable[[campaign.Campaign], _Found], seed: int | None = None
+) -> tuple[campaign.Campaign, _Found]:
     """Read a campaign and analyse it, with a progress display; mistakes in the input become `InputError`.
 
     Warnings are not shown, because they are among the notes of the result.
     """
-    from receptance.campaign import CampaignError
 
-    def run(say: Callable[[str], None]) -> tuple[Campaign, _Found]:
+    def run(say: Callable[[str], None]) -> tuple[campaign.Campaign, _Found]:
         read = load_campaign(path, targets, say)
         read = read if seed is None else read.with_seed(seed)
         return read, work(read)
 
-    with warnings.catch_warnings(), input_errors(CampaignError, ReceptanceError, OSError):
+    with warnings.catch_warnings(), input_errors(campaign.CampaignError, ReceptanceError, OSError):
         warnings.simplefilter("ignore", ReceptanceWarning)
         return with_progress(run)
 
@@ -86,8 +77,6 @@ def example(
     overwrite: Overwrite = False,
 ) -> None:
     """Write a complete example campaign with its data to a folder."""
-    from receptance import examples
-
     console = output()
     if list_them:
         width = max(map(len, examples.EXAMPLES))
@@ -108,7 +97,7 @@ def example(
 
 @takes_targets("if identify or diagnose cannot run, or something is missing")
 def check(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     no_window: NoWindow = False,
 ) -> None:
@@ -116,9 +105,7 @@ def check(
 
     The figure is opened in the default viewer, or saved with --plot.
     """
-    from receptance.campaign import CampaignCheck
-
-    _, found = run_on_campaign(campaign, targets, CampaignCheck)
+    _, found = run_on_campaign(file, targets, campaign.CampaignCheck)
     targets.show(found)
     if not no_window and not targets.asked:
         open_figure(targets.console(), found.plot, "check")
@@ -129,27 +116,27 @@ def schema(
     markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown tables instead.")] = False,
 ) -> None:
     """Print the JSON Schema of campaign files."""
-    from receptance.campaign import field_tables, json_schema
-
-    text = field_tables() if markdown else json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+    text = (
+        campaign.field_tables() if markdown else json.dumps(campaign.json_schema(), indent=2, ensure_ascii=False) + "\n"
+    )
     output().out(text, end="", highlight=False)
 
 
 @takes_targets("if the fit has not converged or has advice")
 def identify(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     seed: NewSeed = None,
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
-    read, found = run_on_campaign(campaign, targets, lambda read: read.identify(), seed)
+    read, found = run_on_campaign(file, targets, lambda read: read.identify(), seed)
     targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
     targets.require(not found.advice)
 
 
 @takes_targets("if the fit has advice")
 def predict(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     at_most: Annotated[
         float | None,
@@ -164,12 +151,12 @@ def predict(
 ) -> None:
     """Predict held-out measurements and unmeasured assemblies."""
 
-    def work(read: Campaign) -> Prediction:
+    def work(read: campaign.Campaign) -> campaign.Prediction:
         if at_most is not None and not read.held_out:
             raise InputError("--at-most needs held-out measurements, and the campaign has none")
         return read.predict()
 
-    read, found = run_on_campaign(campaign, targets, work, seed)
+    read, found = run_on_campaign(file, targets, work, seed)
     targets.show(found)
     if at_most is not None:
         worst = max(map(abs, found.errors_percent), default=float("inf"))
@@ -186,7 +173,7 @@ def predict(
 
 @takes_targets("if the fits have advice or an assembly is not predicted")
 def transfer(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     splits: Annotated[
         str, typer.Option("--splits", help="leave-one-out: each assembly from all others; one-for-all: all from each.")
@@ -197,7 +184,7 @@ def transfer(
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
     way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
-    _, found = run_on_campaign(campaign, targets, lambda read: read.transfer(splits=way), seed)
+    _, found = run_on_campaign(file, targets, lambda read: read.transfer(splits=way), seed)
     if targets.draws and not found.modes and not found.frfs:
         raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
     targets.show(found)
@@ -206,7 +193,7 @@ def transfer(
 
 @takes_targets()
 def invert(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     joint: Annotated[
         str | None,
@@ -220,13 +207,13 @@ def invert(
     ] = 20.0,
 ) -> None:
     """Compute joint stiffness on each line by inverse coupling."""
-    _, found = run_on_campaign(campaign, targets, lambda read: read.invert(joint, limit=limit / 100.0))
+    _, found = run_on_campaign(file, targets, lambda read: read.invert(joint, limit=limit / 100.0))
     targets.show(found)
 
 
 @takes_targets("if the fit is rejected")
 def next_measurement(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     target: Annotated[
         list[str] | None,
@@ -239,14 +226,14 @@ def next_measurement(
     seed: NewSeed = None,
 ) -> None:
     """Rank candidate measurements by their expected benefit."""
-    _, found = run_on_campaign(campaign, targets, lambda read: read.next_measurement(targets=target or ()), seed)
+    _, found = run_on_campaign(file, targets, lambda read: read.next_measurement(targets=target or ()), seed)
     targets.show(found)
     targets.require(not found.rejection)
 
 
 @takes_targets("if limits are rejected, as those of a rejected fit")
 def stability(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     cut: Annotated[
         list[str] | None, typer.Option("--cut", metavar="NAME", help="Only this cut; may be repeated.")
@@ -254,14 +241,14 @@ def stability(
     seed: NewSeed = None,
 ) -> None:
     """Compute stable depths of cut and recommended spindle speeds."""
-    _, found = run_on_campaign(campaign, targets, lambda read: read.stability(cuts=cut or ()), seed)
+    _, found = run_on_campaign(file, targets, lambda read: read.stability(cuts=cut or ()), seed)
     targets.show(found)
     targets.require(not found.rejection)
 
 
 @takes_targets("unless the verdict is adequate")
 def diagnose(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     causes: Annotated[
         list[str] | None, typer.Option("--cause", metavar="ID", help="Only this cause; may be repeated.")
@@ -285,14 +272,11 @@ def diagnose(
     """
     targets.add("--extended", extended, "Extended campaign", (".toml",), "a campaign is a TOML file")
 
-    def work(read: Campaign) -> Verdict:
-        from receptance.campaign.stability import named_metrics
-        from receptance.campaign.write import with_campaign_lines
+    def work(read: campaign.Campaign) -> diagnosis.Verdict:
+        made = read.diagnose(causes or None, fast=fast, metrics=campaign.stability.named_metrics(read, metrics or ()))
+        return replace(campaign.write.with_campaign_lines(read, made), campaign_path=shlex.quote(str(file)))
 
-        made = read.diagnose(causes or None, fast=fast, metrics=named_metrics(read, metrics or ()))
-        return replace(with_campaign_lines(read, made), campaign_path=shlex.quote(str(campaign)))
-
-    read, found = run_on_campaign(campaign, targets, work, seed)
+    read, found = run_on_campaign(file, targets, work, seed)
     texts, why_not = _extended(read, found, extended)
     if extended is not None and why_not:
         targets.leave_out(extended)
@@ -304,10 +288,8 @@ def diagnose(
     targets.require(found.verdict == "adequate")
 
 
-def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[dict[Path, str], str]:
+def _extended(read: campaign.Campaign, found: diagnosis.Verdict, target: Path | None) -> tuple[dict[Path, str], str]:
     """Return the text of the extended campaign by its file, or the reason why there is none."""
-    from receptance.campaign import extended_text
-
     if target is None:
         return {}, ""
     if not found.final:
@@ -315,6 +297,6 @@ def _extended(campaign: Campaign, found: Verdict, target: Path | None) -> tuple[
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return {target: extended_text(campaign, found, target.parent)}, ""
+            return {target: campaign.extended_text(read, found, target.parent)}, ""
         except ValueError as error:
             return {}, str(error)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.text import Text
 
-from receptance import report
-from receptance._files import check_target, write_whole
+import receptance
+from receptance._files import check_target
 from receptance.cli.campaigns import CampaignFile, run_on_campaign
 from receptance.cli.running import InputError, NewSeed, Targets, input_errors, refuse_existing, takes_targets
-
-if TYPE_CHECKING:
-    from receptance.campaign import Campaign
-    from receptance.catalogue import CatalogueSummary, ToolPrediction
 
 _LISTED = 20
 """Largest number of tools whose file names are listed."""
@@ -27,7 +23,7 @@ _DRAWS = 60
 
 @takes_targets("if the fit is rejected")
 def catalogue(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     tools: Annotated[
         Path | None, typer.Argument(metavar="TOOLS.csv", help="Tools; by default the file the campaign names.")
@@ -64,31 +60,30 @@ def catalogue(
             targets.protect(path, "read")
     begun = time.perf_counter()
 
-    def work(read: Campaign) -> CatalogueSummary:
-        from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue
-        from receptance.catalogue.results import file_names, summaries, write_depths, write_modes
-
+    def work(read: receptance.Campaign) -> receptance.catalogue.CatalogueSummary:
         name = "" if depths is None else _cut(read, cut)
-        chosen = Catalogue(read, tools, holders)
-        names = file_names(row.name for row in chosen.tools)
+        chosen = receptance.catalogue.Catalogue(read, tools, holders)
+        names = receptance.catalogue.results.file_names(row.name for row in chosen.tools)
         _require_new(names.values(), figures, frfs, overwrite=targets.overwrite)
         draws = read.table.stability.number_of_draws if name else _DRAWS if figures else 0
-        predictions = predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
+        predictions = receptance.catalogue.predict_catalogue(chosen, draws=draws, seed=read.table.stability.seed)
         if out is not None:
-            predictions = write_modes(out, predictions)
+            predictions = receptance.catalogue.results.write_modes(out, predictions)
         if depths is not None:
-            predictions = write_depths(depths, predictions, read, name)
+            predictions = receptance.catalogue.results.write_depths(depths, predictions, read, name)
         if figures is not None or frfs is not None:
-            predictions = _write_files(predictions, names, figures, frfs)
-        found = tuple(summaries(predictions))
-        return CatalogueSummary(
+            from receptance.catalogue.files import write_files  # figures load matplotlib
+
+            predictions = write_files(predictions, names, figures, frfs)
+        found = tuple(receptance.catalogue.results.summaries(predictions))
+        return receptance.catalogue.CatalogueSummary(
             tools=found,
             level=read.table.prediction.level,
             notes=tuple(dict.fromkeys([*read.notes, *(note for one in found for note in one.notes)])),
             provenance=read.provenance(),
         )
 
-    _, found = run_on_campaign(campaign, targets, work, seed)
+    _, found = run_on_campaign(file, targets, work, seed)
     targets.show(found)
     console = targets.console()
     for what, folder in (("Figures", figures), ("Receptances", frfs)):
@@ -119,7 +114,7 @@ def _require_new(names: Collection[str], figures: Path | None, frfs: Path | None
                 refuse_existing(option, folder / f"{name}{ending}", overwrite=overwrite)
 
 
-def _cut(read: Campaign, cut: str | None) -> str:
+def _cut(read: receptance.Campaign, cut: str | None) -> str:
     """Return the name of the cut for --depths after checking it and the spindle speeds."""
     if cut is None and len(read.cuts) != 1:
         known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
@@ -130,27 +125,9 @@ def _cut(read: Campaign, cut: str | None) -> str:
     return name
 
 
-def _write_files(
-    predictions: Iterator[ToolPrediction], names: dict[str, str], figures: Path | None, frfs: Path | None
-) -> Iterator[ToolPrediction]:
-    """Write the figure and the FRF of each tool, and yield the predictions unchanged."""
-    from receptance.catalogue.figure import draw_tool
-    from receptance.io import write
-
-    for prediction in predictions:
-        name = names[prediction.row.name]
-        if figures is not None:
-            write_whole({figures / f"{name}.png": report.figure.as_image(draw_tool(prediction), "png")})
-        if frfs is not None:
-            write(frfs / f"{name}.csv", prediction.as_frf())
-        yield prediction
-
-
-def _renamed_files(found: CatalogueSummary) -> str:
+def _renamed_files(found: receptance.catalogue.CatalogueSummary) -> str:
     """Return a note on the tools whose names cannot be file names."""
-    from receptance.catalogue.results import file_names
-
-    names = file_names(one.name for one in found.tools)
+    names = receptance.catalogue.results.file_names(one.name for one in found.tools)
     others = [f"{tool} as {file}" for tool, file in names.items() if tool != file]
     more = f", and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     text = f"note: tools whose files have another name: {', '.join(others[:_LISTED])}{more}"

@@ -9,11 +9,13 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated, Any, cast
 
 import typer
+from rich.console import Console
 
-from receptance import report
+import receptance
+from receptance import io, report
 from receptance._reading import Option, ReadingOptions, reading_options
 from receptance.cli.running import (
     InputError,
@@ -26,13 +28,7 @@ from receptance.cli.running import (
     with_parameters,
 )
 from receptance.errors import ReceptanceWarning
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from receptance import FRF
-    from receptance.io import Coherence, TimeSeries
-    from receptance.io.measurements import Measurement
+from receptance.units import form_name
 
 READING = "Reading of files that do not state everything"
 """Group of options in the help."""
@@ -96,7 +92,13 @@ def reading_of(given: Mapping[str, Any]) -> ReadingOptions:
     """Return the keywords of `read_all` from options of a command, without those that were not given."""
     found = {name: value for name, value in given.items() if value is not None and value is not False and value != []}
     for name in _REPEATED & found.keys():
-        found[name] = _units_of(found[name]) if name == "unit" else _named_values(found[name], name)
+        texts, option = found[name], f"--{reading_options()[name][1].option or name}"
+        if name != "unit":
+            found[name] = named_values(texts, option, "ROLE=NAME")
+        elif len(texts) == 1 and "=" not in texts[0]:
+            found[name] = texts[0]  # of FRFs
+        else:
+            found[name] = named_values(texts, option, "one unit, or CHANNEL=UNIT for each channel")
     for name in _LISTED & found.keys():
         found[name] = found[name].split(",")
     return cast(ReadingOptions, found)
@@ -112,39 +114,28 @@ def collected_warnings() -> Iterator[list[str]]:
     notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
 
 
-def read_measurements(source: Path, reading: ReadingOptions, number: int | None) -> tuple[list[Measurement], list[str]]:
+def read_measurements(
+    source: Path, reading: ReadingOptions, number: int | None
+) -> tuple[list[io.measurements.Measurement], list[str]]:
     """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
-    from receptance.io import read_all
-
     with collected_warnings() as notes:
-        found = read_all(source, **reading)
+        found = io.read_all(source, **reading)
     if number is not None and number > len(found):
         raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
     return found if number is None else [found[number - 1]], notes
 
 
-def _named_values(given: Sequence[str], name: str, form: str = "ROLE=NAME") -> dict[str, str]:
+def named_values(texts: Sequence[str], option: str, expected: str) -> dict[str, str]:
     """Return names and values, separated by the last =, because names may contain one and units do not."""
-    _, option = reading_options()[name]
-    words = f"--{option.option or name}"
-    found: dict[str, str] = {}
-    for text in given:
+    values: dict[str, str] = {}
+    for text in texts:
         key, sign, value = text.rpartition("=")
         if not sign or not key or not value:
-            raise InputError(f"{words} is {text!r}, expected {form}")
-        if key in found:
-            raise InputError(f"{words} is given twice for {key!r}, expected one")
-        found[key] = value
-    return found
-
-
-def _units_of(given: Sequence[str]) -> str | dict[str, str]:
-    """Return the unit of FRFs, or the units of channels."""
-    return (
-        given[0]
-        if len(given) == 1 and "=" not in given[0]
-        else _named_values(given, "unit", "one unit, or CHANNEL=UNIT for each channel")
-    )
+            raise InputError(f"{option} is {text!r}, expected {expected}")
+        if key in values:
+            raise InputError(f"{option} is given twice for {key!r}, expected one")
+        values[key] = value
+    return values
 
 
 # Commands -------------------------------------------------------------------------------------------------------------
@@ -165,15 +156,12 @@ def show(
 
     The figure is opened in the default viewer, or saved with --plot.
     """
-    from receptance.io.contents import FileContents
-    from receptance.io.files import FORMATS, file_format
-
     targets.protect(source, "the file to show")
     targets.require_new()
     with input_errors():
         found, warned = read_measurements(source, reading, number)
-        read_as = reading.get("format") or file_format(source)
-    contents = FileContents(source.name, FORMATS[read_as].title, tuple(found), tuple(warned))
+        read_as = reading.get("format") or io.files.file_format(source)
+    contents = io.contents.FileContents(source.name, io.files.FORMATS[read_as].title, tuple(found), tuple(warned))
     targets.show(contents)
     if not no_window and not targets.asked:
         open_figure(targets.console(), contents.plot, source.stem)
@@ -213,15 +201,13 @@ def convert(
     overwrite: Overwrite = False,
 ) -> None:
     """Convert FRFs, coherences and time records to another file format."""
-    from receptance.io import write
-
     if target.exists() and source.exists() and target.resolve() == source.resolve():
         raise InputError(f"IN and OUT are both {source}; give two files")
     refuse_existing("OUT", target, overwrite=overwrite)
     with input_errors(), collected_warnings() as further:
         found, notes = read_measurements(source, reading, number)
         written = [_as_form(thing, form) for thing in found]
-        write(target, written, format=target_format)
+        io.write(target, written, format=target_format)
     console = output()
     for thing in written:
         console.print(f"{thing!r}", soft_wrap=True)
@@ -230,13 +216,10 @@ def convert(
     console.print(f"Written: {target}", soft_wrap=True)
 
 
-def _as_form(thing: FRF | TimeSeries | Coherence, form: str | None) -> Any:
-    from receptance import FRF
-    from receptance.units import form_name
-
+def _as_form(thing: io.measurements.Measurement, form: str | None) -> Any:
     if form is None:
         return thing
     name = form_name(form)
-    if not isinstance(thing, FRF):
+    if not isinstance(thing, receptance.FRF):
         raise ValueError(f"--as is {form!r}, but {thing!r} is not an FRF")
     return thing.to(name)

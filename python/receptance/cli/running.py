@@ -14,22 +14,17 @@ from contextvars import ContextVar
 from pathlib import Path
 from threading import Event, Lock, Thread
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderHook
 from rich.control import Control
 from rich.segment import Segment
 
-from receptance import report
+import receptance
 from receptance._files import check_target, write_whole
 from receptance._text import printable
 from receptance.report.terminal import LEAST_WIDTH, print_result
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from receptance.report import Result, Table
 
 _PIPE_WIDTH = 132
 _QUIET = 10.0
@@ -255,8 +250,8 @@ class Targets:
     def write(
         self,
         results: Callable[[], dict[str, Any]],
-        draw: Callable[[], Figure] | None = None,
-        profiles: Callable[[], Figure] | None = None,
+        draw: Callable[[], Any] | None = None,
+        profiles: Callable[[], Any] | None = None,
         html: Callable[[], str] | None = None,
         more: Mapping[Path, str] | None = None,
     ) -> None:
@@ -275,10 +270,10 @@ class Targets:
         if plot is not None and draw is not None:
             try:
                 with input_errors():
-                    figures[plot] = report.figure.as_image(draw(), self.kind)
+                    figures[plot] = receptance.report.figure.as_image(draw(), self.kind)
                 if profiles is not None:
                     self._names.append(("Figure", _beside(plot, PROFILES)))
-                    figures[_beside(plot, PROFILES)] = report.figure.as_image(profiles(), self.kind)
+                    figures[_beside(plot, PROFILES)] = receptance.report.figure.as_image(profiles(), self.kind)
             except Exception:
                 with input_errors():
                     write_whole(contents)  # results are written even if the figure cannot be drawn
@@ -290,10 +285,10 @@ class Targets:
 
     def show(
         self,
-        result: Result,
-        measured: Sequence[Table] = (),
+        result: receptance.report.Result,
+        measured: Sequence[receptance.report.Table] = (),
         *,
-        profiles: Callable[[], Figure] | None = None,
+        profiles: Callable[[], Any] | None = None,
         more: Mapping[Path, str] | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
@@ -322,8 +317,8 @@ def _beside(path: Path, what: str) -> Path:
 
 
 def _image_kind(plot: Path) -> str:
-    formats = report.figure.image_formats()
     kind = plot.suffix.removeprefix(".").lower()
+    formats = receptance.report.figure.image_formats()
     if kind not in formats:
         raise InputError(f"cannot write {plot}: expected an ending with a format of figures: {', '.join(formats)}")
     return kind

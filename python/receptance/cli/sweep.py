@@ -4,33 +4,21 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from receptance import cli
 from receptance.cli.campaigns import CampaignFile, load_campaign
-from receptance.cli.running import InputError, Seed, Targets, input_errors, output, takes_targets, with_progress
+from receptance.cli.running import Seed, Targets, input_errors, output, takes_targets, with_progress
 from receptance.errors import ReceptanceError, ReceptanceWarning
-
-if TYPE_CHECKING:
-    from receptance.campaign import Campaign
-    from receptance.sweep import Candidates
-
-_EXAMPLE = "joint.k_y = 1e7 N/m to 1e9 N/m"
-_POINTS = 20
-"""Number of values of each parameter by default."""
-_MOST_CANDIDATES = 10_000_000
-_LOGARITHMIC = 10.0
-"""Ratio of the ends of a range from which its values are spaced logarithmically."""
 
 
 @takes_targets("if no candidate agrees with the measurements")
 def sweep(
-    campaign: CampaignFile,
+    file: CampaignFile,
     targets: Targets,
     vary: Annotated[
         list[str] | None,
@@ -42,7 +30,7 @@ def sweep(
     ] = None,
     points: Annotated[
         int | None,
-        typer.Option("--points", metavar="N", min=2, help=f"Values of each parameter in a grid; by default {_POINTS}."),
+        typer.Option("--points", metavar="N", min=2, help="Values of each parameter in a grid; by default 20."),
     ] = None,
     sample: Annotated[
         int | None,
@@ -68,12 +56,12 @@ def sweep(
     """Compare many values of parameters with the measurements."""
     with warnings.catch_warnings(record=True) as caught, input_errors(ReceptanceError, ValueError, OSError):
         warnings.simplefilter("always", ReceptanceWarning)
-        read = with_progress(lambda say: load_campaign(campaign, targets, say))
+        read = with_progress(lambda say: load_campaign(file, targets, say))
         caught.clear()  # warnings on measurements are shown by the commands that fit them
-        given = _fixed_values(at or [])
-        candidates = _candidates(read, vary or [], points, sample, seed, given)
+        given = cli.candidates.fixed_values(at or [])
+        candidates = cli.candidates.candidates_of(read, vary or [], points, sample, seed, given)
         if targets.draws:
-            _check_figure(candidates)
+            cli.candidates.check_figure(candidates)
         try:
             found = with_progress(lambda say: replace(read, progress=say).compare(candidates, given=given, store=store))
         except (KeyboardInterrupt, OSError):
@@ -90,102 +78,3 @@ def sweep(
     if store is not None:
         targets.console().print(f"Store: {store}", soft_wrap=True)
     targets.require(found.agrees in (None, True))
-
-
-def _check_figure(candidates: Candidates) -> None:
-    """Raise `InputError` if more parameters are varied than a figure shows."""
-    from receptance.sweep.figure import LARGEST_COUNT
-
-    count = len(candidates.addresses)
-    if count > LARGEST_COUNT:
-        raise InputError(
-            f"a figure shows at most {LARGEST_COUNT} parameters, and {count} are varied; name some with --vary, or "
-            "leave out --plot and --report"
-        )
-
-
-def _fixed_values(at: list[str]) -> dict[str, float]:
-    """Return the values of --at by address in SI units."""
-    found: dict[str, float] = {}
-    for address, value in _assigned("--at", at, "'ADDRESS = VALUE', such as 'joint.k_y = 1e8 N/m'"):
-        found[address] = _quantity(address, value, f"--at {address}: the value")
-    return found
-
-
-def _candidates(
-    read: Campaign, vary: list[str], points: int | None, sample: int | None, seed: int, given: dict[str, float]
-) -> Candidates:
-    from receptance.fit.parameters import FACTORS
-    from receptance.sweep import Grid, Sampled
-
-    if points is not None and sample is not None:
-        raise InputError("--points makes a grid and --sample random candidates; expected one of them")
-    points = points or _POINTS
-    ranges = _ranges(vary)
-    if not vary:
-        chosen = (u for u in read.unknowns if u.address not in given and u.address not in FACTORS)
-        ranges = {u.address: (u.lower, u.upper) for u in chosen}
-    for address in ranges:
-        if address in given:
-            raise InputError(f"{address} is varied and has a fixed value by --at, expected one of them")
-    if not ranges:
-        raise InputError(f"the campaign has no unknowns, expected a parameter, such as --vary '{_EXAMPLE}'")
-    logarithmic = {name: low > 0.0 and high / low >= _LOGARITHMIC for name, (low, high) in ranges.items()}
-    if sample is not None:
-        from scipy import stats
-
-        distributions = {
-            name: stats.loguniform(low, high) if logarithmic[name] else stats.uniform(low, high - low)
-            for name, (low, high) in ranges.items()
-        }
-        return Sampled(distributions, count=sample, seed=seed)
-    count = points ** len(ranges)
-    if count > _MOST_CANDIDATES:
-        raise InputError(f"{points} values of {len(ranges)} parameters are {count:.1e} candidates; use --sample COUNT")
-    import numpy as np
-
-    return Grid(
-        {
-            name: np.geomspace(low, high, points) if logarithmic[name] else np.linspace(low, high, points)
-            for name, (low, high) in ranges.items()
-        }
-    )
-
-
-def _ranges(vary: list[str]) -> dict[str, tuple[float, float]]:
-    """Return the ranges of --vary by address in SI units."""
-    found: dict[str, tuple[float, float]] = {}
-    for address, rest in _assigned("--vary", vary, f"'ADDRESS = LOW to HIGH', such as '{_EXAMPLE}'", " to "):
-        low_text, _, high_text = rest.partition(" to ")
-        low = _quantity(address, low_text.strip(), f"--vary {address}: the lower end")
-        high = _quantity(address, high_text.strip(), f"--vary {address}: the upper end")
-        if not low < high:
-            raise InputError(f"--vary {address}: the range is {rest}, expected the lower end first")
-        found[address] = low, high
-    return found
-
-
-def _assigned(option: str, texts: list[str], expected: str, sign: str = "") -> Iterator[tuple[str, str]]:
-    """Yield addresses and texts on the right side of `=`, which contain a sign."""
-    known = set()
-    for text in texts:
-        address, equals, rest = (part.strip() for part in text.partition("="))
-        if not equals or sign not in rest:
-            raise InputError(f"{option} is {text!r}, expected {expected}")
-        if address in known:
-            raise InputError(f"{option} {address} is given twice, expected it once")
-        known.add(address)
-        yield address, rest
-
-
-def _quantity(address: str, text: str, what: str) -> float:
-    """Return a value in SI units; a number without unit is accepted for dimensionless quantities."""
-    from receptance.campaign.values import value_at
-
-    value: float | str = text
-    with suppress(ValueError):
-        value = float(text)
-    try:
-        return value_at(address, value)
-    except ValueError as error:
-        raise InputError(f"{what} {error}") from error

@@ -1,5 +1,5 @@
 """Complete campaigns that are part of the package."""
 
-from receptance.examples.catalogue import EXAMPLES, Example, write
+import lazy_loader
 
-__all__ = ["EXAMPLES", "Example", "write"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

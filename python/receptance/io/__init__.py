@@ -1,16 +1,5 @@
 """Files of measurements: FRFs, coherences and time series."""
 
-from receptance.io.errors import FileFormatError
-from receptance.io.files import read, read_all, read_frf, read_time_series, write
-from receptance.io.measurements import Coherence, TimeSeries
+import lazy_loader
 
-__all__ = [
-    "Coherence",
-    "FileFormatError",
-    "TimeSeries",
-    "read",
-    "read_all",
-    "read_frf",
-    "read_time_series",
-    "write",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

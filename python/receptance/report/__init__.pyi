@@ -1,5 +1,7 @@
 from . import figure as figure
 from . import html as html
+from . import result as result
+from . import table as table
 from . import terminal as terminal
 from .result import PageSection as PageSection
 from .result import Provenance as Provenance

@@ -18,9 +18,9 @@ from receptance.sweep.candidates import Candidates
 from receptance.sweep.outputs import PROGRAM, Output, Reduction, Variable
 
 if TYPE_CHECKING:
-    from receptance.campaign import Campaign
+    from receptance.campaign import CampaignData
 
-    Model = Assembly | Mapping[str, Assembly] | Campaign
+    Model = Assembly | Mapping[str, Assembly] | CampaignData
 
 CANDIDATE = "candidate"
 VALID = "valid"
@@ -54,7 +54,7 @@ class Definition:
     @classmethod
     def of(
         cls,
-        model: Assembly | Mapping[str, Assembly] | Campaign,
+        model: Assembly | Mapping[str, Assembly] | CampaignData,
         candidates: Candidates,
         outputs: Output | Sequence[Output],
     ) -> Definition:

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from receptance.campaign import Campaign
+    from receptance.campaign import CampaignData
     from receptance.model.assembly import Assembly
     from receptance.sweep.candidates import Candidates
     from receptance.sweep.outputs import Output
 
 
 def sweep(
-    model: Assembly | Mapping[str, Assembly] | Campaign,
+    model: Assembly | Mapping[str, Assembly] | CampaignData,
     candidates: Candidates,
     outputs: Output | Sequence[Output],
     *,

@@ -1,0 +1,164 @@
+"""The cuts of a campaign, and the tips that they need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from receptance.campaign.measurements import MeasurementReader, read_entry, restrict_to_bands
+from receptance.campaign.problems import KeyPath
+from receptance.campaign.schema import TipTable
+from receptance.fit import Observation
+from receptance.frf import FRF
+from receptance.frf.variance import with_variance
+from receptance.stability import (
+    Lobes,
+    Milling,
+    Turning,
+)
+from receptance.stability.tip import require_drive_point
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tip:
+    """Source of the receptance of a tool tip in one direction.
+
+    Attributes
+    ----------
+    name : str
+        Free-text label.
+    assembly : str
+        Name of the assembly that is predicted; empty for a measured tip.
+    frf : FRF or None
+        Measured FRF.
+    file : str
+        File of the FRF; empty for a measurement of the campaign and for a predicted tip.
+    """
+
+    name: str
+    assembly: str = ""
+    frf: FRF | None = None
+    file: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignCut:
+    """A cut of a campaign.
+
+    Attributes
+    ----------
+    name : str
+        Name in the file.
+    cut : Milling or Turning
+        The cut.
+    spread : dict of str to float
+        Standard deviations of the logarithms of the coefficients.
+    x, y : Tip
+        Tip in the direction of feed (in turning, of the chip thickness) and across it; y is None if it is rigid.
+    """
+
+    name: str
+    cut: Milling | Turning
+    x: Tip
+    y: Tip | None = None
+    spread: dict[str, float] = field(default_factory=dict)
+
+    def label(self, lobes: Lobes) -> Lobes:
+        """Return lobes with the name, the tips and the coefficients of this cut."""
+        tips = {"x": self.x.name, "y": None if self.y is None else self.y.name}
+        return replace(lobes, name=self.name, tips=tips, spread=self.spread)
+
+    def drawn(self, draws: int, seed: int) -> tuple[Milling, ...] | tuple[Turning, ...] | None:
+        """Return cuts with drawn coefficients; None if the coefficients are exact."""
+        if not any(self.spread.values()):
+            return None
+        return self.cut.drawn(draws, **self.spread, seed=seed)
+
+
+def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, Observation]) -> CampaignCut | None:
+    """Return a cut, or None after its mistakes are added."""
+    own, path, builder = reader.campaign.cuts[name], ("cuts", name), reader.builder
+    cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
+    spread = {
+        key: deviation.of(getattr(own, key)) / getattr(own, key)
+        for key, deviation in own.tolerance.items()
+        if getattr(own, key) > 0.0
+    }
+    x = y = _tip((*path, "x"), own.x, reader, measurements)
+    if own.kind == "turning" or own.y == "rigid":
+        y = None
+    elif not isinstance(own.y, str):
+        y = _tip((*path, "y"), own.y, reader, measurements)
+    if cut is None or x is None or builder.problems.at(path):
+        return None
+    return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
+
+
+def _tip(
+    path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Observation]
+) -> Tip | None:
+    builder, problems = reader.builder, reader.builder.problems
+    given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
+    if len(given) != 1:
+        found = " and ".join(given) or "neither an assembly, a measurement nor a file"
+        problems.add(path, f"has {found}, expected one of the three")
+        return None
+    if table.file is None:
+        for key in sorted(table.written - {"assembly", "measurement", "bands"}):
+            where = "" if table.measurement is None else f" or in [measurements.{table.measurement}]"
+            problems.add(
+                (*path, key), f"is given without `file`, whose contents it describes, expected it there{where}"
+            )
+    if table.assembly is not None:
+        if table.bands is not None:
+            text = "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead"
+            problems.add((*path, "bands"), text)
+        if problems.at(path) or table.assembly not in builder.built.assemblies:
+            return None
+        return Tip(name=f"predicted, {table.assembly}", assembly=table.assembly)
+    if problems.at(path) or (table.measurement is not None and table.measurement not in measurements):
+        return None
+    if table.measurement is not None:
+        frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement])
+        sensor = reader.campaign.measurements[table.measurement].sensor
+        if frf is not None and sensor is not None:
+            builder.note(path, f"the receptance includes the mass of the sensor {sensor}")
+    else:
+        frf = builder.make((*path, "file"), _read, table, reader.folder)
+        for note in () if frf is None else frf.notes:
+            builder.note(path, note)
+    if frf is not None and table.bands is not None:
+        frf = builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
+    if frf is None or builder.make(path, _at_drive_point, frf) is None:
+        return None
+    name = f"measured, {table.measurement or table.file}"
+    return Tip(name=name, frf=frf.to("receptance"), file=str(table.file or ""))
+
+
+def _at_drive_point(frf: FRF) -> FRF:
+    require_drive_point("the FRF", frf.masked())
+    return frf
+
+
+def _measured(seen: Observation) -> FRF:
+    """Return the FRF of a measurement."""
+    if not seen.is_receptance:
+        raise ValueError(f'is "{seen.label}", natural frequencies; expected a measured FRF')
+    if seen.frequency_hz.dtype.kind == "c":
+        raise ValueError(f'is "{seen.label}", with an exponential window; expected an FRF without one')
+    if "theta" in (seen.response.direction, seen.excitation.direction):
+        raise ValueError(f'is "{seen.label}", a rotation or caused by a moment; expected a translation over a force')
+    # The variance of an FRF is that of one line.
+    variance = None if seen.standard_deviation is None else seen.standard_deviation**2 / seen.correlated_lines
+    return FRF(
+        frequency_hz=seen.frequency_hz,
+        values=seen.receptance,
+        log_variance=variance,
+        correlated_lines=seen.correlated_lines,
+        label=seen.label,
+    )
+
+
+def _read(table: TipTable, folder: Path) -> FRF:
+    return with_variance(read_entry(table, folder))

@@ -1,0 +1,296 @@
+"""The contents of a campaign: structures, measurements and unknowns, as read from its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receptance._text import instead_of
+from receptance.campaign.build import Built
+from receptance.campaign.cuts import CampaignCut
+from receptance.campaign.measurements import data_files
+from receptance.campaign.problems import CampaignError
+from receptance.campaign.read import campaign_fields, read_campaign, silent
+from receptance.campaign.schema import CampaignTable
+from receptance.campaign.tolerances import inherited_tolerances
+from receptance.campaign.values import Deviation
+from receptance.fit import Tolerance, Unknown
+from receptance.fit.observation import Observation
+from receptance.fit.parameters import Site
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
+from receptance.predict import Candidate
+from receptance.report import Column, Provenance, Renderable, Table
+
+_NO_CUT = """there is no cut; write one, such as
+  [cuts.slot]
+  kind = "milling"
+  teeth = 4
+  k_t = "800 MPa"
+  k_n = "250 MPa"
+  x = { assembly = "long" }
+where the assembly is one of this file, measured or not"""
+_SPEEDS = {"mean force": 400, "semi-discretisation": 30}
+"""Number of spindle speeds by default, by `stability.method`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignData(Renderable):
+    """What a campaign file contains, with its data; `Campaign` has the analyses.
+
+    Attributes
+    ----------
+    file : Path
+        The campaign file.
+    table : CampaignTable
+        Contents of the file, checked; numbers in SI units.
+    contents : dict
+        Contents of the file as they are written, with a table for each level of a series.
+    assemblies : dict of str to Assembly
+        Configurations by name, without sensors. Unknown parameters have their start values.
+    measurements : dict of str to Observation
+        Measurements by name, with the assembly including the sensor; their configuration is the assembly's name.
+    errors : dict of str to tuple of Tolerance
+        Errors of each measurement: of its assembly and of what is attached to it.
+    unknowns : tuple of Unknown
+        Parameters to identify.
+    tolerances : dict of str to tuple of Tolerance
+        Errors of each assembly. Errors with the same name are one error.
+    places : dict of str to tuple of Coordinate
+        Response and excitation at which assemblies without measurements are predicted.
+    candidates : dict of str to Candidate
+        Candidates for the next measurement.
+    cuts : dict of str to CampaignCut
+        Cuts whose stable depth is computed.
+    built : Built
+        Materials, parts, joints and attachments, for assemblies that are not in the file.
+    templates : dict of str to str
+        Measurements of a series, and the names of their tables in the file, such as "axial {level}".
+    notes : tuple of str
+        Notes for the user.
+    threads : int or None
+        As in `Assembly.receptance`, for all analyses.
+    progress : callable
+        Called with a line of text before each step of an analysis.
+    """
+
+    plotted_by = "receptance.campaign.figure:draw_campaign"
+    drawn_in_notebooks = True
+
+    file: Path
+    table: CampaignTable
+    assemblies: dict[str, Assembly]
+    measurements: dict[str, Observation]
+    unknowns: tuple[Unknown, ...]
+    tolerances: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
+    errors: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
+    places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
+    candidates: dict[str, Candidate] = field(default_factory=dict)
+    cuts: dict[str, CampaignCut] = field(default_factory=dict)
+    built: Built = field(default_factory=Built, repr=False)
+    contents: dict[str, Any] = field(default_factory=dict, repr=False)
+    templates: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    threads: int | None = field(default=None, compare=False)
+    progress: Callable[[str], None] = field(default=silent, compare=False, repr=False)
+
+    @classmethod
+    def load(
+        cls, path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+    ) -> Self:
+        """Read a campaign file and the data files that it names.
+
+        Parameters
+        ----------
+        path : str or path
+            The TOML file, or a folder with a `campaign.toml`. Paths of data files are relative to it.
+        threads : int, optional
+            Threads of all analyses of the campaign, as in `Assembly.receptance`.
+        progress : callable, optional
+            Called with a line of text before each measurement is read, and before each step of an analysis.
+
+        Returns
+        -------
+        Campaign
+            Assemblies, measurements and unknowns.
+
+        Raises
+        ------
+        CampaignError
+            The file has mistakes; `.problems` lists all of them with place and line. It is a ValueError.
+        OSError
+            The file does not exist or cannot be opened.
+
+        Warns
+        -----
+        ReceptanceWarning
+            Suspicious data; the `notes` of the campaign list them as well.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from receptance import campaign, examples
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = examples.write("er32", folder)
+        ...     er32 = campaign.Campaign.load(folder)
+        >>> sorted(er32.assemblies)[:2]
+        ['d11_long', 'd11_medium']
+        """
+        return cls(**read_campaign(path, threads=threads, progress=progress))
+
+    @classmethod
+    def from_contents(cls, file: Path, data: dict[str, Any], text: str = "") -> Self:
+        """Return the campaign of the contents of a file, which need not exist.
+
+        Parameters
+        ----------
+        file : Path
+            The file; its folder is that of the data files.
+        data : dict
+            Contents of the TOML file.
+        text : str, optional
+            Its text, for the lines in messages.
+        """
+        return cls(**campaign_fields(file, data, text))
+
+    @property
+    def title(self) -> str:
+        """Title, or else the name of the file."""
+        return self.table.title or self.file.name
+
+    def with_seed(self, seed: int) -> Self:
+        """Return the campaign with another seed of the starts of fits and of the draws of stability."""
+        settings = self.table.settings.with_(seed=seed)
+        stability = self.table.stability.with_(seed=seed)
+        return replace(self, table=self.table.with_(settings=settings, stability=stability))
+
+    def provenance(self, *, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Provenance:
+        """Return the provenance of results of this campaign."""
+        return Provenance(
+            title=self.title,
+            description=self.description,
+            file=self.file.name,
+            settings=settings or {},
+            seed=seed,
+        )
+
+    @property
+    def to_identify(self) -> dict[str, Observation]:
+        """Measurements that are used in the fit."""
+        held_out = self.held_out
+        return {name: observation for name, observation in self.measurements.items() if name not in held_out}
+
+    @property
+    def held_out(self) -> dict[str, Observation]:
+        """Measurements that predictions are compared with."""
+        names = {name for name, table in self.table.measurements.items() if table.role == "hold out"}
+        return {name: observation for name, observation in self.measurements.items() if name in names}
+
+    def files_of(self, name: str) -> tuple[str, ...]:
+        """Return the names of the data files of a measurement."""
+        return data_files(self.table.measurements[name])
+
+    def errors_of(self, names: Iterable[str]) -> list[Tolerance]:
+        """Return the errors of measurements, each of its measurement alone; errors of the same name are one error."""
+        return [replace(one, labels=name) for name in names for one in self.errors[name]]
+
+    @property
+    def unmeasured(self) -> dict[str, Assembly]:
+        """Assemblies without any measurement."""
+        measured = {observation.configuration for observation in self.measurements.values()}
+        return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
+
+    @property
+    def highest_frequency(self) -> float | None:
+        """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
+        measured = [float(observation.frequency_hz[-1].real) for observation in self.measurements.values()]
+        upper = self.table.prediction.upper
+        return max(measured, default=None) if upper is None else upper
+
+    def site(self, name: str) -> Site:
+        """Return an assembly with its configuration and conditions, for laws and tolerances."""
+        return Site(self.assemblies[name], name, "", self.table.assemblies[name].conditions)
+
+    def inherited_tolerances(
+        self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]
+    ) -> tuple[Tolerance, ...]:
+        """Return the errors of an assembly of elements of this campaign that is not in the file.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            Parts, joints and attachments of the campaign, and other parts of its materials.
+        parts : mapping of str to dict
+            Names of the other parts, and the standard deviations of their dimensions by address.
+        """
+        return inherited_tolerances(assembly, self.table, self.built, parts)
+
+    def select_cuts(self, names: Sequence[str] = ()) -> list[CampaignCut]:
+        """Return cuts by name; by default all.
+
+        Raises
+        ------
+        CampaignError
+            There are no cuts, or there is no such cut.
+        """
+        if not self.cuts:
+            raise CampaignError.about(self.file, _NO_CUT)
+        for name in names:
+            if name not in self.cuts:
+                raise CampaignError.about(self.file, f'there is no cut "{name}"{instead_of(name, self.cuts)}')
+        return [self.cuts[name] for name in names] if names else list(self.cuts.values())
+
+    def spindle_speeds(self) -> NDArray[np.float64]:
+        """Return the spindle speeds in rpm for which stable depths are computed.
+
+        Raises
+        ------
+        CampaignError
+            The file has no `stability.speeds`.
+        """
+        settings = self.table.stability
+        if settings.speeds is None:
+            text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
+            raise CampaignError.about(self.file, text)
+        low, high = settings.speeds
+        step = settings.step if settings.step is not None else (high - low) / _SPEEDS[settings.method]
+        return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+
+    @property
+    def description(self) -> str:
+        """Description of the file."""
+        return self.table.description.strip()
+
+    def tables(self) -> list[Table]:
+        """Return the measurements; those of a series in a table of their own."""
+        groups: dict[str, list[str]] = {}
+        rows = []
+        for name, observation in self.measurements.items():
+            if name in self.templates:
+                groups.setdefault(self.templates[name], []).append(name)
+            else:
+                table = self.table.measurements[name]
+                assembly = table.assembly if table.assembly != name else ""
+                rows.append((name, assembly, observation.describe(), table.sensor, table.role))
+        tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
+        series = []
+        for template, own in groups.items():
+            contents = dict.fromkeys(self.measurements[name].describe() for name in own)
+            data = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
+            series.append((template, len(own), sum(name in self.held_out for name in own), data))
+        counts = (Column("levels", form="d"), Column("held out", form="d"))
+        tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
+        return [table for table in tables if table.rows]
+
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(self.assemblies)} assembl{'y' if len(self.assemblies) == 1 else 'ies'}",
+            f"{len(self.measurements)} measurement{'' if len(self.measurements) == 1 else 's'}",
+            f"{len(self.held_out)} held out",
+        ]
+        return f"Campaign({self.title!r}, {', '.join(counts)})"

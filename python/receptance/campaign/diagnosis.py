@@ -1,0 +1,126 @@
+"""Diagnosis of a campaign: its model, and what is said about held-out measurements and unknown modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from receptance.campaign.data import CampaignData
+from receptance.campaign.identification import check_unknowns, observed_unknowns, started_by_mode
+from receptance.campaign.problems import CampaignError, errors_about
+from receptance.diagnosis import Cause, Metric, Verdict, diagnose
+from receptance.diagnosis.by_mode import bias_of, slenderness_of
+from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
+from receptance.diagnosis.model import Model
+from receptance.diagnosis.thresholds import LEAST_FREEDOM
+from receptance.diagnosis.truncation import truncation_time
+from receptance.errors import ReceptanceError
+from receptance.fit.observation import Observation
+
+
+def base_model(campaign: CampaignData, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:
+    """Return the model for a diagnosis, and notes on unknowns that are left out.
+
+    Parameters
+    ----------
+    seen : mapping of str to Observation, optional
+        Measurements that are used; by default those that are not held out.
+    """
+    seen = campaign.to_identify if seen is None else seen
+    unknowns, left_out = observed_unknowns(campaign, seen)
+    observations = tuple(seen.values())
+    tolerances = tuple(campaign.errors_of(seen))
+    return Model(observations, tuple(unknowns), tolerances, seed=campaign.table.settings.seed), left_out
+
+
+def diagnose_campaign(
+    campaign: CampaignData, causes: Iterable[Cause | str] | None, fast: bool, metrics: Mapping[str, Metric] | None
+) -> Verdict:
+    """Test whether the model explains the measurements; see `Campaign.diagnose`."""
+    check_unknowns(campaign)
+    if not campaign.measurements:
+        raise CampaignError.about(campaign.file, "there are no measurements, expected `measurements`")
+    notes = list(campaign.notes)
+    seen, held_out = dict(campaign.to_identify), dict(campaign.held_out)
+    numbers = sum(one.independent_values for one in seen.values())
+    if held_out and numbers - len(campaign.unknowns) < LEAST_FREEDOM:
+        notes.append(
+            f"{numbers:.3g} measured values for {len(campaign.unknowns)} unknowns are too few to test the model, so "
+            "held-out measurements are used in the diagnosis; improvement is computed for assemblies left out in "
+            "turn"
+        )
+        notes += _held_out_error(campaign)
+        seen, held_out = dict(campaign.measurements), {}
+    if not seen:
+        text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
+        raise CampaignError.about(campaign.file, text)
+    model, left_out = base_model(campaign, seen)
+    started = started_by_mode(campaign, model.observations, model.unknowns)
+    if started is not None:
+        model = replace(model, unknowns=tuple(started))
+    settings = campaign.table.settings
+    with errors_about(campaign.file):
+        verdict = diagnose(
+            model.observations,
+            model.unknowns,
+            tolerances=model.tolerances,
+            causes=causes,
+            seed=settings.seed,
+            threads=campaign.threads,
+            held_out=not held_out,
+            fast=fast,
+            metrics=metrics,
+            progress=campaign.progress,
+        )
+    if held_out and verdict.final:
+        observations = tuple(held_out.values())
+        unseen = replace(
+            verdict.selection.base.model,
+            observations=observations,
+            # Held-out records may end at another time, or not at all.
+            truncation=truncation_time([observation for observation in observations if observation.is_receptance]),
+            tolerances=tuple(campaign.errors_of(held_out)),
+        )
+        found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
+        verdict = replace(verdict.with_improvement(found), held_out=unseen)
+    notes += [*left_out, *verdict.notes]
+    if started is not None:
+        notes += _notes_on_modes(campaign, verdict)
+    return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
+
+
+def _notes_on_modes(campaign: CampaignData, verdict: Verdict) -> list[str]:
+    """Return notes on what a diagnosis with unknown modes of a spindle can decide."""
+    count = sum(len(part.modes) for part in campaign.table.modal_parts.values() if part.identify)
+    notes = []
+    if verdict.final and (hidden := verdict.selection.absorbed):
+        notes.append(
+            f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
+            f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
+        )
+    if not verdict.adequacy.passed:
+        notes.append(
+            f"{count} unknown modes may be too few: before a cause is searched for, try `modes = {count + 2}`, which "
+            "changes the description of the spindle alone"
+        )
+    return notes
+
+
+def _held_out_error(campaign: CampaignData) -> list[str]:
+    """Return a note on the error of the base model for the held-out measurements."""
+    model, _ = base_model(campaign)
+    out = replace(
+        model,
+        observations=tuple(campaign.held_out.values()),
+        tolerances=tuple(campaign.errors_of(campaign.held_out)),
+    )
+    try:
+        errors, modes = metrics_of(fit_base(model), out, scored=False)
+    except (ValueError, ReceptanceError):
+        return []
+    if FREQUENCIES not in errors:
+        return []
+    bias = bias_of(modes, slenderness_of(out))
+    text = "identified without the held-out measurements, the model predicts their natural frequencies with an rms "
+    return [f"{text}error of {errors[FREQUENCIES]:.2f} %" + ("" if bias is None else f"; {bias}")]

@@ -1,0 +1,197 @@
+"""Tools, holders and materials as text: the answers of `new`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from receptance import units
+from receptance._text import instead_of, shown
+from receptance.campaign.keys import Names, Place, TableOf, table_of
+from receptance.campaign.problems import CampaignError, Problems
+from receptance.campaign.read import read_contents
+from receptance.campaign.schema import PartTable
+from receptance.catalogue.rows import HolderRow, read_holders
+from receptance.model.beams import CARBIDE, STEEL, Material
+from receptance.model.fields import Number
+from receptance.units import Quantity, parse
+
+MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in (STEEL, CARBIDE)}
+"""Materials by name, with a small loss factor."""
+MATERIAL_NUMBERS = {key: field.quantity for key, field in Material.declared.items() if isinstance(field, Number)}
+"""Quantities of a material."""
+SIZES = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
+_PIECE = re.compile(r"(?:(?P<length>[^x×*]+?)\s*[x×*]\s*)?(?P<outer>[^/x×*]+?)\s*(?:/\s*(?P<inner>[^/x×*]+?)\s*)?")
+_NUMBER = re.compile(units.NUMBER)
+_COMMA = re.compile(r"\d,\d")
+
+
+def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
+    """Return the pieces of a tool or a holder that are written as `LENGTH x DIAMETER/BORE`, separated by commas.
+
+    They are listed from the tip-side end on. A unit at the end of a piece applies to its numbers without a unit. With
+    `shank` the last piece has no length, which is zero, because it reaches to the holder. The message of an error
+    begins with "is".
+
+    Examples
+    --------
+    >>> from receptance.cli.pieces import parse_pieces
+    >>> [(piece.length, piece.outer_diameter, piece.inner_diameter) for piece in parse_pieces("48 mm x 50/20 mm")]
+    [(0.048, 0.05, 0.02)]
+    """
+    expected = 'pieces such as "48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/bore)'
+    if shank:
+        expected = 'a diameter such as "12.7 mm", or pieces with the shank last, "30 mm x 9.6 mm, 12 mm"'
+    pieces = []
+    items = text.split(",")
+    for index, item in enumerate(map(str.strip, items), 1):
+        match = _PIECE.fullmatch(item)
+        is_shank = shank and index == len(items)
+        if match is None or _COMMA.search(text) or is_shank != (match["length"] is None):
+            problem = "has no length" if match and not is_shank else "is no shank" if is_shank else "is no piece"
+            hint = "decimals are written with a point, and a comma with a blank separates pieces"
+            raise ValueError(f"is {shown(text)}, where {shown(item)} {problem}, expected {expected}; {hint}")
+        numbers = [(match[name] or "").strip() for name in ("length", "outer", "inner")]
+        unit = next((rest for number in reversed(numbers) if (rest := _NUMBER.sub("", number, count=1).strip())), "")
+        length, outer, inner = (
+            parse(f"{number} {unit}".strip() if _NUMBER.fullmatch(number) else number, quantity) if number else 0.0
+            for number, quantity in zip(numbers, SIZES.values(), strict=True)
+        )
+        if inner >= outer:
+            raise ValueError(f"is {shown(text)}, where {shown(item)} has a bore that is not smaller than its diameter")
+        pieces.append(_piece(length, outer, inner))
+    return pieces
+
+
+def _piece(length: float, outer: float, inner: float, material: str = "", core: str = "") -> HolderRow:
+    return HolderRow(
+        holder="", line=0, length=length, outer_diameter=outer, inner_diameter=inner, material=material, core=core
+    )
+
+
+def parse_holder(text: str) -> list[HolderRow]:
+    """Return the pieces of a holder, from their text or from a file, FILE:NAME if it has several holders."""
+    path, name = Path(text), ""
+    if not path.is_file() and ":" in text:
+        file, _, name = text.rpartition(":")
+        path = Path(file)
+    ending = path.suffix.lower()
+    if ending not in (".csv", ".toml"):
+        if path.is_file():
+            raise ValueError(f"is {shown(text)}, a file with the ending {ending or 'none'}, expected .csv or .toml")
+        return parse_pieces(text)
+    if not path.is_file():
+        raise ValueError(f"is {shown(text)}, but there is no file {path}")
+    try:
+        holders = read_holders(path) if ending == ".csv" else _holders_of_toml(path)
+    except CampaignError as error:
+        raise ValueError(f"names a file with mistakes: {error}") from None
+    first = next(iter(holders))
+    if not name and len(holders) > 1:
+        raise ValueError(f"is {shown(text)}, which holds {', '.join(holders)}; expected one, such as {path}:{first}")
+    if name and name not in holders:
+        raise ValueError(f"is {shown(text)}, but {path} has no {shown(name)}{instead_of(name, holders)}")
+    return holders[name or first]
+
+
+def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
+    """Return the parts of a file with segments as in a campaign, whose materials may be missing."""
+    data, text = read_contents(path)
+    problems = Problems(text)
+    # The materials are those of the new campaign.
+    place = Place(problems, Names({"materials": []}, frozenset({"materials"}), None))
+    parts = {} if "parts" not in data else table_of(data["parts"])
+    tables = {name: (place.at("parts").at(name), table) for name, table in parts.items()}
+    if "segments" in data:
+        tables["holder"] = (place, {"segments": data["segments"]})
+    if not tables:
+        raise CampaignError.about(path, "has neither [[segments]] nor [[parts.NAME.segments]]")
+    holders: dict[str, list[HolderRow]] = {}
+    for name, (where, table) in tables.items():
+        if isinstance(table, dict) and isinstance(table.get("segments"), list):
+            rows = [{"material": "", **row} if isinstance(row, dict) else row for row in table["segments"]]
+            table = {**table, "segments": rows}
+        part = where.read(TableOf(PartTable), table)
+        if not problems.found:
+            holders[name] = [
+                _piece(row.length, row.outer_diameter, row.inner_diameter, row.material, row.core or "")
+                for row in part.segments
+            ]
+    if problems.found:
+        raise CampaignError(path, problems.in_file())
+    return holders
+
+
+def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) -> list[HolderRow]:
+    """Return the pieces of a holder with the shank of a tool in its bore over the insertion in m.
+
+    The piece in which the insertion ends is divided. The material of the shank fills the bore.
+    """
+    pieces: list[HolderRow] = []
+    rest, diameter = insertion, shank.outer_diameter
+    for number, piece in enumerate(holder, 1):
+        if rest <= 1e-9:
+            pieces.append(piece)
+            continue
+        bore = piece.inner_diameter
+        if piece.outer_diameter <= diameter or (bore and abs(bore - diameter) > 0.01 * diameter):
+            raise ValueError(
+                f"is {mm(insertion)}, but piece {number} of the holder is {mm(piece.outer_diameter)} thick with a bore "
+                f"of {mm(bore)} and cannot contain the shank of {mm(diameter)}, expected a bore of that diameter, or "
+                "none; a collet around the shank counts as holder"
+            )
+        inside = min(rest, piece.length)
+        pieces.append(replace(piece, length=inside, inner_diameter=diameter, core=shank.material))
+        if piece.length - inside > 1e-9:
+            pieces.append(replace(piece, length=piece.length - inside))
+        rest -= inside
+    if rest > 1e-9:
+        raise ValueError(f"is {mm(insertion)}, longer than the holder of {mm(sum(piece.length for piece in holder))}")
+    return pieces
+
+
+def parse_material(text: str) -> Material:
+    """Return a material that is written as `NAME = MODULUS, DENSITY[, POISSON[, LOSS FACTOR]]`.
+
+    Examples
+    --------
+    >>> from receptance.cli.pieces import parse_material
+    >>> parse_material("aluminium = 70 GPa, 2700 kg/m^3, 0.33").youngs_modulus
+    70000000000.0
+    """
+    name, _, rest = text.partition("=")
+    texts = [value.strip() for value in rest.split(",")]
+    numbers = {"poisson_ratio": 0.3, "loss_factor": 0.001}
+    expected = 'expected "NAME = MODULUS, DENSITY, POISSON, LOSS", such as "brass = 100 GPa, 8400 kg/m^3, 0.34, 0.001"'
+    if not name.strip() or not 2 <= len(texts) <= len(MATERIAL_NUMBERS):
+        raise ValueError(f"is {shown(text)}, {expected}")
+    try:
+        for (key, quantity), value in zip(MATERIAL_NUMBERS.items(), texts, strict=False):
+            numbers[key] = parse(value if quantity.unit else float(value), quantity)
+        return Material(**numbers, name=name.strip())
+    except ValueError as error:
+        raise ValueError(f"is {shown(text)}: {error}; {expected}") from None
+
+
+def readable(value: float, kind: Quantity) -> str | float:
+    """Return the text of a quantity in the unit of its example, with up to 10 digits.
+
+    Examples
+    --------
+    >>> from receptance import units
+    >>> from receptance.cli.pieces import readable
+    >>> readable(0.0127, units.LENGTH), readable(580e9, units.MODULUS)
+    ('12.7 mm', '580 GPa')
+    """
+    if not kind.unit:
+        return float(f"{value:.10g}")
+    _, unit = units.split(kind.example, "")
+    factor = parse(f"1 {unit}", replace(kind, least=-float("inf"), above=-float("inf"), most=float("inf")))
+    return f"{value / factor:.10g} {unit}"
+
+
+def mm(length: float) -> str:
+    """Return a length in mm as text."""
+    return str(readable(length, units.LENGTH))
