@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 import receptance
 from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-from receptance.fit import Identification
+from receptance.fit import Identification, profile_likelihoods
 from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
 from receptance.report.figure import finished, surface
 from receptance.report.result import plain
@@ -195,7 +195,7 @@ def test_results_of_one_kind_are_a_mapping_and_a_result() -> None:
 
 
 def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
-    profiles = fit.profiles()
+    profiles = profile_likelihoods(fit)
     for result, panels in ((profiles, 1), (profiles["joint.k_theta"], 1), (fit, 2)):
         own = Figure(layout="constrained")
         left, right = own.subplots(1, 2)

@@ -18,7 +18,7 @@ from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.tolerances import inherited_tolerances
 from receptance.campaign.values import Deviation
 from receptance.errors import ReceptanceError
-from receptance.fit import Identification, Unknown, identify
+from receptance.fit import Identification, Unknown, identify, profile_likelihoods
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import Site
 from receptance.fit.unknowns import Law
@@ -414,7 +414,7 @@ class Campaign(Renderable):
         profiled = None
         if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
             try:
-                profiled = fit.profiles(progress=self.progress)
+                profiled = profile_likelihoods(fit, progress=self.progress)
             except ReceptanceError as error:
                 # The fit is a result without profiles as well; its linear intervals remain.
                 notes.append(f"profile intervals are not computed: {error}")

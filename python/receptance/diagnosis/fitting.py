@@ -35,8 +35,8 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 from receptance.fit.identification import conclude
 from receptance.fit.problem import InfeasibleError
-from receptance.fit.result import Identification, Start
-from receptance.fit.search import fit_direct, fit_staged
+from receptance.fit.result import Identification
+from receptance.fit.search import Start, fit_direct, fit_staged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

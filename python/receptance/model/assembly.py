@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from receptance.model.modes import ModeShapes
-
 
 @lru_cache(maxsize=256)
 def _matches(parameters: tuple[str, ...]) -> dict[str, frozenset[str]]:
@@ -181,22 +179,6 @@ class Assembly(Renderable):
         from receptance.model.figure import Drawing, draw_assemblies
 
         return draw_assemblies([Drawing(self)], ax)
-
-    def mode_shapes(self, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
-        """Return the shapes of the modes with damping up to a frequency; see `receptance.model.modes`.
-
-        Parameters
-        ----------
-        upper_hz : float
-            Limit of the natural frequencies in Hz.
-        points : int, optional
-            Number of points along the assembly, ends of segments in addition.
-        threads : int, optional
-            As in `receptance`.
-        """
-        from receptance.model.modes import mode_shapes
-
-        return mode_shapes(self, upper_hz, points=points, threads=threads)
 
     @property
     def title(self) -> str:
