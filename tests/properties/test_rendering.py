@@ -134,7 +134,7 @@ def test_causes_with_awkward_sizes_are_rendered(data: st.DataObject) -> None:
     cause = next(one for one in verdict.candidates)
     damaged = copy.copy(cause)
     vars(damaged)["parameters"] = {name: tuple(data.draw(AWKWARD) for _ in range(3)) for name in cause.declared}
-    assert " (95 %: " in sizes(damaged)
+    assert " (95 %: " in sizes(damaged.parameters, damaged.declared)
 
 
 @pytest.mark.parametrize("name", ["identification", "profiles", "frf", "verdict"])

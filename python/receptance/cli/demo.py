@@ -62,8 +62,6 @@ def _diagnose(say: Callable[[str], None]) -> Verdict:
 
 def _story(found: Verdict) -> Iterator[tuple[str, ...]]:
     """Yield the paragraphs: the joint without the cause, the cause, and the joint with it."""
-    from receptance.diagnosis.wording import sizes
-
     yield (
         "The data are those of a finite-element model that shares no code with this program. A sensor of 2 g sits on "
         "the tip, and the campaign does not state it. Overhangs of 40 and 55 mm are fitted, 70 mm is held out.",
@@ -74,7 +72,7 @@ def _story(found: Verdict) -> Iterator[tuple[str, ...]]:
         yield (f"2. {found.verdict}: no cause was found.",)
         return
     names = " and ".join(one.title for one in found.causes)
-    yield (f"2. The cause is {found.verdict}: {names}; {'; '.join(sizes(one) for one in found.causes)}",)
+    yield (f"2. The cause is {found.verdict}: {names}; {'; '.join(one.sizes for one in found.causes)}",)
     yield ("3. Joint with the cause:", *_joint(found.extended))
     yield (f"   {_residuals(found.adequacy_after.misfit)}. {_prediction(found, after=True)}",)
 
