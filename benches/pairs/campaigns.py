@@ -12,7 +12,7 @@ from numpy_reference import campaign as reference
 from numpy_reference.campaign import DENSITY, DIAMETER, LENGTH, MODULUS, CampaignFit, CampaignResidual, Error
 from numpy_reference.cases import segment_row
 from receptance import Assembly, Identification, Observation, PointJoint, Unknown, identify
-from receptance.fit import Tolerance
+from receptance.fit import Tolerance, profile_likelihoods
 
 from .models import part
 from .pair import Pair
@@ -129,7 +129,7 @@ def campaign_pairs(lines: int, starts: int = STARTS) -> Iterator[Pair]:
 
     def remark(ours: Identification, theirs: CampaignFit) -> str:
         begun = time.perf_counter()
-        profiles = ours.profiles()
+        profiles = profile_likelihoods(ours)
         seconds = time.perf_counter() - begun
         evaluations = sum(profile.evaluations for profile in profiles.values())
         return (

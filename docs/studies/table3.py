@@ -23,7 +23,7 @@ from scipy.signal import find_peaks
 import er32_tables
 import receptance as rc
 from output import options, print_table, save
-from receptance.fit import Floor, Tolerance, constrained_fit
+from receptance.fit import Floor, Tolerance, constrained_fit, profile_likelihoods
 
 DIAMETER_MM = 9.53
 OVERHANGS_MM = (114.2, 62.6, 23.8)
@@ -271,7 +271,7 @@ def expect(
         widths = []
         for point in points:
             again = fit([measure(MACHINE, measuring, point), measure(test, measuring, point)], point, staged=False)
-            profiles = again.profiles(STIFFNESSES, level=CONFIDENCE)
+            profiles = profile_likelihoods(again, STIFFNESSES, level=CONFIDENCE)
             widths.append({name: half_width_percent(one) for name, one in profiles.items()})
         worst = {name: max(one[name] for one in widths) for name in STIFFNESSES}
         rows.append(
@@ -306,16 +306,16 @@ def study(measuring: Measuring | None = None, seed: int = 0) -> dict[str, Any]:
     errors = {one.name: float(random.standard_normal()) for one in tolerances(places)}
     measured = measure(MACHINE, measuring, TRUTH | errors, random)
     alone = fit([measured], seed=seed)
-    profiles = alone.profiles(level=CONFIDENCE)
+    profiles = profile_likelihoods(alone, level=CONFIDENCE)
     expected = expect(measured, alone, profiles["joint.k_y"], measuring)
     free = measure(FREE, measuring, TRUTH | errors, random)
     both = fit([measured, free], alone.values, seed=seed)
-    both_profiles = best_profiles = both.profiles(level=CONFIDENCE)
+    both_profiles = best_profiles = profile_likelihoods(both, level=CONFIDENCE)
     best = next(test for test in MENU if test.name == expected[0]["name"])
     if best != FREE:
         errors[f"overhang, {best.name}"] = float(random.standard_normal())
         added = measure(best, measuring, TRUTH | errors, random)
-        best_profiles = fit([measured, added], alone.values, seed=seed).profiles(level=CONFIDENCE)
+        best_profiles = profile_likelihoods(fit([measured, added], alone.values, seed=seed), level=CONFIDENCE)
     return {
         "study": "table3",
         "virtual": True,

@@ -20,6 +20,7 @@ from receptance.diagnosis import Verdict, diagnose
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE
 from receptance.diagnosis.presentation import of_metric
 from receptance.diagnosis.wording import sizes
+from receptance.fit import profile_likelihoods
 from receptance.report import Renderable, Result
 from receptance.report.figure import as_image
 from receptance.report.table import amount, amount_interval, amounts, interval, number, percent
@@ -78,7 +79,7 @@ def _results() -> dict[str, Renderable]:
     unknown = rc.Unknown(address="joint.k_theta", lower=1e3, upper=1e7)
     fit = rc.identify([modes, measured], unknown)
     frf = rc.FRF(frequency_hz=lines, values=values, coherence=np.full(181, 0.99), log_variance=1e-4)
-    profiles = fit.profiles()
+    profiles = profile_likelihoods(fit)
     return {
         "identification": fit,
         "profiles": profiles,
@@ -133,7 +134,7 @@ def test_causes_with_awkward_sizes_are_rendered(data: st.DataObject) -> None:
     cause = next(one for one in verdict.candidates)
     damaged = copy.copy(cause)
     vars(damaged)["parameters"] = {name: tuple(data.draw(AWKWARD) for _ in range(3)) for name in cause.declared}
-    assert " (95 %: " in sizes(damaged)
+    assert " (95 %: " in sizes(damaged.parameters, damaged.declared)
 
 
 @pytest.mark.parametrize("name", ["identification", "profiles", "frf", "verdict"])

@@ -23,6 +23,7 @@ from receptance import (
     Unknown,
     identify,
 )
+from receptance.fit import profile_likelihoods
 
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
 HOLDER = Part([Segment(length=0.129, outer_diameter=0.045, material=STEEL)], name="holder")
@@ -150,7 +151,7 @@ def test_springs_are_undetermined_from_one_massless_assembly() -> None:
     found = identify(measured, [Unknown(address=name, lower=1e3, upper=1e9) for name in names], starts=3)
     series = 1.0 / sum(1.0 / found.values[name] for name in names)
     assert series == pytest.approx(1.2e5, rel=0.02)
-    profiles = found.profiles()
+    profiles = profile_likelihoods(found)
     for name in names:
         assert profiles[name].upper_open
         assert "determined to" not in profiles[name].statement, profiles[name].statement

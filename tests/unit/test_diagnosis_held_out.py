@@ -27,12 +27,13 @@ from receptance.diagnosis.held_out import (
     _measure,
     _on_others,
     cross_validate,
+    doubt_prediction,
     gain_of,
     metrics_of,
     predicted_data,
     select_without,
 )
-from receptance.diagnosis.judgement import conclude, doubt_prediction
+from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.wording import sizes
 from receptance.fit import Move, Tolerance
@@ -372,7 +373,7 @@ def test_digits_follow_the_interval_width(value: float, low: float, high: float,
     """Two to three digits of the width; an open interval ends at the bounds."""
     declared = Parameter(name="mass", unit="kg", lower=1e-4, upper=1.0, typical=0.1, null=1e-4, cause="made_up")
     one = SimpleNamespace(parameters={"made_up.mass": (value, low, high)}, declared={"made_up.mass": declared})
-    assert sizes(one) == shown  # type: ignore[arg-type]
+    assert sizes(one.parameters, one.declared) == shown  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

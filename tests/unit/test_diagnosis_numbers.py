@@ -12,7 +12,7 @@ from scipy import stats
 
 from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
-from receptance.diagnosis.adequacy import _strain, judge, misfit_limit
+from receptance.diagnosis.adequacy import misfit_limit, strain_of
 from receptance.diagnosis.averaging import average
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
@@ -71,7 +71,7 @@ def test_small_common_offset_is_not_noise() -> None:
     fits = [
         refit(Model((make_observations(0.06, f), make_observations(0.08, f)), tuple(JOINT)), {}) for f in (1.0, slowly)
     ]
-    quiet, waving = (judge(fit) for fit in fits)
+    quiet, waving = (fit.adequacy for fit in fits)
     assert quiet.passed
     assert waving.misfit < waving.limit
     assert waving.strain.passed
@@ -82,7 +82,7 @@ def test_small_common_offset_is_not_noise() -> None:
 
 
 def test_the_limit_of_the_misfit_is_a_quantile_of_few_values() -> None:
-    few, many = (misfit_limit(SimpleNamespace(expected_chi_square=n)) for n in (5.0, 1e4))  # type: ignore[arg-type]
+    few, many = (misfit_limit(n) for n in (5.0, 1e4))
     assert few == pytest.approx(stats.chi2.isf(CHANCE, 5.0) / 5.0)
     assert few > 4.0
     assert many == MISFIT_LIMIT == 1.25
@@ -106,7 +106,7 @@ def test_one_large_tolerance_error_is_strain(count: int) -> None:
             residual=np.append(np.zeros(count), off),
             curvature_root=np.vstack([1e4 * np.eye(count), np.eye(count)]),
         )
-        found = _strain(fit)
+        found = strain_of(fit.task, fit.residual, fit.curvature_root)
         assert found.worst[0] == (f"e{count - 1}", pytest.approx(size, rel=1e-6))
         assert found.limit == pytest.approx(farthest)
         assert found.passed == passes
@@ -154,7 +154,7 @@ def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:
     variants = CATALOGUE["joint_cross_term"].variants(Model(tuple(data), tuple(laws)))
     (stiffness,) = [one for one in variants if one.name == "stiffness"]
     fit = refit(stiffness.model, {"joint_cross_term.k_ytheta": ratio * np.sqrt(6e13)})
-    assert judge(fit).passed
+    assert fit.adequacy.passed
     assert fit.values["joint_cross_term.k_ytheta"] == pytest.approx(ratio * np.sqrt(6e13), rel=0.03)
 
 

@@ -21,7 +21,6 @@ from receptance import (
     SpreadJoint,
 )
 from receptance.diagnosis import CATALOGUE, Model, Step, Verdict, diagnose
-from receptance.diagnosis.adequacy import judge
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
@@ -105,14 +104,14 @@ def test_excess_scatter_between_clampings_is_inadequate() -> None:
     stiff = (1.05e5, 0.95e5, 1.05e5, 0.95e5)
     places = zip((0.05, 0.065, 0.08, 0.09), stiff, strict=True)
     data = [measure(make_assembly(x), make_assembly(x, k_theta=k), f"{x}", i) for i, (x, k) in enumerate(places)]
-    adequacy = judge(fit_base(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))))
+    adequacy = fit_base(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))).adequacy
     assert adequacy.misfit < adequacy.limit
     assert not adequacy.strain.passed
     assert not adequacy.passed
     assert adequacy.strain.worst[0][0].startswith("joint.k_theta @")
     assert "joint.k_theta @" in adequacy.shortcoming
     quiet = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
-    passed = judge(fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES))))
+    passed = fit_base(Model(tuple(quiet), tuple(JOINT), tuple(TOLERANCES))).adequacy
     assert passed.passed
     assert adequacy.strain.chance < 1e-3 < passed.strain.chance
 

@@ -20,7 +20,7 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.fit import Law, Power, Prior, Tolerance, constrained_fit, log_evidence
+from receptance.fit import Law, Power, Prior, Tolerance, constrained_fit, log_evidence, profile_likelihoods
 
 BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
 PAIR = Assembly([Part([BAR], name="tool"), PointJoint(k_y=1e8, k_theta=1e5, name="joint"), Part([BAR], name="holder")])
@@ -38,7 +38,7 @@ def modes(pair: Assembly = PAIR, spread: float = 2.0, **more: object) -> Observa
 
 def test_holding_one_value_is_its_profile() -> None:
     found = identify(modes(), UNKNOWNS, starts=1)
-    profile = found.profiles("joint.k_theta")["joint.k_theta"]
+    profile = profile_likelihoods(found, "joint.k_theta")["joint.k_theta"]
     for end in (profile.lower, profile.upper):
         held = constrained_fit(found, {"joint.k_theta": end})
         assert held.rise == pytest.approx(profile.threshold, rel=0.03)

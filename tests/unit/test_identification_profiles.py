@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
-from receptance.fit import Law, Power, Profiles, Tolerance, identify
+from receptance.fit import Law, Power, Profiles, Tolerance, identify, profile_likelihoods
 from receptance.fit.likelihood import interval_statement
 from receptance.fit.observation import altered
 from simulated_campaigns import confidence, simulate_campaign
@@ -64,7 +64,7 @@ def test_a_fit_stops_at_a_bound_with_the_rest_at_its_best():
 
 def test_a_profile_is_the_standard_error_where_the_data_are_plenty():
     found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
-    profiles = found.profiles()
+    profiles = profile_likelihoods(found)
     assert set(profiles) == {"joint.k_y", "joint.k_theta"}
     for name, profile in profiles.items():
         assert profile.bounded
@@ -84,7 +84,7 @@ def test_an_undetermined_damping_does_not_disturb_the_profile_of_a_stiffness():
     ]
     truth = make_assembly().replace({"joint.c_y": 100.0, "joint.c_theta": 0.02})
     found = identify(measure(truth, truth), [*STIFFNESSES, *dampings], tolerances=BLANK, starts=1, strategy="staged")
-    profile = found.profiles("joint.k_y")["joint.k_y"]
+    profile = profile_likelihoods(found, "joint.k_y")["joint.k_y"]
     assert profile.rise.max() < 3.0 * profile.threshold
     half = 1.96 * found.standard_errors["joint.k_y"] / found.values["joint.k_y"]
     assert np.log(profile.upper / profile.lower) == pytest.approx(2.0 * half, rel=0.2)
@@ -93,7 +93,7 @@ def test_an_undetermined_damping_does_not_disturb_the_profile_of_a_stiffness():
 
 def test_profile_follows_its_definition():
     found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
-    profile = found.profiles("joint.k_theta")["joint.k_theta"]
+    profile = profile_likelihoods(found, "joint.k_theta")["joint.k_theta"]
     problem = found.task.problem()
     best = min(run.cost for run in found.starts)
     for end in (profile.lower, profile.upper):
@@ -108,7 +108,7 @@ def test_profile_follows_its_definition():
 
 def test_a_stiff_joint_has_only_a_lower_bound():
     found = identify(measure(make_assembly(k_y=5e10), sd=0.2), STIFFNESSES, starts=4)
-    profile = found.profiles("joint.k_y")["joint.k_y"]
+    profile = profile_likelihoods(found, "joint.k_y")["joint.k_y"]
     assert profile.upper_open
     assert profile.upper == np.inf
     assert not profile.lower_open
@@ -123,7 +123,7 @@ def test_one_mode_ties_the_two_stiffnesses():
         identify(mode, STIFFNESSES)
     # The same mode seen twice is no second mode.
     found = identify([mode, mode], STIFFNESSES, starts=4)
-    profiles = found.profiles()
+    profiles = profile_likelihoods(found)
     assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
     assert profiles["joint.k_y"].upper_open
     assert not any(profile.statement.startswith("determined") for profile in profiles.values())
@@ -139,7 +139,7 @@ def test_flat_receptance_leaves_the_joint_undetermined():
         receptance=make_assembly().receptance(lines),
         standard_deviation=0.05,
     )
-    profiles = identify(flat, STIFFNESSES, starts=2).profiles()
+    profiles = profile_likelihoods(identify(flat, STIFFNESSES, starts=2))
     for profile in profiles.values():
         assert not profile.bounded
         assert profile.upper_open
@@ -154,14 +154,14 @@ def test_more_parameters_than_information_is_noted():
     with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
         identify(modes, STIFFNESSES, tolerances=tolerances)
     found = identify([modes, modes], STIFFNESSES, tolerances=tolerances, starts=2)
-    assert not any(p.statement.startswith("determined") for p in found.profiles().values())
+    assert not any(p.statement.startswith("determined") for p in profile_likelihoods(found).values())
 
 
 def test_one_configuration_leaves_a_law_undetermined():
     law = Law(address="joint.k_theta", lower=1e2, upper=1e8, powers=Power(of="torque", reference=20.0))
     one = altered(measure(make_assembly()), configuration="40 Nm", conditions={"torque": 40.0})
     found = identify(one, [STIFFNESSES[0], law], tolerances=BLANK, starts=3)
-    profiles = found.profiles()
+    profiles = profile_likelihoods(found)
     for name in ("joint.k_theta", "joint.k_theta ~ torque"):
         # Where an interval ends at all, the bounds of the other one end it.
         assert not profiles[name].statement.startswith("determined")
@@ -173,7 +173,7 @@ def test_one_configuration_leaves_a_law_undetermined():
     blind = identify(at, [STIFFNESSES[0], law], tolerances=BLANK, starts=2)
     assert "do not determine joint.k_theta ~ torque" in " ".join(blind.advice)
     assert blind.standard_errors["joint.k_theta ~ torque"] == np.inf
-    exponent = blind.profiles("joint.k_theta ~ torque")["joint.k_theta ~ torque"]
+    exponent = profile_likelihoods(blind, "joint.k_theta ~ torque")["joint.k_theta ~ torque"]
     assert (exponent.lower, exponent.upper) == (-np.inf, np.inf)
     assert exponent.statement.startswith("not determined")
 
@@ -183,7 +183,7 @@ def test_better_optimum_is_reported():
     with_error = measure(make_assembly())
     found = identify(with_error, STIFFNESSES, starts=1, max_evaluations=2)
     assert not found.converged
-    profile = found.profiles("joint.k_theta")["joint.k_theta"]
+    profile = profile_likelihoods(found, "joint.k_theta")["joint.k_theta"]
     assert profile.lower < 1e5 < profile.upper
 
 
@@ -191,9 +191,9 @@ def test_percentages_are_no_likelihood():
     frf = measure(make_assembly())
     found = identify(frf, STIFFNESSES, objective="percentage", starts=1)
     with pytest.raises(ValueError, match="no likelihood"):
-        found.profiles()
+        profile_likelihoods(found)
     with pytest.raises(ValueError, match="was not identified"):
-        identify(frf, STIFFNESSES, starts=1).profiles("joint.c_y")
+        profile_likelihoods(identify(frf, STIFFNESSES, starts=1), "joint.c_y")
     with pytest.raises(ValueError, match="is for the objective"):
         identify(frf, STIFFNESSES, objective="percentage", strategy="staged")
 
@@ -246,7 +246,7 @@ def test_statements_of_ties():
 
 def test_the_figure_shows_every_profile():
     found = identify(measure(make_assembly(k_y=5e10), sd=0.2), STIFFNESSES, tolerances=BLANK, starts=3)
-    profiles = found.profiles()
+    profiles = profile_likelihoods(found)
     assert profiles["joint.k_y"].upper_open  # at the bound the rise is just below the threshold
     figure = profiles.plot()
     assert [axes.get_title(loc="left").splitlines()[0] for axes in figure.axes] == list(profiles)

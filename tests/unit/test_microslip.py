@@ -23,6 +23,7 @@ from receptance import (
     Unknown,
     identify,
 )
+from receptance.fit import profile_likelihoods
 from receptance.model.joints import largest_share
 
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
@@ -252,7 +253,7 @@ def test_slip_at_one_level_is_noted_as_indistinguishable() -> None:
     assert found.rms == pytest.approx(1.0, abs=0.1)
     left = found.values["joint.k_theta"] * (1.0 - found.values["joint.slip_theta"])
     assert left == pytest.approx(0.8 * GOOD["k_theta"], rel=0.01)
-    profiles = found.profiles()
+    profiles = profile_likelihoods(found)
     for name in ("joint.slip_theta", "joint.loss_factor"):
         assert profiles[name].lower_open
         assert not profiles[name].statement.startswith("determined"), profiles[name].statement
@@ -263,7 +264,7 @@ def test_natural_frequencies_at_one_level_leave_slip_undetermined() -> None:
     true = make(**{**TRUE, "level": 1.0})
     modes = true.natural_frequencies(12e3)[:2]
     data = Observation.from_modes(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2)
-    for name, profile in identify([data, data], [STIFFNESS, SLIP], starts=4).profiles().items():
+    for name, profile in profile_likelihoods(identify([data, data], [STIFFNESS, SLIP], starts=4)).items():
         assert not profile.statement.startswith("determined") or name == "joint.k_theta", profile.statement
         assert not profile.bounded or profile.upper / profile.lower > 1.5
 
@@ -272,7 +273,7 @@ def test_two_levels_separate_slip_from_stiffness() -> None:
     found = identify([hit(0.5, 1), hit(2.0, 2)], [STIFFNESS, SLIP, LOSS], starts=4)
     assert found.rms == pytest.approx(1.0, abs=0.1)
     true = {"joint.k_theta": GOOD["k_theta"], "joint.slip_theta": GOOD["slip_theta"], "joint.loss_factor": 0.01}
-    for name, profile in found.profiles().items():
+    for name, profile in profile_likelihoods(found).items():
         assert profile.statement.startswith("determined"), profile.statement
         assert profile.lower <= true[name] <= profile.upper, name
         assert (profile.upper - profile.lower) / true[name] < 0.1, name

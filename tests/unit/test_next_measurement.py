@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, Observation, Part, Segment, identify
-from receptance.fit import Floor, Law, Power, Tolerance, Unknown
+from receptance.fit import Floor, Law, Power, Tolerance, Unknown, profile_likelihoods
 from receptance.fit.observation import altered
 from receptance.predict import Candidate, next_measurement
 from tool_in_holder import LINES, STIFFNESSES, make_assembly
@@ -245,7 +245,7 @@ def test_open_parameters_are_evaluated_at_several_points(rng):
     assert np.isinf(first.now[1])
     assert first.range[0] < first.deviation < first.range[1]
     assert 0.0 < first.stays_open <= last.stays_open <= 1.0
-    given = next_measurement(fit, candidates, profiles=fit.profiles())
+    given = next_measurement(fit, candidates, profiles=profile_likelihoods(fit))
     assert given.best.shrink == pytest.approx(found.best.shrink, rel=1e-3)
 
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import receptance
 from receptance import FRF, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-from receptance.fit import Identification
+from receptance.fit import Identification, profile_likelihoods
 from receptance.report import Column, Fact, Provenance, Renderable, Result, Results, Table
 from receptance.report.result import plain
 from receptance.report.table import amount, amount_interval, interval, joined, number
@@ -187,7 +187,7 @@ def test_results_of_one_kind_are_a_mapping_and_a_result() -> None:
 
 
 def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
-    profiles = fit.profiles()
+    profiles = profile_likelihoods(fit)
     for result, panels in ((profiles, 1), (profiles["joint.k_theta"], 1), (fit, 2)):
         own = Figure(layout="constrained")
         left, right = own.subplots(1, 2)

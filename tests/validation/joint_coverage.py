@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from receptance.fit import profile_likelihoods
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from receptance.fit import identify
@@ -58,7 +60,7 @@ def measure(seed: int, case: int) -> list[Outcome]:
         threads=1,
     )
     outcomes = []
-    for name, profile in found.profiles(PARAMETERS, level=LEVEL).items():
+    for name, profile in profile_likelihoods(found, PARAMETERS, level=LEVEL).items():
         truth = campaign.truth[name]
         outcomes.append(
             Outcome(

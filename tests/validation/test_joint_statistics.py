@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from receptance.fit import profile_likelihoods, sample_posterior
+
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import coherence_coverage
@@ -61,7 +63,7 @@ def test_profile_ranks_are_uniform_only_for_calibrated_profiles(stated, blank_dr
     ranks = []
     for _ in range(30):
         truth, found = drawn_from_the_prior(rng, stated, blank_drawn=blank_drawn)
-        ranks.append(confidence(found.profiles("joint.k_theta")["joint.k_theta"], truth))
+        ranks.append(confidence(profile_likelihoods(found, "joint.k_theta")["joint.k_theta"], truth))
     assert (stats.kstest(ranks, "uniform").pvalue > 0.01) == calibrated, ranks
 
 
@@ -72,7 +74,7 @@ def test_simulation_based_calibration_of_posterior_draws(summarise):
     ranks = []
     for case in range(60):
         truth, found = drawn_from_the_prior(rng)
-        draws = found.sample(steps=300, seed=case)
+        draws = sample_posterior(found, steps=300, seed=case)
         ranks.append(float(np.mean(draws.of("joint.k_theta") < truth)))
     p_value = stats.kstest(ranks, "uniform").pvalue
     counts = np.histogram(ranks, bins=6, range=(0.0, 1.0))[0]

@@ -191,7 +191,7 @@ def compare_candidates(
     given = dict(given or {})
     observations, fit = _observations(campaign, candidates.addresses, given)
     found = sweep(
-        campaign,
+        campaign.assemblies,
         candidates,
         Misfit(observations),
         store=store,

@@ -12,7 +12,7 @@ from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
 from receptance.coupling.unknown_modes import start_modes
 from receptance.errors import ReceptanceError
-from receptance.fit import Identification, Tolerance, Unknown, identify
+from receptance.fit import Identification, Tolerance, Unknown, identify, profile_likelihoods
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law
 
@@ -53,7 +53,7 @@ def identify_campaign(campaign: CampaignData) -> Identification:
     profiled = None
     if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
         try:
-            profiled = fit.profiles(progress=campaign.progress)
+            profiled = profile_likelihoods(fit, progress=campaign.progress)
         except ReceptanceError as error:
             # The fit is a result without profiles as well; its linear intervals remain.
             notes.append(f"profile intervals are not computed: {error}")

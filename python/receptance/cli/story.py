@@ -15,7 +15,6 @@ from receptance.diagnosis import Verdict
 from receptance.diagnosis.figure import prediction_figure
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.presentation import metric_name, of_metric
-from receptance.diagnosis.wording import sizes
 from receptance.examples import EXAMPLES
 from receptance.fit import Identification
 from receptance.report.table import amount
@@ -46,7 +45,7 @@ def story(verdict: Verdict) -> Iterator[tuple[str, ...]]:
         yield (f"2. {verdict.verdict}: no cause was found.",)
         return
     names = " and ".join(cause.title for cause in verdict.causes)
-    yield (f"2. The cause is {verdict.verdict}: {names}; {'; '.join(sizes(cause) for cause in verdict.causes)}",)
+    yield (f"2. The cause is {verdict.verdict}: {names}; {'; '.join(cause.sizes for cause in verdict.causes)}",)
     yield ("3. Joint with the cause:", *_joint(verdict.extended))
     yield (f"   {_residuals(verdict.adequacy_after.misfit)}. {_prediction(verdict, after=True)}",)
 

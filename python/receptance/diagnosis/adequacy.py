@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.diagnosis.wording import times
 from receptance.fit.frf_entry import Floor
 from receptance.fit.observation import Observation
-from receptance.fit.problem import prior_table
-
-if TYPE_CHECKING:
-    from receptance.diagnosis.fitting import Fit
+from receptance.fit.problem import Task, prior_table
 
 
 @dataclass(frozen=True)
@@ -141,16 +138,34 @@ class Adequacy:
         return ""
 
 
-def misfit_limit(fit: Fit) -> float:
-    """Return the misfit up to which a fit may be adequate."""
-    return max(MISFIT_LIMIT, _quantile(fit.expected_chi_square))
+def misfit_limit(expected_chi_square: float) -> float:
+    """Return the misfit up to which a fit with this expectation of chi-square may be adequate."""
+    return max(MISFIT_LIMIT, _quantile(expected_chi_square))
 
 
-def judge(fit: Fit) -> Adequacy:
-    """Return the adequacy of a fit, `Fit.adequacy`."""
+def judge(
+    task: Task,
+    residual_of: Sequence[NDArray[np.float64]],
+    chi_square: float,
+    expected_chi_square: float,
+    strain: Strain,
+) -> Adequacy:
+    """Return the adequacy of a fit, see `Fit.adequacy`.
+
+    Parameters
+    ----------
+    task : Task
+        The fitted model.
+    residual_of : sequence of ndarray
+        Residuals of each observation.
+    chi_square, expected_chi_square : float
+        Sum of all squared residuals, and its expectation from noise and floor.
+    strain : Strain
+        From `strain_of`.
+    """
     smooth = expected = 0.0
     worst = []
-    for observation, residual in zip(fit.model.observations, fit.parts, strict=True):
+    for observation, residual in zip(task.observed, residual_of, strict=True):
         if observation.is_receptance:
             pair = residual.reshape(2, -1)
             of_blocks = _blocks(observation, pair)
@@ -166,28 +181,39 @@ def judge(fit: Fit) -> Adequacy:
                 )
             )
     return Adequacy(
-        misfit=fit.misfit,
-        limit=misfit_limit(fit),
+        misfit=chi_square / expected_chi_square,
+        limit=misfit_limit(expected_chi_square),
         smooth=smooth / expected if expected else 1.0,
         smooth_limit=max(MISFIT_LIMIT, _quantile(expected)) if expected else MISFIT_LIMIT,
         worst=tuple(sorted(worst, key=lambda band: -band.misfit)),
-        strain=_strain(fit),
+        strain=strain,
     )
 
 
-def _strain(fit: Fit) -> Strain:
+def strain_of(task: Task, residual: NDArray[np.float64], root: NDArray[np.float64]) -> Strain:
     """Return the errors of the tolerances relative to their expected scatter.
 
+    Parameters
+    ----------
+    task : Task
+        The fitted model.
+    residual : ndarray
+        All residuals, priors last.
+    root : ndarray
+        R with R^T R = J^T J, see `Fit.curvature_root`.
+
+    Notes
+    -----
     With residuals r = J x and the rows P of J that belong to the priors, the residuals of the priors of an adequate
     model have the covariance I - P (J^T J)^-1 P^T.
     """
-    names = [unknown.name for unknown in fit.task.parameters.unknowns if unknown.prior is not None]
+    names = [unknown.name for unknown in task.parameters.unknowns if unknown.prior is not None]
     if not names:
         return Strain()
-    errors, root = fit.residual[-len(names) :], fit.curvature_root
+    errors = residual[-len(names) :]
     scale = np.linalg.norm(root, axis=0)
     scaled = root / np.where(scale > 0.0, scale, 1.0)
-    columns, slopes, _ = prior_table(fit.task.variables.unknowns).T
+    columns, slopes, _ = prior_table(task.variables.unknowns).T
     own = columns.astype(np.intp)
     rows = np.zeros((len(names), scale.size))
     rows[np.arange(len(names)), own] = slopes / scale[own]

@@ -66,7 +66,7 @@ class Explanation:
     def passed(self) -> bool:
         """Whether the fit is adequate."""
         # The misfit comes first, because the rest of the adequacy takes longer.
-        if self.fit.misfit > misfit_limit(self.fit):
+        if self.fit.misfit > misfit_limit(self.fit.expected_chi_square):
             return False
         return self.adequacy.of_lines if self.has_discrepancy else self.adequacy.passed
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from receptance import _core
-from receptance.diagnosis.adequacy import Adequacy, judge
+from receptance.diagnosis.adequacy import Adequacy, Strain, judge, strain_of
 from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
@@ -35,8 +35,8 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 from receptance.fit.identification import conclude
 from receptance.fit.problem import InfeasibleError
-from receptance.fit.result import Identification, Start
-from receptance.fit.search import fit_direct, fit_staged
+from receptance.fit.result import Identification
+from receptance.fit.search import Start, fit_direct, fit_staged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,7 +113,9 @@ class Fit:
     @cached_property
     def adequacy(self) -> Adequacy:
         """Agreement with the data."""
-        return judge(self)
+        has_priors = any(unknown.prior is not None for unknown in self.task.parameters.unknowns)
+        strain = strain_of(self.task, self.residual, self.curvature_root) if has_priors else Strain()
+        return judge(self.task, self.parts, self.chi_square, self.expected_chi_square, strain)
 
     @cached_property
     def curvature_root(self) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, 
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, in_parallel, refit
-from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.judgement import conclude, is_of_one, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
@@ -535,3 +535,28 @@ def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, 
     shared = max(between - within, 0.0) / size
     variance = shared + within
     return variance, shared / variance if variance > 0.0 else 0.0, size
+
+
+def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
+    """Return why held-out data contradict the only explanation; None where they do not.
+
+    Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
+    single configuration cannot: without it nothing shows the cause, and the others do not have it.
+
+    Parameters
+    ----------
+    base : Fit
+        The model without causes.
+    one : Explanation
+        The explanation.
+    gain : Gain
+        The first metric of the improvement, an error.
+    """
+    if gain.held_out_after < gain.held_out_before or is_of_one(one) or only_improved(base, one) is not None:
+        return None
+    if all(fold["before"] == fold["after"] for fold in gain.folds):
+        return f"{one.title} is in no prediction of configurations that were left out"
+    return (
+        f"with {one.title} predictions of configurations that were left out are not better ({gain.metric}): "
+        f"{gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
@@ -19,9 +19,8 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.diagnosis.wording import implausible, names, odds
 
-if TYPE_CHECKING:
-    from receptance.diagnosis.held_out import Gain
-    from receptance.diagnosis.verdict import Answer
+Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
+"""The answer of a diagnosis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,44 +229,19 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         )
 
 
-def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
-    """Return why held-out data contradict the only explanation; None where they do not.
-
-    Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
-    single configuration cannot: without it nothing shows the cause, and the others do not have it.
-
-    Parameters
-    ----------
-    base : Fit
-        The model without causes.
-    one : Explanation
-        The explanation.
-    gain : Gain
-        The first metric of the improvement, an error.
-    """
-    if gain.held_out_after < gain.held_out_before or _is_of_one(one) or _improves_one(base, one) is not None:
-        return None
-    if all(fold["before"] == fold["after"] for fold in gain.folds):
-        return f"{one.title} is in no prediction of configurations that were left out"
-    return (
-        f"with {one.title} predictions of configurations that were left out are not better ({gain.metric}): "
-        f"{gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
-    )
-
-
 def _only_configuration(base: Fit, one: Explanation) -> str | None:
     """Return the only configuration that an explanation improves, if its causes should act in all of them."""
-    if _is_of_one(one) or any(cause.group == "measurement" for cause, _ in one.steps):
+    if is_of_one(one) or any(cause.group == "measurement" for cause, _ in one.steps):
         return None
-    return _improves_one(base, one)
+    return only_improved(base, one)
 
 
-def _is_of_one(one: Explanation) -> bool:
+def is_of_one(one: Explanation) -> bool:
     """Return whether a cause is declared for some configurations or records."""
     return any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
 
 
-def _improves_one(base: Fit, one: Explanation) -> str | None:
+def only_improved(base: Fit, one: Explanation) -> str | None:
     """Return the only configuration whose residuals an explanation improves."""
     before, after = base.by_configuration, one.fit.by_configuration
     gains = {name: max(before[name] - after[name], 0.0) for name in before}

@@ -13,7 +13,7 @@ from receptance.diagnosis.by_mode import ModeResidual, curves
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.diagnosis.wording import capital, names, odds, share, size_texts, sizes, times
+from receptance.diagnosis.wording import capital, names, odds, share, size_texts, times
 from receptance.report import Column, Fact, PageSection, Table
 from receptance.report.table import amount, amount_interval, number, percent
 
@@ -76,7 +76,7 @@ def facts(verdict: Verdict) -> list[Fact]:
                 f"{capital(near.title)}{_at(near)} comes nearest: {near.meaning}. It leaves "
                 f"{_residuals_of(verdict, near.misfit)}."
             )
-            shown += [Fact("Nearest cause", (text,)), Fact("Size", (f"{sizes(near) or 'no parameter'}.",))]
+            shown += [Fact("Nearest cause", (text,)), Fact("Size", (f"{near.sizes or 'no parameter'}.",))]
     if verdict.bias is not None:
         shown.append(Fact("Held out", (f"{capital(str(verdict.bias))}.",)))
     return shown
@@ -112,7 +112,7 @@ def _answer(verdict: Verdict) -> Iterator[str]:
 
 
 def _size_and_remedy(cause: CandidateCause) -> list[Fact]:
-    size = [Fact("Size", (f"{sizes(cause)}.",))] if cause.parameters else []
+    size = [Fact("Size", (f"{cause.sizes}.",))] if cause.parameters else []
     return [*size, Fact("How to fix", (f"{capital(cause.remedy)}.",))]
 
 
@@ -424,7 +424,11 @@ def _error_of_frequency(mode: ModeResidual) -> float:
 def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
     """Return the few numbers that a reader looks for first: names, and values before and after."""
     figures: list[tuple[str, Sequence[str]]] = []
-    figures += [(f"size: {cause.title}", [size_texts(cause)[0][0]]) for cause in verdict.causes[:1] if cause.parameters]
+    figures += [
+        (f"size: {cause.title}", [size_texts(cause.parameters, cause.declared)[0][0]])
+        for cause in verdict.causes[:1]
+        if cause.parameters
+    ]
     held_out = zip(verdict.gains, _held_out(verdict), strict=True)
     for name, before, after, _ in (*_residuals(verdict), *(row for gain, row in held_out if gain.metric != SCORE)):
         figures.append((name, [before] if after is None or after == before else [before, after]))
@@ -504,7 +508,7 @@ def _section_of_causes(verdict: Verdict) -> Iterator[PageSection]:
     rows = []
     for cause in likely:
         alike = [f"{names([id])} {100.0 * cosine:.0f} %" for id, cosine in cause.look_alikes.items()]
-        rows.append((cause.title, cause.variant, sizes(cause), ", ".join(alike)))
+        rows.append((cause.title, cause.variant, cause.sizes, ", ".join(alike)))
     columns = ("cause, alone", "place", "size, with 95 % interval", "similar effect")
     every = [alternatives(verdict)] if len(likely) > _LONGEST else []
     every += [Table("Sizes, and causes with a similar effect on these data", columns, rows)] if rows else []

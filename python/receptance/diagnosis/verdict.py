@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receptance.diagnosis import presentation
 from receptance.diagnosis.averaging import AveragedAssembly
 from receptance.diagnosis.by_mode import residuals_by_mode, residuals_of_frequencies
-from receptance.diagnosis.judgement import doubt_prediction
-from receptance.diagnosis.wording import title_of
+from receptance.diagnosis.held_out import doubt_prediction
+from receptance.diagnosis.judgement import Answer
+from receptance.diagnosis.wording import sizes, title_of
 from receptance.fit.parameters import Site
 from receptance.report import Fact, PageSection, Provenance, Result, Table
 
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from receptance.fit.result import Identification
     from receptance.fit.unknowns import Tolerance
     from receptance.model.assembly import Assembly
-
-Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +87,11 @@ class CandidateCause:
         # Most causes are far behind, and their intervals take as long as a fit.
         found = self.explanation.fit.identification
         return {name: (found.values[name], *found.interval(name)) for name in self.declared}
+
+    @property
+    def sizes(self) -> str:
+        """The sizes, with units and 95 % intervals."""
+        return sizes(self.parameters, self.declared)
 
     @property
     def title(self) -> str:

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 from receptance._text import join_names
+from receptance.diagnosis.catalogue import CATALOGUE
+from receptance.diagnosis.causes import Parameter
 from receptance.report.table import amount, amounts, percent
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from receptance.diagnosis.causes import Parameter
-    from receptance.diagnosis.verdict import CandidateCause
 
 # Names.
 
 
 def title_of(id: str) -> str:
     """Return the name of a cause in texts and figures."""
-    from receptance.diagnosis.catalogue import CATALOGUE
-
     return CATALOGUE[id].title if id in CATALOGUE else id.replace("_", " ")
 
 
@@ -37,11 +31,13 @@ def capital(text: str) -> str:
 # Sizes with units.
 
 
-def size_texts(cause: CandidateCause) -> list[tuple[str, str]]:
-    """Return each size of a cause with its unit, such as "mass 1.99 g", and its 95 % interval, "1.98 to 2.00 g"."""
+def size_texts(
+    values: Mapping[str, tuple[float, float, float]], parameters: Mapping[str, Parameter]
+) -> list[tuple[str, str]]:
+    """Return each value of a cause with its unit, such as "mass 1.99 g", and its 95 % interval, "1.98 to 2.00 g"."""
     texts = []
-    for name, (value, *ends) in cause.parameters.items():
-        parameter = cause.declared[name]
+    for name, (value, *ends) in values.items():
+        parameter = parameters[name]
         # An interval by the curvature may exceed the bounds of the parameter.
         low, high = (min(max(end, parameter.lower), parameter.upper) for end in ends)
         numbers, unit = _in_unit(parameter, name, (value, low, high), _digits(value, high - low))
@@ -49,9 +45,9 @@ def size_texts(cause: CandidateCause) -> list[tuple[str, str]]:
     return texts
 
 
-def sizes(cause: CandidateCause) -> str:
+def sizes(values: Mapping[str, tuple[float, float, float]], parameters: Mapping[str, Parameter]) -> str:
     """Return the sizes of a cause, with units and 95 % intervals."""
-    return ", ".join(f"{size} (95 %: {interval})" for size, interval in size_texts(cause))
+    return ", ".join(f"{size} (95 %: {interval})" for size, interval in size_texts(values, parameters))
 
 
 def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]) -> str:

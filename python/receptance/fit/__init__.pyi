@@ -5,6 +5,7 @@ from .likelihood import Profile as Profile
 from .likelihood import Profiles as Profiles
 from .likelihood import constrained_fit as constrained_fit
 from .likelihood import log_evidence as log_evidence
+from .likelihood import profile_likelihoods as profile_likelihoods
 from .observation import Observation as Observation
 from .peaks import PredictedMode as PredictedMode
 from .peaks import find_bands as find_bands
@@ -14,8 +15,9 @@ from .prediction import Scatter as Scatter
 from .predictor import PredictedAssembly as PredictedAssembly
 from .predictor import Predictor as Predictor
 from .result import Identification as Identification
-from .result import Start as Start
 from .sampling import Samples as Samples
+from .sampling import sample_posterior as sample_posterior
+from .search import Start as Start
 from .unknowns import Law as Law
 from .unknowns import Move as Move
 from .unknowns import Power as Power

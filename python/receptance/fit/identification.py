@@ -18,8 +18,8 @@ from receptance.fit.observation import Observation, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
 from receptance.fit.problem import Problem, Task
-from receptance.fit.result import Identification, Start
-from receptance.fit.search import fit_direct, fit_staged
+from receptance.fit.result import Identification
+from receptance.fit.search import Start, fit_direct, fit_staged
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
 

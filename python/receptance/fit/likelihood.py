@@ -383,7 +383,44 @@ def profile_likelihoods(
     level: float = 0.95,
     progress: Callable[[str], None] | None = None,
 ) -> Profiles:
-    """Profile parameters of a fit; see `Identification.profiles`."""
+    """Profile likelihoods: confidence intervals with bounds and open sides, and their meaning as text.
+
+    Each parameter is held at several values, and all others are fitted again, errors of tolerances included.
+
+    Parameters
+    ----------
+    found : Identification
+        From `identify`, with the objective "log".
+    names : str or sequence of str, optional
+        Parameters; by default all but the errors of tolerances.
+    level : float, optional
+        Level of the intervals.
+    progress : callable, optional
+        Called with a progress message.
+
+    Returns
+    -------
+    Profiles
+        Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
+
+    Raises
+    ------
+    ValueError
+        A parameter that was not identified, or the percentage objective, which is no likelihood.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance.fit import profile_likelihoods
+    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
+    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
+    >>> modes = Observation.from_modes(
+    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
+    ... )
+    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
+    >>> profile_likelihoods(found)
+    Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
+    """
     if names is None:
         names = [name for name in found.addresses if name not in found.errors]
     chosen = [names] if isinstance(names, str) else list(names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import Scatter
 from receptance.fit.predictor import PredictedAssembly, Predictor
+from receptance.fit.search import Start
 from receptance.fit.unknowns import Law, Unknown
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell, amount, amount_interval, number
@@ -21,10 +22,8 @@ from receptance.report.table import Cell, amount, amount_interval, number
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from receptance.fit.likelihood import Profiles
     from receptance.fit.observation import Unit
     from receptance.fit.problem import Task
-    from receptance.fit.sampling import Samples
     from receptance.fit.unknowns import Tolerance
     from receptance.model.assembly import Assembly
 
@@ -36,36 +35,6 @@ _NO_RESIDUAL = 1e-3
 """Smaller root mean squares are rounding errors and are printed as "below 0.001"."""
 _NOT_DETERMINED = 1e3
 """A larger ratio of standard error to value is printed as infinite."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Start:
-    """One start and its end.
-
-    Attributes
-    ----------
-    start, values : dict of str to float
-        Values at the start and at the end, in SI units by address.
-    variables : ndarray
-        Fitted variables at the end.
-    cost : float
-        Half the sum of the squared residuals, or of the smoothed absolute values; infinite if the model has no value at
-        the start.
-    evaluations : int
-        Evaluations of the model.
-    converged : bool
-        Whether cost or variables converged.
-    message : str
-        Why the fit ended.
-    """
-
-    start: dict[str, float]
-    values: dict[str, float]
-    variables: NDArray[np.float64]
-    cost: float
-    evaluations: int
-    converged: bool
-    message: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +71,7 @@ class Identification(Result):
         Seed of the drawn starts.
     task : Task
         Observations and parameters of the fit, for later analyses.
-    profiled : Profiles or None
+    profiled : Results or None
         Profile likelihoods, if they were computed together with the fit.
     series : Results or None
         Parameters over the levels of a series by name, if the campaign has one.
@@ -141,7 +110,7 @@ class Identification(Result):
     seed: int
     task: Task = field(repr=False)
     rejection: tuple[str, ...] = ()
-    profiled: Profiles | None = None
+    profiled: Results[Any] | None = None
     series: Results[Any] | None = None
     groups: Mapping[str, str] = field(default_factory=dict, repr=False)
     provenance: Provenance = field(default_factory=Provenance, repr=False)
@@ -234,8 +203,8 @@ class Identification(Result):
         """Confidence interval of a value, in SI units.
 
         It is symmetric in the fitted variable: value / factor to value * factor on a log scale. It is unbounded if the
-        data do not determine the value. The interval is linear in the errors and ignores the bounds; see `profiles` and
-        `confidence_multiplier`.
+        data do not determine the value. The interval is linear in the errors and ignores the bounds; see
+        `profile_likelihoods` and `confidence_multiplier`.
 
         Parameters
         ----------
@@ -290,82 +259,6 @@ class Identification(Result):
         '79% of the variance goes with the length'
         """
         return self.predictor.scatter(np.eye(len(self.unknowns)))
-
-    def profiles(
-        self,
-        names: str | Sequence[str] | None = None,
-        *,
-        level: float = 0.95,
-        progress: Callable[[str], None] | None = None,
-    ) -> Profiles:
-        """Profile likelihoods: confidence intervals with bounds and open sides, and their meaning as text.
-
-        Each parameter is held at several values, and all others are fitted again, errors of tolerances included.
-
-        Parameters
-        ----------
-        names : str or sequence of str, optional
-            Parameters; by default all but the errors of tolerances.
-        level : float, optional
-            Level of the intervals.
-        progress : callable, optional
-            Called with a progress message.
-
-        Returns
-        -------
-        Profiles
-            Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
-
-        Raises
-        ------
-        ValueError
-            A parameter that was not identified, or the percentage objective, which is no likelihood.
-
-        Examples
-        --------
-        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-        >>> modes = Observation.from_modes(
-        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
-        ... )
-        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-        >>> found.profiles()
-        Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
-        """
-        from receptance.fit.likelihood import profile_likelihoods
-
-        return profile_likelihoods(self, names, level=level, progress=progress)
-
-    def sample(
-        self,
-        *,
-        steps: int = 5000,
-        walkers: int | None = None,
-        seed: int = 0,
-        progress: Callable[[str], None] | None = None,
-    ) -> Samples:
-        """Draw from the posterior with priors that are uniform within bounds, times those given; needs emcee.
-
-        Parameters
-        ----------
-        steps : int, optional
-            Largest number of steps of a walker; sampling ends at a hundred autocorrelation times.
-        walkers : int, optional
-            Number of walkers; by default four per parameter.
-        seed : int, optional
-            Seed of the random numbers.
-        progress : callable, optional
-            Called with a progress message.
-
-        Raises
-        ------
-        ValueError, ReceptanceError
-            Too few steps or walkers, the percentage objective, which is no likelihood, or emcee is not installed.
-        """
-        from receptance.fit.sampling import sample_posterior
-
-        return sample_posterior(self, steps=steps, walkers=walkers, seed=seed, progress=progress)
 
     @cached_property
     def predictor(self) -> Predictor:

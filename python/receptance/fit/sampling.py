@@ -153,12 +153,31 @@ def sample_posterior(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Samples:
-    """Sample the posterior of a fit; see `Identification.sample`."""
+    """Draw from the posterior with priors that are uniform within bounds, times those given; needs emcee.
+
+    Parameters
+    ----------
+    found : Identification
+        From `identify`, with the objective "log".
+    steps : int, optional
+        Largest number of steps of a walker; sampling ends at a hundred autocorrelation times.
+    walkers : int, optional
+        Number of walkers; by default four per parameter.
+    seed : int, optional
+        Seed of the random numbers.
+    progress : callable, optional
+        Called with a progress message.
+
+    Raises
+    ------
+    ValueError, ReceptanceError
+        Too few steps or walkers, the percentage objective, which is no likelihood, or emcee is not installed.
+    """
     require("sampling", "sampling of the posterior")
     import emcee
 
     require_likelihood(found)
-    _checks.whole_number("sample", "steps", steps, least=_CHUNK)
+    _checks.whole_number("sample_posterior", "steps", steps, least=_CHUNK)
     count = len(found.unknowns)
     number = max(4 * count, 16) if walkers is None else walkers
     if isinstance(number, bool) or not isinstance(number, int) or number < 2 * count:

@@ -12,7 +12,7 @@ their ends are starts of the problem itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,6 @@ from receptance import units
 from receptance.fit.observation import Observation, altered
 from receptance.fit.peaks import peak_indices
 from receptance.fit.problem import COST_TOLERANCE, End
-from receptance.fit.result import Start
 from receptance.model.addresses import QUANTITIES
 
 if TYPE_CHECKING:
@@ -65,6 +64,36 @@ _MARGIN = 2.0
 """Distance of smeared lines from the upper end, in widths."""
 _MIN_LINES = 8
 """Least number of lines for a stage."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """One start and its end.
+
+    Attributes
+    ----------
+    start, values : dict of str to float
+        Values at the start and at the end, in SI units by address.
+    variables : ndarray
+        Fitted variables at the end.
+    cost : float
+        Half the sum of the squared residuals, or of the smoothed absolute values; infinite if the model has no value at
+        the start.
+    evaluations : int
+        Evaluations of the model.
+    converged : bool
+        Whether cost or variables converged.
+    message : str
+        Why the fit ended.
+    """
+
+    start: dict[str, float]
+    values: dict[str, float]
+    variables: NDArray[np.float64]
+    cost: float
+    evaluations: int
+    converged: bool
+    message: str
 
 
 def fit_direct(

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cached_property, lru_cache
 from math import tau
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,9 +35,6 @@ from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import MeasuredPart
 from receptance.report import Column, Renderable, Table
-
-if TYPE_CHECKING:
-    from receptance.model.modes import ModeShapes
 
 
 @lru_cache(maxsize=256)
@@ -162,22 +159,6 @@ class Assembly(Renderable):
         A diagnosis matches the same addresses with similar assemblies millions of times.
         """
         return _matches(self.parameters)
-
-    def mode_shapes(self, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
-        """Return the shapes of the modes with damping up to a frequency; see `receptance.model.modes`.
-
-        Parameters
-        ----------
-        upper_hz : float
-            Limit of the natural frequencies in Hz.
-        points : int, optional
-            Number of points along the assembly, ends of segments in addition.
-        threads : int, optional
-            As in `receptance`.
-        """
-        from receptance.model.modes import mode_shapes
-
-        return mode_shapes(self, upper_hz, points=points, threads=threads)
 
     @property
     def title(self) -> str:

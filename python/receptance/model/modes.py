@@ -244,9 +244,9 @@ class ModeShapes(Result):
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> from receptance import STEEL, Assembly, Part, Segment, mode_shapes
     >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
-    >>> shapes = bar.mode_shapes(12e3)
+    >>> shapes = mode_shapes(bar, 12e3)
     >>> f"{shapes.frequency_hz[0]:.0f} Hz, {shapes.y[0, 0].real:.2f} 1/kg^(1/2) at {shapes.distance[0]:.1f} m"
     '8389 Hz, 3.77 1/kg^(1/2) at 0.0 m'
     """
@@ -296,8 +296,21 @@ class ModeShapes(Result):
 
 
 def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
-    """Return the shapes of the modes of an assembly with its damping up to a frequency; see `Assembly.mode_shapes`.
+    """Return the shapes of the modes of an assembly with its damping up to a frequency.
 
+    Parameters
+    ----------
+    assembly : Assembly
+        The assembly.
+    upper_hz : float
+        Limit of the natural frequencies in Hz.
+    points : int, optional
+        Number of points along the assembly, ends of segments in addition.
+    threads : int, optional
+        As in `Assembly.receptance`.
+
+    Notes
+    -----
     The residues of the receptances at the poles are means over small circles around them, as in `damped_modes`. Of the
     ends of all parts the load acts where a mode responds most.
     """

@@ -12,7 +12,7 @@ from receptance import _checks
 from receptance._text import first_of
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
-from receptance.fit.likelihood import Profile, require_likelihood
+from receptance.fit.likelihood import Profile, profile_likelihoods, require_likelihood
 from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import PredictedData, Predictor
 from receptance.predict.candidate import Candidate
@@ -275,7 +275,7 @@ def next_measurement(
     level : float, optional
         Level of the intervals.
     profiles : mapping of str to Profile, optional
-        Profiles from `found.profiles()`; those that are needed and missing are computed.
+        Profiles from `profile_likelihoods(found)`; those that are needed and missing are computed.
     progress : callable, optional
         Called with a text at each step.
 
@@ -475,7 +475,7 @@ def _wide_profiles(
             wide.append(name)
     missing = [name for name in wide if name not in profiles]
     if missing:
-        profiles |= found.profiles(missing, level=level, progress=report)
+        profiles |= profile_likelihoods(found, missing, level=level, progress=report)
     return {name: profiles[name] for name in wide}
 
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,6 @@ from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
 from receptance.sweep.outputs import PROGRAM, Output, Reduction, Variable
-
-if TYPE_CHECKING:
-    from receptance.campaign import CampaignData
-
-    Model = Assembly | Mapping[str, Assembly] | CampaignData
 
 CANDIDATE = "candidate"
 VALID = "valid"
@@ -54,7 +49,7 @@ class Definition:
     @classmethod
     def of(
         cls,
-        model: Assembly | Mapping[str, Assembly] | CampaignData,
+        model: Assembly | Mapping[str, Assembly],
         candidates: Candidates,
         outputs: Output | Sequence[Output],
     ) -> Definition:
@@ -193,10 +188,11 @@ def _plain(item: Any) -> Any:
 def _assemblies(model: object) -> tuple[dict[str, Assembly], bool]:
     if isinstance(model, Assembly):
         return {"": model}, False
-    named = model if isinstance(model, Mapping) else getattr(model, "assemblies", None)
-    if not isinstance(named, Mapping) or not named or not all(isinstance(item, Assembly) for item in named.values()):
-        raise TypeError(f"sweep: model is {model!r}, expected an Assembly, several by name, or a campaign")
-    return {str(name): assembly for name, assembly in named.items()}, True
+    if not isinstance(model, Mapping) or not model or not all(isinstance(item, Assembly) for item in model.values()):
+        raise TypeError(
+            f"sweep: model is {model!r}, expected an Assembly or several by name, such as `campaign.assemblies`"
+        )
+    return {str(name): assembly for name, assembly in model.items()}, True
 
 
 def _content(assembly: Assembly) -> list[Any]:

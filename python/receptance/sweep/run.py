@@ -23,14 +23,13 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from receptance.campaign import CampaignData
     from receptance.model.assembly import Assembly
     from receptance.sweep.candidates import Candidates
     from receptance.sweep.outputs import Output
 
 
 def sweep(
-    model: Assembly | Mapping[str, Assembly] | CampaignData,
+    model: Assembly | Mapping[str, Assembly],
     candidates: Candidates,
     outputs: Output | Sequence[Output],
     *,
@@ -48,9 +47,9 @@ def sweep(
 
     Parameters
     ----------
-    model : Assembly, mapping of str to Assembly, or Campaign
-        Model whose parameters vary. Several assemblies, or those of a campaign, become the dimension `assembly` of the
-        results. An assembly ignores parameters that it does not have.
+    model : Assembly or mapping of str to Assembly
+        Model whose parameters vary. Several assemblies, such as `Campaign.assemblies`, become the dimension
+        `assembly` of the results. An assembly ignores parameters that it does not have.
     candidates : Grid, Listed or Sampled
         Values of parameters, by address.
     outputs : Output or sequence of Output
