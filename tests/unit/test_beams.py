@@ -19,16 +19,9 @@ BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     ("quantity", "value", "words"),
     [
         ("length", 0.0, "length is 0, expected more than zero m"),
-        ("length", -0.1, "length is -0.1"),
         ("length", float("nan"), "length is nan, expected a finite number of m"),
-        ("length", float("inf"), "length is inf"),
-        ("outer_diameter", 0.0, "outer_diameter is 0"),
-        ("outer_diameter", -0.05, "outer_diameter is -0.05"),
-        ("outer_diameter", float("nan"), "outer_diameter is nan"),
         ("inner_diameter", -0.01, "inner_diameter is -0.01, expected zero or more m"),
         ("inner_diameter", 0.05, "inner_diameter is 0.05 m, expected less than the outer diameter 0.05 m"),
-        ("inner_diameter", 0.06, "inner_diameter is 0.06 m"),
-        ("inner_diameter", float("nan"), "inner_diameter is nan"),
         ("shear", "euler", "shear is 'euler', expected one of cowper, hutchinson"),
     ],
 )

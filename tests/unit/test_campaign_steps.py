@@ -113,18 +113,13 @@ def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path
 @pytest.mark.parametrize(
     ("old", "new", "output"),
     [
-        ('kind = "natural frequencies"\nassembly', "assembly", "candidates.again: has no `kind`"),
         (
             'assembly = "short"\nmodes',
             'assembly = "shrt"\nmodes',
             'candidates.again.assembly: is "shrt", which is not an',
         ),
         ("modes = [1, 2]", "modes = [1, 1]", "candidates.again: modes is"),
-        ('standard_deviation = "2 Hz"', 'standard_deviation = ["2 Hz"]', "is a list of 1, expected one text"),
-        ('sensor = "accelerometer"', 'sensor = "acc"', 'sensor: is "acc", which is not a sensor'),
         ('step = "10 Hz"\nupper = "6 kHz"\nstandard_deviation = "1 %"\nfloor', 'step = "10 Hz"\nfloor', "upper"),
-        ('floor = "0.3 %"', 'floor = "0.3 mm"', "floor: is"),
-        ("cost = 2.0", "cost = 0.0", "cost: is 0"),
         ('part = "holder", position = "10 mm"', 'part = "holdr"', 'response.part: is "holdr"'),
         ('lower = "100 Hz"', 'lower = "10 kHz"', "has lines from 10000 to 6000 Hz, expected `lower` below `upper`"),
         ('lower = "100 Hz"\nstep = "10 Hz"', 'step = "1 mHz"', "give a larger `step`"),

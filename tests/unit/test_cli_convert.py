@@ -87,13 +87,8 @@ def test_several_and_coherence(capsys: pytest.CaptureFixture[str]) -> None:
         ("a.uff b.xyz", "b.xyz: unknown extension"),
         ("a.uff b.csv", "holds a single measurement, there are 2"),
         ("a.uff b.csv --number 3", "--number is 3, but there are 2"),
-        ("a.uff b.csv --as speed", "quantity is 'speed'"),
-        ("a.uff b.csv --unit m/s/N", "in the file it is declared as a receptance"),
         ("a.uff b.csv --unit N --unit m", "--unit is 'N', expected one unit, or CHANNEL=UNIT"),
         ("a.uff b.csv --variable x", "--variable is 'x', expected ROLE=NAME"),
-        ("a.uff b.csv --variable x=y --variable x=z", "--variable is given twice for 'x'"),
-        ("a.uff b.csv --from csv", "a.uff"),
-        ("a.uff b.csv --from wav", "format is 'wav'"),
         ("t.npz b.csv --as mobility", "--as is 'mobility', but TimeSeries"),
     ],
 )

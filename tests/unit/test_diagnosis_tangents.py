@@ -20,11 +20,9 @@ from receptance.diagnosis.screening import (
     scores_beside,
 )
 from receptance.diagnosis.tangents import slopes_of
-from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
-from receptance.fit import Law, Move, Tolerance
+from receptance.fit import Move, Tolerance
 from receptance.fit.observation import altered
 from receptance.fit.parameters import Parameters
-from receptance.fit.unknowns import Power
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)
@@ -101,23 +99,6 @@ def test_derivatives_are_those_of_each_variant_alone() -> None:
         assert np.max(np.abs(slopes - expected) / np.where(scale > 0.0, scale, 1.0)) < limit, (id, variant.name)
 
 
-def test_resonators_are_evaluated_together_on_copies_in_any_number() -> None:
-    model = make_model()
-    fit = refit(model, {})
-    models = [one.model for one in CATALOGUE["missing_mode"].variants(fit.model)]
-    assert 3 * len(models) > COLUMNS_TOGETHER
-    together = slopes_of(fit, models)
-    for number in (0, len(models) // 2, len(models) - 1):
-        (alone,) = slopes_of(fit, [models[number]])
-        expected = own_slopes(fit, models[number])
-        assert alone is not None
-        assert np.allclose(alone, expected, rtol=1e-6, atol=1e-7 * np.max(np.abs(expected)))
-        found = together[number]
-        assert found is not None
-        scale = np.max(np.abs(alone), axis=0)
-        assert np.max(np.abs(found - alone) / scale) < 1e-3
-
-
 def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
     model = make_model()
     spread = next(one for one in CATALOGUE["joint_spread"].variants(model) if one.name == "4 points")
@@ -161,16 +142,6 @@ def test_a_wrong_further_unknown_is_an_error(more: Unknown, message: str) -> Non
     model = make_model()
     with pytest.raises(ValueError, match=message):
         _ = model.plus(more).task
-
-
-def test_a_further_law_is_prepared_with_all_others() -> None:
-    model = make_model()
-    law = Law(
-        address="joint.c_theta", lower=0.1, upper=10.0, powers=(Power(of="tool.segment[0].length", reference=0.07),)
-    )
-    names = [one.name for one in model.plus(law).task.parameters.unknowns]
-    assert "joint.c_theta ~ tool.segment[0].length" in names
-    assert names[-3:] == ["modulus", "clamped", "one hit"]
 
 
 def test_a_common_basis_keeps_look_alikes_and_scalar_products() -> None:
@@ -226,24 +197,6 @@ def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
     )
     start = twice.task.variables.start
     assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))
-
-
-@pytest.mark.parametrize("difference", [1e-4, 1e-6, 1e-7])
-def test_look_alikes_of_a_cause_with_two_nearly_equal_effects(difference: float) -> None:
-    """Products of derivatives do not resolve differences of 1e-6, which then have no direction in any basis."""
-    fit = refit(make_model(), {})
-    causes = [CATALOGUE[id] for id in ("sensor_mass", "hammer_offset", "calibration_gain", "time_delay")]
-    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
-    rng = np.random.default_rng(21)
-    first, *others = found
-    own = first.slopes[:, :1] / np.linalg.norm(first.slopes[:, 0])
-    other = rng.normal(size=own.shape) / np.sqrt(own.size)
-    doubled = replace(first, slopes=np.hstack([own, own + difference * other]))
-    alone = replace(first, slopes=other)
-    small = in_common_basis([doubled, alone, *others])
-    for one, same in zip([doubled, alone, *others], small, strict=True):
-        assert look_alike(small[0], same) == pytest.approx(look_alike(doubled, one), abs=1e-3)
-    assert (look_alike(doubled, alone) > 0.99) == (difference > 1e-5)
 
 
 def test_equal_assemblies_become_one_and_stay_one_in_every_variant() -> None:

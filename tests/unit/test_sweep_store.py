@@ -37,7 +37,6 @@ from receptance.sweep import (
     open_sweep,
     sweep,
 )
-from receptance.sweep.run import PendingBlocks
 
 LINES = np.linspace(200.0, 4000.0, 50)
 
@@ -131,25 +130,6 @@ def test_interruption_keeps_finished_blocks(tmp_path: Path) -> None:
     reported.clear()
     same(sweep(pair(), draw(100), measure(), store=tmp_path / "s", progress=reported.append), found)
     assert not reported
-
-
-def test_short_blocks_are_grouped_into_tasks() -> None:
-    blocks = [(number, 10 * number, 10 * number + 10) for number in range(100)]
-    pending = PendingBlocks(blocks, tasks=4)
-    tasks = list(pending.first_tasks())
-    assert [len(task) for task in tasks] == [1, 1, 1, 1]
-    pending.adapt(0.1, [{"misfit": np.zeros(10)}])
-    while task := pending.next_task():
-        tasks.append(task)
-    assert [block for task in tasks for block in task] == blocks
-    sizes = [len(task) for task in tasks[4:]]
-    assert sizes[0] == 5
-    assert sizes == sorted(sizes, reverse=True)
-    assert sizes[-4:] == [1, 1, 1, 1]
-    # Blocks with large results are separate tasks, even if they are fast.
-    large = PendingBlocks(blocks, tasks=4)
-    large.adapt(0.01, [{"receptance": np.zeros((1000, 2000))}])
-    assert len(large.next_task()) == 1
 
 
 def test_store_of_another_sweep_is_unchanged(tmp_path: Path) -> None:
