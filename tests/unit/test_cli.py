@@ -20,7 +20,7 @@ from rich.text import Text
 
 import foreign_beam
 from campaign_text import write
-from command_line import call, interrupted
+from command_line import call
 from limits import LIMIT_S
 from receptance import FRF, _core, _files, io
 from receptance._files import check_target, write_whole
@@ -72,23 +72,6 @@ def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert size["lower"] < 1e-3 * foreign_beam.SENSOR_G < size["upper"]
 
 
-def test_progress_with_counts_states_the_remaining_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two steps of five took 4 s each; three are left. Another kind of step starts anew."""
-    clock = iter([10.0, 14.0, 18.0, 20.0, 23.0])
-    monkeypatch.setattr(running, "perf_counter", lambda: next(clock))
-    timed = running._Remaining()
-    assert [timed(f"reading {name}, {i} of 5") for i, name in enumerate("abc", 1)] == [
-        "reading a, 1 of 5",
-        "reading b, 2 of 5, about 16 s left",
-        "reading c, 3 of 5, about 12 s left",
-    ]
-    assert timed("fitting 4 parameters") == "fitting 4 parameters"
-    assert [timed("holding out a, 1 of 2"), timed("holding out b, 2 of 2")] == [
-        "holding out a, 1 of 2",
-        "holding out b, 2 of 2, about 3 s left",
-    ]
-
-
 def test_the_packaged_files_are_those_of_the_foreign_model(tmp_path: Path) -> None:
     packaged = EXAMPLES["forgotten-sensor"].files()
     for path in foreign_beam.write(tmp_path, beam=foreign_beam.DEMO):
@@ -131,15 +114,6 @@ def test_mistake_prints_message_without_traceback(
     assert "Traceback" not in output.err
     assert output.out == ""
     assert left() == set()
-
-
-def test_results_are_not_written_through_a_link_to_nothing(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("results.json").symlink_to("elsewhere.json")
-    assert call(monkeypatch, "demo", "--json", "results.json") == 2
-    assert "--json is results.json, a link to elsewhere.json, which would be created" in capsys.readouterr().err
-    assert not Path("elsewhere.json").exists()
 
 
 def test_internal_error_has_a_separate_exit_code(
@@ -192,31 +166,6 @@ def test_interrupted_in_the_middle_of_writing(
     assert left() == {"campaign.toml"}
 
 
-def test_an_interrupted_demo_has_no_preliminary_result(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupt(progress: str) -> None:
-        if progress.startswith("step 1 of"):
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr("receptance.cli.demo.with_progress", lambda work: work(interrupt))
-    assert call(monkeypatch, "demo", "--json", "results.json") == 130
-    output = capsys.readouterr()
-    assert (output.out, output.err) == ("", "receptance: interrupted, no file was left incomplete\n")
-    assert left() == set()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_interruption_during_computation() -> None:
-    write(Path())
-    code, out, err = interrupted("sweep", "campaign.toml", "--sample", "100000000", "--json", "a.json")
-    assert code == 130, err
-    assert "interrupted" in err
-    assert "Traceback" not in err
-    assert out == ""
-    assert left() == {"campaign.toml"}
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
 def test_closed_output_pipe(tmp_path: Path) -> None:
     write(tmp_path)
@@ -250,8 +199,6 @@ def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     [
         "identify er32",
         "check er32 --no-window",
-        "predict er32",
-        "show data.uff --no-window",
         "convert data.uff data.csv",
     ],
 )
@@ -274,13 +221,6 @@ def test_quiet_prints_nothing_and_writes_files(
     assert "absent.toml" in capsys.readouterr().err
     assert call(monkeypatch, "example", "--list") == 0
     assert "er32" in capsys.readouterr().out
-
-
-def test_every_command_takes_quiet() -> None:
-    commands = typer.main.get_command(command_line.app).commands
-    del commands["schema"]
-    for command in commands.values():
-        assert any("--quiet" in one.opts for one in command.params), command.name
 
 
 def test_brackets_in_help_are_text_and_no_markup() -> None:

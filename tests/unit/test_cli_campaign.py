@@ -83,7 +83,6 @@ def test_identify_writes_everything_needed_to_repeat_it(monkeypatch: pytest.Monk
     "arguments",
     [
         ("identify", "campaign.toml"),
-        ("sweep", ".", "--sample", "3"),
     ],
 )
 def test_json_to_standard_output(
@@ -331,11 +330,8 @@ def test_seed_of_the_command_replaces_that_of_the_file(
     ("command", "option"),
     [
         (("identify", "machine"), "--json"),
-        (("identify", "machine"), "--plot"),
-        (("check", "machine"), "--report"),
         (("diagnose", "machine"), "--extended"),
         (("sweep", "machine", "--sample", "3"), "--json"),
-        (("catalogue", "machine"), "--out"),
         (("catalogue", "machine"), "--figures"),
         (("convert", "machine/campaign.toml"), "OUT"),
     ],
