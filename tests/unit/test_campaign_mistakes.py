@@ -241,10 +241,10 @@ _DEEP = 900 * "[" + 900 * "]"
     ids=lambda text: text[:20],
 )
 def test_former_internal_errors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
 ) -> None:
     write(tmp_path, changed((old, new)))
-    assert call(monkeypatch, "identify", str(tmp_path)) == 2
+    assert call("identify", str(tmp_path)) == 2
     assert words in capsys.readouterr().err
 
 

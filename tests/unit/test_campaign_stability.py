@@ -245,20 +245,20 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     monkeypatch.chdir(tmp_path)
     write_tip(tmp_path)
     Path("c.toml").write_text(MEASURED)
-    assert call(monkeypatch, "stability", "c.toml", "--json", "s.json", "--plot", "s.png") == 0
+    assert call("stability", "c.toml", "--json", "s.json", "--plot", "s.png") == 0
     output = capsys.readouterr().out
     assert "slot: 2 teeth, slot; x: measured, tip.csv, y: rigid" in output
     assert "Recommended speeds" in output
     assert Path("s.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 40
-    assert call(monkeypatch, "stability", "c.toml", "--cut", "slit") == 2
+    assert call("stability", "c.toml", "--cut", "slit") == 2
     assert 'there is no cut "slit"' in capsys.readouterr().err
-    assert call(monkeypatch, "stability", "c.toml", "--json", "tip.csv") == 2
+    assert call("stability", "c.toml", "--json", "tip.csv") == 2
     Path("c.toml").write_text(MEASURED.replace('speeds = ["8000 rpm", "26000 rpm"]', ""))
-    assert call(monkeypatch, "stability", "c.toml") == 2
+    assert call("stability", "c.toml") == 2
     assert "there are no spindle speeds" in capsys.readouterr().err
     Path("c.toml").write_text(TEXT)
-    assert call(monkeypatch, "stability", "c.toml") == 2
+    assert call("stability", "c.toml") == 2
     assert "there is no cut; write one, such as" in capsys.readouterr().err
 
 

@@ -140,9 +140,9 @@ def test_no_candidates_and_no_frf(tmp_path):
         read.invert()
 
 
-def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
+def test_next_on_the_command_line(free_free, tmp_path, capsys):
     plot, written = tmp_path / "next.png", tmp_path / "next.json"
-    assert call(monkeypatch, "next", free_free, "--plot", plot, "--json", written) == 0
+    assert call("next", free_free, "--plot", plot, "--json", written) == 0
     output = capsys.readouterr().out
     assert "1   short, at the nose" in output
     assert "with another overhang" in output
@@ -150,19 +150,19 @@ def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
     assert plot.read_bytes().startswith(b"\x89PNG")
     found = json.loads(written.read_text())
     assert found["ranking"][0]["candidate"] == "short, at the nose"
-    assert call(monkeypatch, "next", free_free, "--target", "joint.k_yy") == 2
+    assert call("next", free_free, "--target", "joint.k_yy") == 2
     assert 'did you mean "joint.k_y"' in capsys.readouterr().err
 
 
-def test_invert_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
+def test_invert_on_the_command_line(free_free, tmp_path, capsys):
     plot, written = tmp_path / "joint.svg", tmp_path / "joint.json"
-    assert call(monkeypatch, "invert", free_free, "--plot", plot, "--json", written) == 0
+    assert call("invert", free_free, "--plot", plot, "--json", written) == 0
     output = capsys.readouterr().out
     assert "joint.k_theta" in output
     assert "of 1451" in output
     assert b"<svg" in plot.read_bytes()
     assert set(json.loads(written.read_text())["joints"]["joint"]["terms"]) == {"k_y", "k_theta"}
-    assert call(monkeypatch, "invert", free_free, "--joint", "taper") == 2
+    assert call("invert", free_free, "--joint", "taper") == 2
     assert 'no joint "taper"' in capsys.readouterr().err
     assert not Path("joint.png").exists()
 

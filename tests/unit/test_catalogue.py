@@ -300,7 +300,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     Path("figures").mkdir()
     Path("frfs").mkdir()
     arguments = ["--out", "m.csv", "--json", "c.json", "--plot", "o.png", "--figures", "figures", "--frfs", "frfs"]
-    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert call("catalogue", ".", *arguments) == 0
     output = capsys.readouterr().out
     assert "The most flexible mode of each tool" in output
     assert "3 tools in" in output
@@ -320,21 +320,21 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
         assert stiffness["interval"][1] == pytest.approx(1e6 * float(row["dynamic stiffness upper [N/um]"]), rel=1e-5)
     assert {path.name for path in Path("figures").iterdir()} == {"T1.png", "T2.png", "T3.png"}
     assert Path("o.png").read_bytes().startswith(b"\x89PNG")
-    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
+    assert call("catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
     depths = list(csv.DictReader(Path("d.csv").read_text().splitlines()))
     assert {(row["name"], row["teeth"]) for row in depths} == {("T1", "4"), ("T2", "4"), ("T3", "2")}
     assert all(0.0 < float(row["stable depth [mm]"]) <= 1.05 * float(row["limit [mm]"]) for row in depths)
     for folder, words in (("m.csv", "m.csv is a file, expected a folder"), ("none", "there is no folder none")):
-        assert call(monkeypatch, "catalogue", ".", "--frfs", folder) == 2
+        assert call("catalogue", ".", "--frfs", folder) == 2
         assert words in capsys.readouterr().err
-    assert call(monkeypatch, "catalogue", ".", "--depths", "e.csv") == 2
+    assert call("catalogue", ".", "--depths", "e.csv") == 2
     assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(
         '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\nstep = "1000 rpm"\n[cuts.a]\n'
         'kind = "milling"\nteeth = 2\nk_t = "800 MPa"\nk_n = "300 MPa"\n'
         'tolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'
     )
-    assert call(monkeypatch, "stability", "cut.toml", "--json", "s.json") == 0
+    assert call("stability", "cut.toml", "--json", "s.json") == 0
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
 
 
@@ -360,7 +360,7 @@ def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.Monke
     load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in names)]) + "\n")
     monkeypatch.chdir(tmp_path)
     Path("frfs").mkdir()
-    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--frfs", "frfs") == 0
+    assert call("catalogue", ".", "--out", "m.csv", "--frfs", "frfs") == 0
     assert "tools whose files have another name: a/b as a_b-3, " in capsys.readouterr().out
     written = sorted(path.name.casefold() for path in Path("frfs").iterdir())
     assert len(set(written)) == len(names)
@@ -373,7 +373,7 @@ def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.Monke
     load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in formulas)]) + "\n")
     Path("figures").mkdir()
     arguments = ["--depths", "d.csv", "--cut", "slot", "--figures", "figures"]
-    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert call("catalogue", ".", *arguments) == 0
     assert {path.name for path in Path("figures").iterdir()} == {"1+2.png", "1+2-2.png"}
     assert {row["name"] for row in csv.DictReader(Path("d.csv").read_text().splitlines())} == {"'=1+2", "_1+2"}
 
@@ -393,12 +393,12 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
         return original(campaign, identified, site, *rest)
 
     monkeypatch.setattr(prediction, "predict_assembly", fails)
-    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--overwrite") == 2
+    assert call("catalogue", ".", "--out", "m.csv", "--overwrite") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
     for option in ("--out", "--json"):
-        assert call(monkeypatch, "catalogue", ".", option, "tools.csv") == 2
+        assert call("catalogue", ".", option, "tools.csv") == 2
         assert "which is a data file of the campaign" in capsys.readouterr().err
 
 

@@ -46,7 +46,7 @@ def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     of_all = Campaign.diagnose
     monkeypatch.setattr(Campaign, "diagnose", lambda self: of_all(self, ["sensor_mass", "calibration_gain"]))
     monkeypatch.setenv("COLUMNS", "80")
-    assert call(monkeypatch, "demo", "--json", "results.json") == 0
+    assert call("demo", "--json", "results.json") == 0
     text = capsys.readouterr().out
     assert "Figure: receptance-demo.png" in text
     assert "Report: receptance-demo.html" in text
@@ -82,8 +82,8 @@ def test_the_packaged_files_are_those_of_the_foreign_model(tmp_path: Path) -> No
         np.testing.assert_allclose(own, other, rtol=1e-5, atol=1e-6 * np.abs(own[:, 1:3]).max())
 
 
-def test_version(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(monkeypatch, "--version") == 0
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("--version") == 0
     assert capsys.readouterr().out.startswith("receptance ")
 
 
@@ -108,7 +108,7 @@ def test_mistake_prints_message_without_traceback(
         raise AssertionError("the message comes before the work")
 
     monkeypatch.setattr(_core, "Model", work)
-    assert call(monkeypatch, *arguments) == 2
+    assert call(*arguments) == 2
     output = capsys.readouterr()
     assert words in output.err
     assert "Traceback" not in output.err
@@ -123,7 +123,7 @@ def test_internal_error_has_a_separate_exit_code(
         raise ZeroDivisionError("of the program")
 
     monkeypatch.setattr("receptance.cli.demo._diagnose", fail)
-    assert call(monkeypatch, "demo", "--json", "a.json") == 1
+    assert call("demo", "--json", "a.json") == 1
     output = capsys.readouterr().err
     assert "an error of the program" in output
     assert "ZeroDivisionError" in output
@@ -145,7 +145,7 @@ def test_results_are_written_together_or_not_at_all(
 
     monkeypatch.setattr(_files, "_stage", fail)
     files = ("--json", "a.json", "--plot", "a.png", "--overwrite")
-    assert call(monkeypatch, "sweep", "campaign.toml", "--sample", "3", *files) == 2
+    assert call("sweep", "campaign.toml", "--sample", "3", *files) == 2
     assert "cannot write a.png: No space left on device" in capsys.readouterr().err
     assert left() == {"a.json", "campaign.toml"}
     assert Path("a.json").read_text() == "older"
@@ -161,7 +161,7 @@ def test_interrupted_in_the_middle_of_writing(
     monkeypatch.setattr(place, interrupt)
     write(Path())
     files = ("--json", "a.json", "--plot", "a.png")
-    assert call(monkeypatch, "sweep", "campaign.toml", "--sample", "3", *files) == 130
+    assert call("sweep", "campaign.toml", "--sample", "3", *files) == 130
     assert "interrupted, no file was left incomplete" in capsys.readouterr().err
     assert left() == {"campaign.toml"}
 
@@ -186,11 +186,11 @@ def test_closed_output_pipe(tmp_path: Path) -> None:
     assert left() == {"campaign.toml", "p.json"}
 
 
-def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    call(monkeypatch)
+def test_no_command_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    call()
     output = capsys.readouterr()
     assert "demo" in output.out + output.err
-    assert call(monkeypatch, "identify", "--help") == 0
+    assert call("identify", "--help") == 0
     assert "--json" in capsys.readouterr().out
 
 
@@ -202,24 +202,22 @@ def test_no_command_shows_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pyte
         "convert data.uff data.csv",
     ],
 )
-def test_quiet_prints_nothing_and_writes_files(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
-) -> None:
-    assert call(monkeypatch, "example", "er32", "--quiet") == 0
+def test_quiet_prints_nothing_and_writes_files(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    assert call("example", "er32", "--quiet") == 0
     frf = FRF(frequency_hz=[10.0, 20.0, 30.0], values=[1e-6, 2e-6, 1e-6], coherence=[0.9, 0.2, 0.9])
     io.write("data.uff", [frf])
-    assert call(monkeypatch, *command.split(), "-q") == 0
+    assert call(*command.split(), "-q") == 0
     assert capsys.readouterr() == ("", "")
     assert Path("data.csv").is_file() == command.startswith("convert")
     if command.startswith("identify"):
-        assert call(monkeypatch, *command.split(), "--quiet", "--json", "-") == 0
+        assert call(*command.split(), "--quiet", "--json", "-") == 0
         out, err = capsys.readouterr()
         assert isinstance(json.loads(out), dict)
         assert err == ""
     # Errors are printed, and the next command in the same process is not quiet.
-    assert call(monkeypatch, "identify", "absent.toml", "-q") == 2
+    assert call("identify", "absent.toml", "-q") == 2
     assert "absent.toml" in capsys.readouterr().err
-    assert call(monkeypatch, "example", "--list") == 0
+    assert call("example", "--list") == 0
     assert "er32" in capsys.readouterr().out
 
 
@@ -243,7 +241,7 @@ def test_an_interruption_of_the_start(monkeypatch: pytest.MonkeyPatch, capsys: p
 
     monkeypatch.delitem(sys.modules, "receptance.cli.app")
     monkeypatch.setattr(sys, "meta_path", [Interrupting, *sys.meta_path])
-    assert call(monkeypatch, "--version") == 130
+    assert call("--version") == 130
     output = capsys.readouterr()
     assert (output.out, output.err) == ("", "receptance: interrupted, no file was left incomplete\n")
 

@@ -144,10 +144,10 @@ def test_a_pipe_is_as_wide_as_columns_says(
     folders: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    assert call(monkeypatch, "identify", str(folders("er32"))) == 0
+    assert call("identify", str(folders("er32"))) == 0
     narrow = capsys.readouterr().out
     assert 60 < max(map(len, narrow.splitlines())) <= 80
     for unset in ("", "0", "wide"):
         monkeypatch.setenv("COLUMNS", unset)
-        assert call(monkeypatch, "identify", str(folders("er32"))) == 0
+        assert call("identify", str(folders("er32"))) == 0
         assert 80 < max(map(len, capsys.readouterr().out.splitlines())) <= 132
