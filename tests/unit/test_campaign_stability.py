@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -260,17 +259,6 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
     Path("c.toml").write_text(TEXT)
     assert call("stability", "c.toml") == 2
     assert "there is no cut; write one, such as" in capsys.readouterr().err
-
-
-def test_stability_has_the_threads_of_the_campaign(tmp_path: Path, given_threads: set[object]) -> None:
-    fast = PREDICTED.replace('step = "500 rpm"\ndraws = 40', 'step = "6000 rpm"\ndraws = 20\nlargest_depth = "20 mm"')
-    mean = replace(load(tmp_path, changed(*DAMPED) + fast), threads=3)
-    identified = mean.identify()
-    periods = fast.replace("draws = 20", 'draws = 20\nmethod = "semi-discretisation"').partition("[cuts.boring]")[0]
-    for read in (mean, replace(load(tmp_path, changed(*DAMPED) + periods), threads=3)):
-        given_threads.clear()
-        read.stability(identified)
-        assert given_threads == {3}
 
 
 @pytest.mark.parametrize(

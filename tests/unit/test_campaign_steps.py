@@ -173,10 +173,3 @@ def test_threads_of_a_campaign_are_those_of_its_analyses(tmp_path):
     assert read.threads == 3
     assert read.identify().task.threads == 3
     assert read.diagnose(causes=["tool_density"]).selection.workers == 3
-
-
-def test_an_inverse_coupling_has_the_threads_of_the_campaign(free_free, given_threads):
-    read = campaign.load(free_free, threads=3)
-    given_threads.clear()
-    read.invert()
-    assert given_threads == {3}

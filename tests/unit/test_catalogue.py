@@ -171,12 +171,6 @@ def test_a_tool_without_a_peak_has_no_modes(identified: Any, tmp_path: Path) -> 
         assert np.isfinite(tool.tip.scatter.total).all()
 
 
-def test_lines_without_an_order_are_refused(identified: Any, tmp_path: Path) -> None:
-    read = load(tmp_path, text=TEXT.replace('lower = "50 Hz"', 'lower = "50 kHz"'))
-    with pytest.raises(CampaignError, match="predictions are from 50000 to 5000 Hz, expected `lower` below `upper`"):
-        next(predict_catalogue(Catalogue(read), identified))
-
-
 def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
@@ -400,10 +394,3 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     for option in ("--out", "--json"):
         assert call("catalogue", ".", option, "tools.csv") == 2
         assert "which is a data file of the campaign" in capsys.readouterr().err
-
-
-def test_as_many_tools_in_parallel_as_the_campaign_has_threads(
-    machine: Any, identified: Any, given_threads: set[object]
-) -> None:
-    next(iter(predict_catalogue(Catalogue(replace(machine, threads=3)), identified)))
-    assert given_threads == {1, 3}  # one of each tool

@@ -39,7 +39,7 @@ from receptance.diagnosis.discrepancy import (
     resonant,
 )
 from receptance.diagnosis.fitting import evaluate, fit_base
-from receptance.diagnosis.held_out import Improvement, select_without
+from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.presentation import alternatives
 from receptance.diagnosis.screening import detection_threshold
@@ -178,17 +178,6 @@ def test_lines_of_a_mode_count_once():
         assert np.all(few.standard_deviation > one.standard_deviation)
 
 
-def test_lines_of_a_mode_have_the_weight_of_one_error_of_level():
-    """Lines between the peaks count less; all lines of a mode together count as one value of each part."""
-    level = 0.05
-    model = Model(observed(0.0, 0.0, noise=1e-7), JOINT, TOLERANCES, threads=1)
-    for one, few in zip(model.observations, Discrepancy(1e-9, level).allow(model).observations, strict=True):
-        assert np.max(growth_beside_peaks(one)) > 10.0
-        modes = few.independent_values / 2.0
-        weights = 1.0 / np.square(few.standard_deviations[: LINES.size])
-        assert np.sum(weights) == pytest.approx(modes / level**2, rel=0.01)
-
-
 def test_records_of_a_configuration_share_the_error_of_frequency():
     one = observed(0.005, 0.05)[0]
     records = [altered(one, label=name, configuration="the same") for name in ("first", "second")]
@@ -323,27 +312,6 @@ def test_errors_below_the_noise_are_not_evidence():
     # By the exact likelihood N ln(1.5^2) between the last ones; the estimate of a small variance converges slowly.
     assert 0.7 < (deviances[2] - deviances[1]) / (8.0 * np.log(2.25)) < 1.1
     assert 0.0 <= deviances[1] - deviances[0] < 1.5
-
-
-def test_notes_without_a_discrepancy_do_not_contradict_the_answer_beside_it():
-    verdict = with_sensor(1)
-    first = conclude(verdict.without_discrepancy.selection)
-    assert first.notes
-    assert not set(first.notes) & set(verdict.notes)
-    assert any("takes" in note for note in verdict.notes)
-
-
-def test_folds_have_the_evidence_of_discrepancies_of_their_own():
-    selection = with_sensor(1).selection
-    left_out = selection.base.model.configurations[:1]
-    fold = select_without(selection, left_out)
-    best = fold.explanations[0]
-    assert best.ids == {"sensor_mass"}
-    base = fit_discrepancy(selection.beside.model.without(left_out), fold.base.values)
-    own = fit_discrepancy(extend(selection.beside.model, best.steps).without(left_out), best.fit.values)
-    assert fold.beside.deviance == pytest.approx(base.deviance, abs=0.5)
-    assert best.evidence == pytest.approx(best.gain - selection.penalty)
-    assert best.gain == pytest.approx(base.deviance - own.deviance, abs=0.5)
 
 
 def test_a_size_is_plausible_beside_a_discrepancy_if_a_part_of_its_interval_is():

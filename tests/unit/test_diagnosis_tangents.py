@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -20,9 +18,7 @@ from receptance.diagnosis.screening import (
     scores_beside,
 )
 from receptance.diagnosis.tangents import slopes_of
-from receptance.fit import Move, Tolerance
-from receptance.fit.observation import altered
-from receptance.fit.parameters import Parameters
+from receptance.fit import Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)
@@ -111,25 +107,6 @@ def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
             assert np.allclose(slopes, expected, rtol=1e-6, atol=1e-7 * np.max(np.abs(expected))), id
 
 
-def test_parameters_with_more_unknowns_are_those_of_all_of_them() -> None:
-    model = make_model()
-    sites = [one.site(i) for i, one in enumerate(model.observations)]
-    more = (
-        Move(address="longer", moves={"tool.segment[0].length": 1.0}, lower=-0.01, upper=0.01, start=0.002),
-        Unknown(address="joint.c_theta", lower=0.1, upper=10.0, start=2.0, configurations=("70 mm",)),
-    )
-    found = Parameters(model.unknowns, model.tolerances, sites).plus(more)
-    expected = Parameters((*model.unknowns, *more), model.tolerances, sites)
-    assert [one.name for one in found.unknowns] == [one.name for one in expected.unknowns]
-    assert (found.count, found.errors) == (expected.count, expected.errors)
-    values = np.array([one.start or 0.3 for one in found.unknowns])
-    for own, other in zip(found.of(sites), expected.of(sites), strict=True):
-        assert sorted(own.addresses) == sorted(other.addresses)
-        order = [own.addresses.index(address) for address in other.addresses]
-        assert np.allclose(own.values(values)[order], other.values(values), rtol=1e-14)
-        assert np.allclose(own.jacobian(values)[order], other.jacobian(values), rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("more", "message"),
     [
@@ -197,21 +174,3 @@ def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
     )
     start = twice.task.variables.start
     assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))
-
-
-def test_equal_assemblies_become_one_and_stay_one_in_every_variant() -> None:
-    model = make_model()
-    apart = model.map(lambda one: altered(one, assembly=make_assembly(one.assembly.elements["tool"].length)))
-    assert len({id(one.assembly) for one in apart.observations}) == len(apart.observations)
-    shared = apart.with_shared_assemblies()
-    assert len({id(one.assembly) for one in shared.observations}) == len(OVERHANGS)
-    for own, one in zip(shared.observations, apart.observations, strict=True):
-        assert own.assembly == one.assembly
-        assert own.label == one.label
-    # Elements in another order are another assembly, although their names and values are the same.
-    first, *_ = shared.observations
-    turned = Assembly([*first.assembly.elements.values()][::-1])
-    both = replace(model, observations=(first, altered(first, assembly=turned))).with_shared_assemblies()
-    assert both.observations[1].assembly is turned
-    for cause, variant in every_variant(shared):
-        assert len({id(one.assembly) for one in variant.model.observations}) == len(OVERHANGS), cause

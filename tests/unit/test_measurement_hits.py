@@ -75,9 +75,8 @@ def test_reasons_of_dropped_hits():
 
 
 @pytest.mark.parametrize("noise_db", [-300.0, -80.0, -60.0, -45.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_detection_of_second_contacts_in_noise(noise_db, seed):
-    random = np.random.default_rng((seed, 5))
+def test_detection_of_second_contacts_in_noise(noise_db):
+    random = np.random.default_rng((0, 5))
     made = hammer.strike(STRUCTURE, random, hits=20, force_noise_db=noise_db, response_noise_db=-60.0, duration_s=0.2)
     force = made.force.copy()
     share = max(0.03, 12.0 * 10.0 ** (noise_db / 20.0))
@@ -141,7 +140,7 @@ def recorded(contact_s, bounce=None, phase="linear", noise=0.0, seed=3):
 
 @pytest.mark.parametrize("phase", ["linear", "minimum"])
 @pytest.mark.parametrize("noise", [0.0, 0.003])
-@pytest.mark.parametrize("contact_ms", [0.5, 1.0, 2.0, 4.0, 6.0, 10.0])
+@pytest.mark.parametrize("contact_ms", [0.5, 2.0, 10.0])
 def test_ringing_of_the_anti_alias_filter_is_not_a_second_contact(contact_ms, noise, phase):
     """Before and after a pulse of few samples; real second contacts with the same recorder are found."""
     with warnings.catch_warnings():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -67,25 +66,6 @@ def test_every_parameter_has_its_derivative(points: int | None, slope: float) ->
             # the difference of two receptances has an absolute error of rounding over the step
             allowed = (1e-6 if value else 1e-3) * np.abs(expected) + 1e-9 * np.abs(h) / abs(value or 1.0)
             assert np.all(np.abs(slopes[:, column] - expected) <= allowed), name
-
-
-def test_values_are_read_and_replaced() -> None:
-    core = Section(outer_diameter=0.012, inner_diameter=0.005, material=CARBIDE, core=STEEL)
-    assembly = make(shank=core)
-    assert assembly.get("joint.shank.core.density") == STEEL.density
-    changed = assembly.replace({
-        "joint.length": 0.03,
-        "joint.shank.core.density": 8000.0,
-        "joint.sleeve.inner_diameter": 0.0121,
-        "joint.sleeve.loss_factor": 0.5,
-    })  # fmt: skip
-    assert changed.get("joint.length") == 0.03
-    assert changed.get("joint.shank.core.density") == 8000.0
-    assert changed.get("joint.sleeve.inner_diameter") == 0.0121
-    assert changed.get("joint.sleeve.loss_factor") == 0.5
-    assert changed.get("joint.shank.outer_diameter") == 0.012
-    assert assembly.get("joint.length") == 0.04
-    assert pickle.loads(pickle.dumps(changed)) == changed
 
 
 @pytest.mark.parametrize(

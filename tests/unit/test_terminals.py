@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -305,18 +304,6 @@ def test_from_a_file_s_frf() -> None:
 def test_errors_describe_the_mistake(make: Any, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         make()
-
-
-def test_terminals_are_equal_hashable_values() -> None:
-    for spindle in (table(), MODAL):
-        assert pickle.loads(pickle.dumps(spindle)) == spindle
-        assert replace(spindle, residual_y=1e-9) != spindle
-        assembly = Assembly([TOOL, spindle])
-        assert assembly.replace({"spindle.residual_y": 1e-9}).get("spindle.residual_y") == 1e-9
-        assert assembly == Assembly([TOOL, pickle.loads(pickle.dumps(spindle))])
-        assert "Part" in repr(spindle)
-    many = Assembly([TOOL, MODAL]).replace({"spindle.mode[0].y": 0.5, "spindle.mode[1].frequency_hz": 1800.0})
-    assert [m.frequency_hz for m in many.elements["spindle"].modes] == [650.0, 1800.0]  # type: ignore[union-attr]
 
 
 def test_values_of_a_modal_part_are_replaced_by_address() -> None:
