@@ -87,17 +87,16 @@ def test_effects_are_found_where_the_model_is_right(case, effect):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("structure", ["modelab", "brake_reuss"])
-def test_one_case_of_each_structure(structure, summarise):
+@pytest.mark.parametrize(("structure", "effect"), [("modelab", "wrong_quantity"), ("brake_reuss", "")])
+def test_one_case_of_each_structure(structure, effect, summarise):
     if not available(structure):
         pytest.skip(f"the measured files of {structure} are not in {MEASURED}")
-    for effect in ("", "wrong_quantity"):
-        one = run_case(SEED, 0, structure, effect, ask, fit)
-        text = f"{structure}, {effect or 'nothing'}: {one.verdict} {', '.join(one.reported)}, misfit {one.misfit:.3g}"
-        summarise(f"real measurements, {structure} {effect}", f"seed {SEED}\n{text}", text)
-        assert one.verdict != "failed", (SEED, one.error)
-        assert one.misfit > 1.25, "no model fits these data to the noise"
-        assert bool(one.effects) == bool(effect)
+    one = run_case(SEED, 0, structure, effect, ask, fit)
+    text = f"{structure}, {effect or 'nothing'}: {one.verdict} {', '.join(one.reported)}, misfit {one.misfit:.3g}"
+    summarise(f"real measurements, {structure} {effect}", f"seed {SEED}\n{text}", text)
+    assert one.verdict != "failed", (SEED, one.error)
+    assert one.misfit > 1.25, "no model fits these data to the noise"
+    assert bool(one.effects) == bool(effect)
 
 
 @pytest.mark.slow

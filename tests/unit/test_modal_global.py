@@ -379,7 +379,7 @@ def test_the_search_ends_where_poles_follow_smooth_errors():
     assert len(steps) < 30
 
 
-@pytest.mark.parametrize("runs", [3, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [3, pytest.param(12, marks=pytest.mark.slow)])
 def test_intervals_with_errors_smooth_over_lines(runs):
     """Intervals of one mode and of two contain the true frequency, with five independent values in a band."""
     print(f"seed {SEED}")

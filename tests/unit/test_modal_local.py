@@ -96,7 +96,7 @@ def test_exact_mode(method, decay_rate, form):
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("lines", [20, 8, 3])
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("runs", [50, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [50, pytest.param(150, marks=pytest.mark.slow)])
 def test_intervals_cover(runs, method, lines, stated):
     """Of so many noisy FRFs as many intervals of 95 % hold the truth as should; the known bias of half-power apart."""
     print(f"seed {SEED}")
