@@ -76,14 +76,6 @@ def test_force_noise_is_estimated_from_silence(colour, window):
     assert 0.5 < ratio.min() < ratio.max() < 2.0
 
 
-def test_a_bounce_is_not_taken_for_noise(made):
-    force = made.force + hammer.pulse(np.arange(made.force.shape[1]) / RATE, 0.05, 4e-4, 20.0)
-    windows = make_windows(hits_of(made), 0.0, "auto", "both")
-    frequency = np.arange(100.0, 3000.0, 100.0)
-    with_bounce, without = (force_noise_power(one, windows, frequency, RATE) for one in (force, made.force))
-    assert np.all(np.abs(with_bounce / without - 1.0) < 0.15)
-
-
 def test_truncation_error_of_a_decaying_response():
     """Known: a mode of decay a rings down to e^(-a T), and its FRF is wrong by that."""
     one = hammer.Structure((800.0,), (0.004,), (2.0,), RATE)

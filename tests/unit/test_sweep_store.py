@@ -180,8 +180,16 @@ DAMAGES: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-@pytest.mark.parametrize("name", ["misfit", "receptance", "joint.k_y", "checksum"])
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("misfit", "missing"),
+        ("receptance", "changed"),
+        ("joint.k_y", "short"),
+        ("checksum", "empty"),
+        ("checksum", "missing"),
+    ],
+)
 def test_damaged_blocks_are_noted_and_evaluated_again(tmp_path: Path, name: str, damage: str) -> None:
     store, outputs = tmp_path / "s", [measure(), FrequencyResponse(frequency_hz=LINES)]
     expected = sweep(pair(), draw(20), outputs, store=store, block=5).load()
@@ -319,7 +327,7 @@ def test_custom_output_is_identified_by_its_version_and_values(tmp_path: Path, m
         run()
 
 
-@pytest.mark.parametrize("name", ["misfit", "receptance", "joint.k_y", "valid"])
+@pytest.mark.parametrize("name", ["receptance", "valid"])
 def test_exchanged_chunks_are_evaluated_again(tmp_path: Path, name: str) -> None:
     """Both files are sound, and each belongs to the other block."""
     store, outputs = tmp_path / "s", [measure(), FrequencyResponse(frequency_hz=LINES)]

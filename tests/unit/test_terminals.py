@@ -29,7 +29,6 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.model.terminals import modal_entries
 
 LOSSY = replace(STEEL, loss_factor=0.002)
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
@@ -135,30 +134,6 @@ def test_residual_equals_the_derivative_by_the_table() -> None:
     moved = Assembly([TOOL, JOINT, HOLDER, TAPER, replace(measured, matrix=matrix)]).receptance(LINES)
     expected = np.einsum("nm,nm->n", slope, change)
     np.testing.assert_allclose(moved - h, expected, rtol=1e-2, atol=1e-12 * np.abs(h).max())
-
-
-def test_modes_are_identified() -> None:
-    lines = np.linspace(200.0, 3000.0, 500)
-    true = Assembly([TOOL, JOINT, HOLDER, TAPER, MODAL])
-    data = [
-        Observation(assembly=true, frequency_hz=lines, receptance=true.receptance(lines, response=p), response=p)
-        for p in (Coordinate(), Coordinate("holder", 0.0))
-    ]
-    unknowns = [
-        Unknown(address="spindle.mode[0].frequency_hz", lower=500.0, upper=900.0, start=700.0),
-        Unknown(address="spindle.mode[0].damping_ratio", lower=0.005, upper=0.2, start=0.05),
-        Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=2e5),
-    ]
-    found = identify(data, unknowns, starts=2, seed=1)
-    assert found.values["spindle.mode[0].frequency_hz"] == pytest.approx(650.0, rel=1e-6)
-    assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
-    alone = identify(data, unknowns[2:], starts=1)
-    assert alone.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
-
-
-def test_modes_take_every_second_line() -> None:
-    every = modal_entries(MODES, LINES)
-    np.testing.assert_array_equal(modal_entries(MODES, LINES[::2]), every[::2])
 
 
 def test_modes_against_exact_arithmetic() -> None:
