@@ -178,13 +178,6 @@ def test_tips_without_lines_are_mistakes(tmp_path: Path) -> None:
         load(tmp_path, apart).stability()
 
 
-def test_bands_apply_to_measured_lines(tmp_path: Path) -> None:
-    tip = 'x = { assembly = "longest" }'
-    text = changed(*DAMPED) + PREDICTED.replace(tip, tip.replace(" }", ', bands = [["1 kHz", "2 kHz"]] }'), 1)
-    with pytest.raises(CampaignError, match=r"cuts\.rough\.x\.bands: is given for a predicted tip"):
-        load(tmp_path, text)
-
-
 def test_predicted_tips(tmp_path: Path) -> None:
     read = load(tmp_path, changed(*DAMPED) + PREDICTED)
     found = read.stability()
@@ -321,22 +314,3 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     assert found.to_dict()["cuts"][0]["always_stable"] is None
     assert words in found.plot().get_suptitle().replace("\n", " ")
     assert words in found.to_html()
-
-
-def test_lines_up_to_the_upper_half_power_point_contain_a_mode(tmp_path: Path) -> None:
-    lines = np.arange(200.0, 961.0, 2.0)
-    write(tmp_path / "tip.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
-    found = load(tmp_path, MEASURED).stability()
-    assert found.rejection == ()
-    whole = stability_lobes(
-        Milling(teeth=2, k_t=6e8, k_n=2e8), LINES, TIP.receptance(LINES), speeds_rpm=found["slot"].speeds_rpm
-    )
-    assert found["slot"].depth.min() == pytest.approx(whole.depth.min(), rel=0.05)
-
-
-@pytest.mark.parametrize("coefficient", ["600 Pa", "600 GPa", "600 kPa"])
-def test_coefficients_of_another_unit_are_refused(tmp_path: Path, coefficient: str) -> None:
-    write(tmp_path / "tip.csv", FRF(frequency_hz=LINES, values=TIP.receptance(LINES)[:, 0, 0]))
-    text = rf'cuts\.slot\.k_t: is "{coefficient}", expected at least 1e\+06 and at most 1e\+11'
-    with pytest.raises(CampaignError, match=text):
-        load(tmp_path, MEASURED.replace("600 MPa", coefficient))

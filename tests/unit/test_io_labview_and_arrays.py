@@ -12,7 +12,7 @@ import pytest
 from properties.good_files import labview
 from receptance import ReceptanceWarning
 from receptance.hammer import HammerRecords, find_hits
-from receptance.io import FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series, write
+from receptance.io import FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series
 
 SERIES = TimeSeries(
     values=np.round(np.random.default_rng(3).normal(size=(12, 2)), 6),
@@ -214,10 +214,3 @@ def test_pickles_and_truncated_arrays_are_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-8])
     with pytest.raises(FileFormatError, match=r"takes 96 bytes, there are 88"):
         read(path, columns=["f [Hz]", "real [m/N]", "imag [m/N]"])
-
-
-def test_both_formats_are_not_written(tmp_path: Path) -> None:
-    for name in ("a.lvm", "a.npy"):
-        with pytest.raises(ValueError, match=f"{name}: is read and not written, expected one of .uff"):
-            write(tmp_path / name, SERIES)
-        assert not (tmp_path / name).exists()

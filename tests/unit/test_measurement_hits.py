@@ -1,6 +1,5 @@
 """Detection of hits, and the reasons for dropping some."""
 
-import pickle
 import warnings
 
 import numpy as np
@@ -360,9 +359,3 @@ def test_ringing_of_a_filter_of_any_cutoff_is_kept(order, cutoff, contact_ms):
         warnings.simplefilter("ignore", ReceptanceWarning)
         hits = find_hits(HammerRecords(force=force, response=ring, sample_rate_hz=rate, quantity="acceleration"))
     assert [hit.reason for hit in hits.hits] == [""]
-
-
-def test_hits_pickle():
-    made = strike(hits=2)
-    again = pickle.loads(pickle.dumps(find_hits(records_of(made.force, made.response))))
-    assert len(again) == 2

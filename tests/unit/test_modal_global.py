@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import tracemalloc
 import warnings
 
@@ -488,15 +487,6 @@ def test_mistakes():
         fit_modes(frf, 1, scatter="none")
     with pytest.raises(ValueError, match="order is 0"):
         fit_modes(frf, 1, order=0)
-
-
-def test_pickle_and_text():
-    fit = fit_modes(frf_of(F, [200.0], [0.01], [[1.0, 2.0]], noise=1e-3, seed=1), 1)
-    again = pickle.loads(pickle.dumps(fit))
-    np.testing.assert_array_equal(again.residue, fit.residue)
-    np.testing.assert_allclose(again.poles, fit.poles)
-    assert repr(fit).startswith("ModalFit(1 mode between 160 and 239.5 Hz: ")
-    assert "1 mode between 160 and 239.5 Hz." in fit.summary()
 
 
 def test_zero_entry_has_no_effect():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import warnings
 
 import numpy as np
@@ -234,16 +233,6 @@ def test_mistakes():
         half_power(one.with_(usable=f < 790.5), low_hz=790.0, high_hz=810.0)
     with pytest.raises(ValueError, match="level is 2"):
         circle_fit(one).damping_interval(2.0)
-
-
-def test_pickle_and_text():
-    mode = circle_fit(frf_of(np.arange(700.0, 900.0, 1.0), [800.0], [0.01], [[1.0]], noise=1e-3))
-    again = pickle.loads(pickle.dumps(mode))
-    assert again == mode
-    assert repr(mode).startswith("ModeEstimate(circle: 800")
-    low, high = mode.frequency_interval_hz(0.99)
-    assert low < 800.0 < high
-    assert mode.damping_interval()[1] - mode.damping_interval()[0] < 4.2 * mode.damping_standard_error
 
 
 def test_zero_hertz_is_left_out():

@@ -90,20 +90,6 @@ def test_plots_take_axes_first() -> None:
         assert all(other.kind is inspect.Parameter.KEYWORD_ONLY for other in rest), one
 
 
-def test_options_complete_in_an_editor() -> None:
-    """No public function hides its keyword arguments behind untyped `**options`."""
-    for name in rc.__all__:
-        one = getattr(rc, name)
-        if inspect.isfunction(one) or inspect.isclass(one):
-            for other in inspect.signature(one).parameters.values() if not issubclass_of_error(one) else ():
-                if other.kind is inspect.Parameter.VAR_KEYWORD:
-                    assert "Unpack" in str(other.annotation), name
-
-
-def issubclass_of_error(one: object) -> bool:
-    return inspect.isclass(one) and issubclass(one, Exception)
-
-
 def test_versions() -> None:
     assert rc.__version__.count(".") == 2
     assert np.isfinite(PAIR.natural_frequencies(15e3)).all()
@@ -119,8 +105,3 @@ def test_help_opens_with_the_types_of_the_fields() -> None:
     assert opening.startswith(
         " |  Segment(*, length: float, outer_diameter: float, inner_diameter: float = 0.0, material: "
     )
-
-
-def test_dir_lists_the_public_names() -> None:
-    assert {"FRF", "Segment", "identify", "io", "coupling", "__version__"} <= set(dir(rc))
-    assert not {"Any", "TYPE_CHECKING", "lazily", "lazy_loader"} & set(dir(rc))
