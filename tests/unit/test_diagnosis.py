@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blank_in_holder import STARTED, TOLERANCES, make_assembly, observe
+from blank_in_holder import UNKNOWNS as JOINT
 from receptance import (
     CARBIDE,
     FRF,
@@ -30,27 +32,13 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
-from receptance.fit import Move, Tolerance
+from receptance.fit import Move
 from receptance.fit.observation import altered
 from receptance.fit.parameters import Parameters
 from receptance.fit.problem import Task
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
-JOINT = [
-    Unknown(address="joint.k_y", lower=1e6, upper=1e11),
-    Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
-    Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
-    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
-]
-TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
-
-
-def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-    return Assembly([tool, joint, holder], masses)
 
 
 def make_observations(
@@ -58,15 +46,7 @@ def make_observations(
 ) -> list[Observation]:
     rng = np.random.default_rng(11)
     return [
-        Observation(
-            assembly=make_assembly(x),
-            frequency_hz=LINES,
-            receptance=make_assembly(x, *masses).receptance(LINES)
-            * factor
-            * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
-            standard_deviation=0.01,
-            label=f"{x}",
-        )
+        observe(make_assembly(x), LINES, make_assembly(x, *masses).receptance(LINES) * factor, rng, f"{x}")
         for x in overhangs
     ]
 
@@ -552,9 +532,6 @@ def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut
         label=f"{response} {excitation}",
         configuration="short",
     )
-
-
-STARTED = [replace(one, start=value) for one, value in zip(JOINT, (6e8, 1e5, 300.0, 1.0), strict=True)]
 
 
 def relative_error(model: Model, values: Mapping[str, float]) -> np.ndarray:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blank_in_holder import make_assembly
 from limits import LIMIT_S
-from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Material, Observation, Part, PointJoint, Segment, Unknown
+from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection
@@ -23,12 +24,6 @@ from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 6000.0, 120)
-
-
-def make_assembly(overhang: float, material: Material = CARBIDE) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=material)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
 
 
 def make_observations(overhang: float) -> Observation:

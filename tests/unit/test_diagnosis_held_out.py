@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
+from blank_in_holder import STARTED as JOINT
+from blank_in_holder import make_assembly as in_holder
+from blank_in_holder import observe
+from receptance import STEEL, Assembly, Observation, PointMass
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
 from receptance.diagnosis.causes import Parameter
 from receptance.diagnosis.explanation import Selection
@@ -35,34 +38,17 @@ from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 6000.0, 300)
 LENGTH = "tool.segment[0].length"
-TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-JOINT = [
-    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
-    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
-    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=300.0),
-    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=1.0),
-]
 
 
 def make_assembly(overhang: float, density: float = 1.0, masses: Sequence[PointMass] = ()) -> Assembly:
-    heavy = replace(STEEL, density=density * STEEL.density)
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=heavy)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, TRUE, holder], masses)
+    return in_holder(overhang, *masses, material=replace(STEEL, density=density * STEEL.density))
 
 
 def make_observations(
     overhang: float, density: float = 1.0, seed: int = 1, factor: float | np.ndarray = 1.0
 ) -> Observation:
-    rng = np.random.default_rng(seed)
-    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return Observation(
-        assembly=make_assembly(overhang),
-        frequency_hz=LINES,
-        receptance=factor * make_assembly(overhang, density).receptance(LINES) * np.exp(noise),
-        standard_deviation=0.01,
-        label=f"{overhang}",
-    )
+    true = factor * make_assembly(overhang, density).receptance(LINES)
+    return observe(make_assembly(overhang), LINES, true, np.random.default_rng(seed), f"{overhang}")
 
 
 def clamping(*overhangs: float) -> tuple[Tolerance, ...]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blank_in_holder import TOLERANCES, observe
 from receptance import (
     CARBIDE,
     STEEL,
@@ -38,7 +39,6 @@ JOINT = [
     Law(address="joint.c_y", lower=1e-1, upper=1e6, individual=0.03),
     Law(address="joint.c_theta", lower=1e-4, upper=1e3, individual=0.03),
 ]
-TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
 
 
 def make_assembly(
@@ -54,15 +54,7 @@ def make_assembly(
 
 
 def measure(described: Assembly, true: Assembly, label: str, seed: int) -> Observation:
-    rng = np.random.default_rng(seed)
-    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return Observation(
-        assembly=described,
-        frequency_hz=LINES,
-        receptance=true.receptance(LINES) * np.exp(noise),
-        standard_deviation=0.01,
-        label=label,
-    )
+    return observe(described, LINES, true.receptance(LINES), np.random.default_rng(seed), label)
 
 
 def noisy(one: Observation, lines: slice) -> Observation:

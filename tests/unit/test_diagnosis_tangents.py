@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
+from blank_in_holder import make_assembly
+from receptance import Observation, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.screening import (
@@ -22,12 +23,6 @@ from receptance.fit import Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)
-
-
-def make_assembly(overhang: float) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
 
 
 def make_model() -> Model:

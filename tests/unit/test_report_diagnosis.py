@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blank_in_holder import make_assembly
 from receptance import (
     CARBIDE,
-    STEEL,
     Assembly,
     Observation,
     Part,
-    PointJoint,
     PointMass,
     Segment,
     Unknown,
@@ -37,13 +36,6 @@ TITLE = '12 mm <script>alert(1)</script> & "mill" äöü 端'
 LABEL = "</script><img src=x onerror=alert(2)> {:.0f}"
 LARGEST = 1 << 20
 """Bytes of a page."""
-
-
-def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-    return Assembly([tool, joint, holder], masses)
 
 
 @pytest.fixture(scope="module")
