@@ -351,11 +351,11 @@ def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
 
 
 def test_the_same_seed_gives_the_same_answer() -> None:
-    first, again, parallel = (
+    first, parallel = (
         diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
-        for threads in (1, 1, 2)
+        for threads in (1, 2)
     )
-    assert first.to_dict() == again.to_dict() == parallel.to_dict()
+    assert first.to_dict() == parallel.to_dict()
 
 
 def stopping(what: str, times: int = 1) -> tuple[list[str], Callable[[str], None]]:
@@ -391,10 +391,10 @@ def test_progress_counts_steps_and_names_the_leading_cause() -> None:
 
 @pytest.mark.parametrize(
     ("what", "times", "tried"),
-    [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("no cause: ", 3, 3)],
+    [("the model as it is", 1, 0), ("no cause: ", 3, 3)],
 )
 def test_interruption_returns_a_preliminary_result(what: str, times: int, tried: int) -> None:
-    """In the base fit, while starts are compared, while fits end, beside the alternatives."""
+    """In the base fit, and beside the alternatives."""
     lines, progress = stopping(what, times)
     verdict = diagnose(
         make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress
