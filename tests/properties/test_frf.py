@@ -4,7 +4,7 @@ import pickle
 import warnings
 
 import numpy as np
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from properties.strategies import parts
@@ -141,6 +141,7 @@ def test_pickle_and_with(frf):
     assert_same(frf, frf.flipped().flipped(), but=("notes",))
 
 
+@settings(max_examples=4)  # each draws a figure
 @given(frfs())
 def test_representations_raise_no_error(frf):
     assert repr(frf).startswith("FRF(")
