@@ -24,7 +24,7 @@ _SUMMARIES = pytest.StashKey[dict[str, tuple[str, object]]]()
 
 settings.register_profile(
     "repeatable",
-    max_examples=25,  # always the same ones; the other profile draws 100 new ones
+    max_examples=15,  # always the same ones; the other profile draws 100 new ones
     deadline=None,
     derandomize=True,
     database=None,

@@ -182,6 +182,7 @@ def test_truncated_records_report_their_end(tmp_path: Path) -> None:
     assert again.unknowns[-1].address == "observation.end"
 
 
+@pytest.mark.slow
 def test_held_out_records_have_their_own_end(tmp_path: Path) -> None:
     """The held-out record is complete; the others are cut off."""
     read = cut_off(tmp_path)

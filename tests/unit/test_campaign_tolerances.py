@@ -192,6 +192,7 @@ def test_inconsistent_data_do_not_override_tolerances(campaign: Campaign) -> Non
     assert any("does not explain the data" in text for text in found.advice)
 
 
+@pytest.mark.slow
 def test_tolerances_in_receptances(campaign: Campaign) -> None:
     """The scatter of a predicted FRF and the part of each error in it, against assemblies drawn from the posterior."""
     rng = np.random.default_rng(SEED)

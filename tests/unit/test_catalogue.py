@@ -171,6 +171,7 @@ def test_a_tool_without_a_peak_has_no_modes(identified: Any, tmp_path: Path) -> 
         assert np.isfinite(tool.tip.scatter.total).all()
 
 
+@pytest.mark.slow
 def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
