@@ -17,6 +17,8 @@ from real.cases import ANSWERS, DRIVE, PLAN, Case, Effect, Plain, Setup, draw, m
 from real.made_beam import HZ, accelerance, made_beam
 from real.structures import DECAY_RATE, Level
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).resolve().parent
 SETUP = Setup(((DRIVE, 0.0), (1, 0.0), (6, 0.4)), 700.0)
 

@@ -7,6 +7,8 @@ import pytest
 
 from real import exact
 
+pytestmark = pytest.mark.slow
+
 MASSES = np.array([1.0, 2.0, 1.1])
 SPACING = 0.02
 SIZE = 25001  # to 500 Hz

@@ -20,6 +20,8 @@ from real.discrepancy import describe
 from real.outcome import outcome_of, run_case
 from real.structures import DECAY_RATE, HIT_PLACES, MEASURED
 
+pytestmark = pytest.mark.slow
+
 SEED = fresh_seed()
 BENCH = Path(__file__).resolve().parents[2] / "benches" / "real.py"
 HZ = np.arange(60.0, 700.0, 4.0)

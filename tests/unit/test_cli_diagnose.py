@@ -111,8 +111,8 @@ def merged(contents: dict[str, Any], lines: Sequence[str]) -> dict[str, Any]:
     ("factor", "derivatives", "causes"),
     [
         (1.06, 0, ["calibration_gain"]),
-        (-1.0, 0, ["reversed_polarity"]),
-        (1.0, 2, ["wrong_quantity"]),
+        pytest.param(-1.0, 0, ["reversed_polarity"], marks=pytest.mark.slow),
+        pytest.param(1.0, 2, ["wrong_quantity"], marks=pytest.mark.slow),
     ],
 )
 def test_the_lines_of_the_answer_make_the_model_adequate(factor: float, derivatives: int, causes: list[str]) -> None:
@@ -150,11 +150,12 @@ x = { assembly = "short" }
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("output", "derivatives", "data", "line"),
     [
         ("mobility", 2, "accelerance", "integrate = 1"),
-        pytest.param("accelerance", 0, "receptance", "integrate = -2", marks=pytest.mark.slow),
+        ("accelerance", 0, "receptance", "integrate = -2"),
         ("receptance", -1, "receptance whose displacement is integrated once", "integrate = -1"),
     ],
 )
@@ -182,6 +183,7 @@ def test_another_quantity_is_named_with_the_line_to_write(
     assert "adequate: noise" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_reversed_polarity_is_named_and_turned_in_the_extended_campaign(capsys: pytest.CaptureFixture[str]) -> None:
     simulated(-1.0)
     causes = [word for id in ("reversed_polarity", "wrong_quantity", "time_delay") for word in ("--cause", id)]
@@ -242,6 +244,7 @@ def test_the_stable_depth_is_a_metric(capsys: pytest.CaptureFixture[str]) -> Non
     assert own["held_out_after"] < 0.5 * own["held_out_before"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a console's Ctrl-C cannot be sent to one process")
 def test_interruption_gives_a_preliminary_verdict() -> None:
     simulated(1.06)

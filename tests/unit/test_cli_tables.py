@@ -45,7 +45,6 @@ FEW_LEVELS = {"transfer", "diagnose"}
 """Commands that fit all levels of the taper many times; with a few levels they print the same tables."""
 FAST = {
     *(("free-free", command) for command in COMMANDS),
-    *(("machine", command) for command in ("identify", "diagnose", "stability", "catalogue")),
     *(
         (example, command)
         for example, commands in NO_ANSWER.items()

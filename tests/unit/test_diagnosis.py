@@ -134,6 +134,7 @@ def test_a_fast_diagnosis_names_no_cause() -> None:
     assert fast.causes[0].parameters == whole.causes[0].parameters
 
 
+@pytest.mark.slow
 def test_causes_of_the_chain_apply_to_frfs_only() -> None:
     frequencies = [
         Observation.from_modes(
@@ -317,7 +318,7 @@ def of_material(stated: Material, true: Material) -> list[Observation]:
 
 @pytest.mark.parametrize(
     ("stated", "true", "name"),
-    [(STEEL, GRADE, "cemented carbide"), (CARBIDE, STEEL, "steel")],
+    [pytest.param(STEEL, GRADE, "cemented carbide", marks=pytest.mark.slow), (CARBIDE, STEEL, "steel")],
     ids=["carbide", "steel"],
 )
 def test_another_material_is_named(stated: Material, true: Material, name: str) -> None:
@@ -332,6 +333,7 @@ def test_another_material_is_named(stated: Material, true: Material, name: str) 
     assert {"tool_modulus", "tool_density"} <= set(cause.look_alikes)
 
 
+@pytest.mark.slow
 def test_impossible_material_is_vetoed_and_heavier_grade_is_accepted() -> None:
     heavier = replace(CARBIDE, density=1.06 * CARBIDE.density)
     verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)

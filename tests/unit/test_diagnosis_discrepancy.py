@@ -218,50 +218,38 @@ def with_sensor(seed):
     )
 
 
-@pytest.mark.parametrize("share", [0.4, 0.6])
-def test_a_cause_takes_at_least_half_of_the_misfit(monkeypatch, share):
-    found = with_sensor(1)
-    assert found.verdict == "partly explained"
-    selection = found.selection
-    monkeypatch.setattr(type(selection), "share", lambda *_: share)
-    judgement = conclude(selection)
-    assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
-    assert bool(judgement.reported) == (share > 0.5)
-    # Partly explained claims less than named, so that evidence just above the threshold suffices.
+@pytest.mark.slow
+def test_a_cause_takes_at_least_half_of_the_misfit():
+    selection = with_sensor(1).selection
     best = selection.explanations[0]
+
+    def answer(*explanations):
+        return conclude(replace(selection, explanations=list(explanations), alternatives=[])).answer
+
+    assert selection.share(best) > 0.5
+    assert answer(best) == "partly explained"
+    half = best.with_gain(0.6 * selection.beside.errors)
+    assert selection.share(half) < 0.5
+    assert answer(replace(half, evidence=best.evidence)) == "unexplained"
+    # Partly explained claims less than named, so that evidence just above the threshold suffices.
     just_above = replace(best, evidence=selection.threshold + 0.1)
-    judgement = conclude(replace(selection, explanations=[just_above], alternatives=[]))
-    assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
-    below = replace(best, evidence=selection.threshold - 0.1)
-    assert not conclude(replace(selection, explanations=[below])).reported
+    assert answer(just_above) == "partly explained"
+    assert answer(replace(best, evidence=selection.threshold - 0.1)) == "unexplained"
     # A plausible rival within the margin counts, although it is below the threshold itself.
     rival = replace(selection.explanations[1], evidence=selection.threshold - 1.0)
-    assert conclude(replace(selection, explanations=[just_above, rival], alternatives=[])).answer == "unexplained"
-    behind = replace(rival, evidence=selection.threshold - MARGIN)
-    judgement = conclude(replace(selection, explanations=[just_above, behind], alternatives=[]))
-    assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
-    # An implausible one leaves nothing above the threshold.
-    ((name, parameter),) = best.parameters.items()
-    odd = replace(best, evidence=selection.threshold + 0.1)
-    odd.__dict__["parameters"] = {name: replace(parameter, plausible=(0.0, 1e-9))}
-    assert odd.implausible == (name,)
-    assert not conclude(replace(selection, explanations=[odd, rival], alternatives=[])).reported
-    # The reasons why a cause is not certain are listed.
-    doubtful = replace(best, fit=replace(best.fit, converged=False))
-    notes = " ".join(conclude(replace(selection, explanations=[doubtful])).notes)
-    assert share < 0.5 or ("not certain" in notes and "has not converged" in notes)
+    assert answer(just_above, rival) == "unexplained"
+    assert answer(just_above, replace(rival, evidence=selection.threshold - MARGIN)) == "partly explained"
     # Another structural error may look the same.
     (step,) = best.steps
     vague = replace(best, steps=(Step(replace(step.cause, unspecific=True), step.variant),))
-    assert conclude(replace(selection, explanations=[vague, *selection.explanations[1:]])).answer == "unexplained"
+    assert answer(vague, *selection.explanations[1:]) == "unexplained"
     # Tolerances absorb a part of a discrepancy: their strain is no objection.
     strained = replace(best, fit=replace(best.fit))
     strained.fit.__dict__["adequacy"] = replace(best.adequacy, strain=Strain((("modulus", 9.0),), chance=1e-9))
-    assert not strained.adequacy.strain.chance > 1e-9
-    judgement = conclude(replace(selection, explanations=[strained, *selection.explanations[1:]]))
-    assert judgement.answer == ("partly explained" if share > 0.5 else "unexplained")
+    assert answer(strained, *selection.explanations[1:]) == "partly explained"
 
 
+@pytest.mark.slow
 def test_evidence_beside_a_discrepancy_is_that_of_discrepancies_of_their_own():
     verdict = with_sensor(1)
     selection = verdict.selection
@@ -314,6 +302,7 @@ def test_errors_below_the_noise_are_not_evidence():
     assert 0.0 <= deviances[1] - deviances[0] < 1.5
 
 
+@pytest.mark.slow
 def test_a_size_is_plausible_beside_a_discrepancy_if_a_part_of_its_interval_is():
     best = with_sensor(1).explanation
     ((name, parameter),) = best.parameters.items()
@@ -410,7 +399,8 @@ def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
     assert growth[peaks] == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     hidden = with_sensor(seed)
     print(hidden)
@@ -434,6 +424,7 @@ def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
     assert contradicted.explanation is None
 
 
+@pytest.mark.slow
 def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     found = diagnose(observed(0.005, 0.05), JOINT, tolerances=TOLERANCES, causes=CAUSES)
     print(found)
@@ -448,17 +439,14 @@ def test_nothing_hidden_in_a_wrong_model_is_unexplained_with_its_discrepancy():
     assert "model error beside noise, natural frequencies" in {row[0] for row in found.tables()[0].rows}
 
 
-@pytest.mark.parametrize("place", ["engine", "beside_discrepancy"])
-@pytest.mark.parametrize("name", ["fit_discrepancy", "extend"])
-def test_an_interruption_keeps_the_answer_without_a_discrepancy(monkeypatch, place, name):
+def test_an_interruption_keeps_the_answer_without_a_discrepancy(monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(f"receptance.diagnosis.{place}.{name}", interrupt)
+    monkeypatch.setattr("receptance.diagnosis.beside_discrepancy.extend", interrupt)
     found = diagnose(observed(0.005, 0.05), JOINT, tolerances=TOLERANCES, causes=CAUSES[:2], most=1)
     assert (found.verdict, found.final) == ("unexplained", False)
-    # That of the base is kept where it is known.
-    assert (found.discrepancy is None) == ((place, name) == ("engine", "fit_discrepancy"))
+    assert found.discrepancy is not None
     assert "not final" in found.notes[0]
 
 
