@@ -164,6 +164,16 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
     assert fit.values["collet_mass.log_inertia"] == pytest.approx(2.0 * np.log(0.75 / COLLET_GYRATION), abs=0.02)
 
 
+def test_later_starts_are_not_needed_where_a_fit_is_adequate() -> None:
+    near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
+    alone = explore(MODEL, [near]).go_on([])
+    assert alone.misfit < 1e-3
+    assert explore(MODEL, [near]).go_on([far]).evaluations == alone.evaluations
+    both = explore(MODEL, [far]).go_on([near])
+    assert both.evaluations > alone.evaluations
+    assert both.misfit < 1e-3
+
+
 def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_insertion() -> None:
     """What that joint leaves of the segment is shorter than an ordinary error, which would make it negative."""
     error = Tolerance(name="insertion", moves={"holder.segment[0].length": 1e-4})
