@@ -167,9 +167,13 @@ def test_invert_on_the_command_line(free_free, tmp_path, capsys):
     assert not Path("joint.png").exists()
 
 
-def test_threads_of_a_campaign_are_those_of_its_analyses(tmp_path):
+def test_threads_of_a_campaign_are_those_of_its_analyses(tmp_path, free_free, given_threads):
     """Three is neither the default nor the number of processors of most machines."""
     read = campaign.load(write(tmp_path), threads=3)
     assert read.threads == 3
     assert read.identify().task.threads == 3
     assert read.diagnose(causes=["tool_density"]).selection.workers == 3
+    simulated = campaign.load(free_free, threads=3)
+    given_threads.clear()
+    simulated.invert()
+    assert given_threads == {3}
