@@ -308,7 +308,7 @@ def test_excess_residuals_enlarge_the_errors():
     assert careful.damping_standard_error[0] == pytest.approx(3.0 * honest.damping_standard_error[0], rel=0.1)
 
 
-@pytest.mark.parametrize("runs", [4, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [4, pytest.param(12, marks=pytest.mark.slow)])
 def test_inconsistent_entries_enlarge_the_errors(runs):
     """A natural frequency that drifts from hit to hit, as with temperature, is the larger part of the uncertainty."""
     rng = np.random.default_rng(SEED)
