@@ -289,6 +289,7 @@ def test_correlated_errors() -> None:
         errors_of("spindle", ["a.b"], covariance)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     load(tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -78,8 +78,9 @@ def test_bad_input(coherence, averages, error, words):
         variance_from_coherence(coherence, averages)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("averages", "runs"), [(3, 250), (10, 250)])
-@pytest.mark.parametrize("kind", ["relative", *(pytest.param(k, marks=pytest.mark.slow) for k in ("white", "both"))])
+@pytest.mark.parametrize("kind", ["relative", "white", "both"])
 def test_intervals_have_their_nominal_coverage(averages, runs, kind):
     """Of each run one line well apart from the others counts, so that an exact binomial test applies."""
     print(f"seed {SEED}")

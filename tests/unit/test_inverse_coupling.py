@@ -95,6 +95,7 @@ def test_overhangs_for_coordinates():
         assert value == pytest.approx(TRUE[name], rel=1e-6), name
 
 
+@pytest.mark.slow
 def test_standard_deviations_against_random_draws(rng):
     true = make_assembly(**COUPLED)
     # Lines are solved alone, so that 150 lines within 1 mHz are 150 draws of one line.

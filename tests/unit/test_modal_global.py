@@ -28,11 +28,12 @@ def without_warnings(*arguments, **options):
         return fit_modes(*arguments, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("separation", [0.5, 0.25])
-@pytest.mark.parametrize("runs", [8, pytest.param(40, marks=pytest.mark.slow)])
-def test_close_modes_and_their_intervals(runs, separation, stated):
+def test_close_modes_and_their_intervals(separation, stated):
     """Modes as near as a quarter of their half-power band are resolved, and intervals contain the true values."""
+    runs = 40
     print(f"seed {SEED}")
     true = np.array([200.0, 200.0 + 4.0 * separation])
     covered, scatter, stated_errors = [], [], []
@@ -158,9 +159,10 @@ def test_a_mode_just_outside_the_band():
     assert fit_modes(frf, 1, background="none").outside_poles.size == 0
 
 
-@pytest.mark.parametrize("runs", [8, pytest.param(40, marks=pytest.mark.slow)])
-def test_intervals_of_a_broad_mode_near_an_outside_mode(runs):
+@pytest.mark.slow
+def test_intervals_of_a_broad_mode_near_an_outside_mode():
     """A damping ratio of 7 % and a mode half a half-power band above the last line, as on the virtual BT50 rig."""
+    runs = 40
     print(f"seed {SEED}")
     f = np.arange(500.0, 6200.0, 20.0)
     true, zeta = np.array([1293.0, 4687.0]), np.array([0.0177, 0.0741])
@@ -193,14 +195,15 @@ def test_intervals_of_a_broad_mode_near_an_outside_mode(runs):
     assert np.all(np.abs(np.mean(off, axis=0)) < [1e-3, 5e-3, 0.01, 0.03])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["force", "response", "separate"])
 @pytest.mark.parametrize("correlated", [1.0, 6.0])
-@pytest.mark.parametrize("runs", [5, pytest.param(30, marks=pytest.mark.slow)])
-def test_noise_common_to_several_responses(runs, correlated, kind):
+def test_noise_common_to_several_responses(correlated, kind):
     """Noise of the force is the same in all responses relative to the FRF, also between lines; noise of a response not.
 
     "separate" is in proportion to the FRF but independent between the entries: the errors must not grow for it.
     """
+    runs = 30
     print(f"seed {SEED}")
     f = np.arange(500.0, 2500.0, 20.0)
     true, zeta, constants = np.array([1300.0]), np.array([0.015]), np.array([[1.0, 0.8, -0.6]])
@@ -308,9 +311,10 @@ def test_excess_residuals_enlarge_the_errors():
     assert careful.damping_standard_error[0] == pytest.approx(3.0 * honest.damping_standard_error[0], rel=0.1)
 
 
-@pytest.mark.parametrize("runs", [4, pytest.param(12, marks=pytest.mark.slow)])
-def test_inconsistent_entries_enlarge_the_errors(runs):
+@pytest.mark.slow
+def test_inconsistent_entries_enlarge_the_errors():
     """A natural frequency that drifts from hit to hit, as with temperature, is the larger part of the uncertainty."""
+    runs = 12
     rng = np.random.default_rng(SEED)
     print(f"seed {SEED}")
     inside = 0
@@ -378,9 +382,10 @@ def test_the_search_ends_where_poles_follow_smooth_errors():
     assert len(steps) < 30
 
 
-@pytest.mark.parametrize("runs", [3, pytest.param(12, marks=pytest.mark.slow)])
-def test_intervals_with_errors_smooth_over_lines(runs):
+@pytest.mark.slow
+def test_intervals_with_errors_smooth_over_lines():
     """Intervals of one mode and of two contain the true frequency, with five independent values in a band."""
+    runs = 12
     print(f"seed {SEED}")
     inside, total = 0, 0
     for modes in (1, 2):
@@ -397,15 +402,16 @@ def test_intervals_with_errors_smooth_over_lines(runs):
     assert binomtest(inside, total, 0.95).pvalue > REJECTED_AT, (inside, total)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
-@pytest.mark.parametrize("runs", [4, pytest.param(30, marks=pytest.mark.slow)])
-def test_noise_under_an_exponential_window(runs, width, stated):
+def test_noise_under_an_exponential_window(width, stated):
     """Noise exp(-sigma t) correlates lines; intervals cover, be that over less or more than a half-power band.
 
     Where the variance is not stated and 75 lines share their noise, the residual's own variance counts as known from as
     few as five independent numbers. That is careful: 99 % of those intervals hold the truth.
     """
+    runs = 30
     careful = width == 3.0 and not stated
     print(f"seed {SEED}")
     f = np.arange(150.0, 250.0, 0.5)

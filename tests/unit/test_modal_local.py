@@ -92,12 +92,13 @@ def test_exact_mode(method, decay_rate, form):
     assert mode.pole.real == pytest.approx(-0.004 * 2 * np.pi * mode.frequency_hz, rel=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [False, True])
 @pytest.mark.parametrize("lines", [20, 8, 3])
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("runs", [50, pytest.param(150, marks=pytest.mark.slow)])
-def test_intervals_cover(runs, method, lines, stated):
+def test_intervals_cover(method, lines, stated):
     """Of so many noisy FRFs as many intervals of 95 % hold the truth as should; the known bias of half-power apart."""
+    runs = 150
     print(f"seed {SEED}")
     zeta, step = 0.01, 2.0 * 0.01 * 800.0 / lines
     f = np.arange(700.0, 900.0, step)

@@ -79,6 +79,7 @@ def test_store_equals_result_in_memory(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["s.zarr"]
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_at_any_moment_is_resumed(tmp_path: Path) -> None:
     store = tmp_path / "killed.zarr"
     script = """

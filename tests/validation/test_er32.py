@@ -15,6 +15,8 @@ import study_scripts
 from er32_joints import joint_of
 from er32_tables import Published, load
 
+pytestmark = pytest.mark.slow
+
 TORQUE = 135.0  # recommended by the manufacturer
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)
 DRAWS = 60

@@ -163,6 +163,7 @@ def test_dampings(damping: tuple[float, float], summarise: Callable[[str, str, o
     assert exact < 1e-9
 
 
+@pytest.mark.slow
 def test_no_real_joint_within_the_noise() -> None:
     """At the double root noise makes the discriminant negative in about half of the draws, as the note states."""
     body = Body(mass=4.5, inertia=0.01)
@@ -198,6 +199,7 @@ def test_no_real_joint_within_the_noise() -> None:
     assert "standard errors" in radial_from_modes(body, z1, z2, [f[0], f[0] * 1.02]).statement
 
 
+@pytest.mark.slow
 def test_intervals_cover_away_from_the_double_root() -> None:
     random = np.random.default_rng(SEED + 3)
     body = Body(mass=4.5, inertia=0.01)
