@@ -51,7 +51,6 @@ def drawn_from_the_prior(
     return k_theta, identify(frf, unknown, tolerances=blank if blank_drawn else (), starts=1, threads=1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stated", "blank_drawn", "calibrated"),
     # With tolerances the fit estimates a factor of the noise, so that understated noise does not reduce the coverage.
