@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from unittest.mock import patch
 
 import pytest
 import typer.main
@@ -25,16 +26,15 @@ main()
 _built = functools.cache(typer.main.get_command)
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+def call(*arguments: object) -> int:
     """Run the command line in this process and return its exit code; a command whose extra is missing is skipped."""
     if arguments and arguments[0] == "sweep":
         pytest.importorskip("zarr", reason="needs Zarr: pip install 'receptance[sweep]'")
     if any(str(one).endswith((".h5", ".h5.gz")) for one in arguments):
         pytest.importorskip("h5py", reason="needs h5py: pip install 'receptance[hdf5]'")
     # Typer reads the annotations of all commands at each call, which takes as long as many of the commands.
-    monkeypatch.setattr(typer.main, "get_command", _built)
-    monkeypatch.setattr(sys, "argv", ["receptance", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
+    fixed, typed = patch.object(typer.main, "get_command", _built), ["receptance", *map(str, arguments)]
+    with fixed, patch.object(sys, "argv", typed), pytest.raises(SystemExit) as end:
         main()
     assert isinstance(end.value.code, int)
     return end.value.code

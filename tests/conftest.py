@@ -24,7 +24,7 @@ _SUMMARIES = pytest.StashKey[dict[str, tuple[str, object]]]()
 
 settings.register_profile(
     "repeatable",
-    max_examples=25,  # always the same ones; the other profile draws 100 new ones
+    max_examples=15,  # always the same ones; the other profile draws 100 new ones
     deadline=None,
     derandomize=True,
     database=None,
@@ -105,6 +105,14 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         output["summaries"] = json.dumps(session.config.stash[_SUMMARIES])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Keep the tests of a file in one process: they share fits and studies that take longer than the tests."""
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
 
 
 @pytest.hookimpl(optionalhook=True)

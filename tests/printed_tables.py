@@ -36,7 +36,7 @@ def assert_no_number_is_cut(
     are values of COLUMNS, None where it is not set.
     """
     monkeypatch.setenv("COLUMNS", str(_WIDE))
-    assert call(monkeypatch, *arguments, "--json", "results.json", *report) == code, capsys.readouterr().err
+    assert call(*arguments, "--json", "results.json", *report) == code, capsys.readouterr().err
     output = capsys.readouterr()
     if code:
         assert output.err.startswith("receptance: ")
@@ -54,7 +54,7 @@ def assert_no_number_is_cut(
             monkeypatch.delenv("COLUMNS")
         else:
             monkeypatch.setenv("COLUMNS", columns)
-        assert call(monkeypatch, *arguments) == 0
+        assert call(*arguments) == 0
         text = capsys.readouterr().out
         lost = wide - _numbers(text)
         assert not lost, f"at {columns} columns these numbers are cut: {dict(lost)}"

@@ -69,12 +69,6 @@ def test_killed_run_resumes(bench, tmp_path):
     assert bench.ran == [0, 1]
 
 
-def test_no_case_starts_after_the_time_budget(bench, capsys):
-    bench.main(["--cases", "9", "--seed", "4", "--budget", "0"])
-    assert not bench.ran
-    assert "no case" in capsys.readouterr().out
-
-
 def test_cases_of_some_effects_or_kinds(bench):
     bench.main(["--cases", "5", "--seed", "4", "--effects", "sensor_mass", "collet_mass"])
     assert bench.effects == [("sensor_mass",), ("collet_mass",)] * 2 + [("sensor_mass",)]
@@ -105,9 +99,3 @@ def test_advice_is_scored_over_ambiguous_cases(bench, monkeypatch, capsys):
     assert lines["ambiguous, of all cases"] == ["6", "of", "9"]
     assert lines["ambiguous, large enough: the advised measurement resolves"] == ["2", "of", "4"]
     assert lines["ambiguous, of any size: the advised measurement resolves"] == ["3", "of", "6"]
-
-
-def test_invalid_shard_is_an_error(bench):
-    for wrong in ("0/2", "3/2", "a/b", "2"):
-        with pytest.raises(SystemExit):
-            bench.main(["--shard", wrong])

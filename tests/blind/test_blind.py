@@ -34,6 +34,7 @@ def fixed_answer(verdict, *reported):
     return lambda case, **_: Answer(verdict, reported, (), {}, True, 2.0, 1.0, 0.0, {}, {})
 
 
+@pytest.mark.slow
 def test_generator_and_library_agree_without_hidden_effects():
     # No code is shared, so this checks generator, bridge and package together.
     for i in range(4):
@@ -68,6 +69,7 @@ def test_tolerances_change_the_stated_quantities():
         assert {o.conditions["force"] for o in observed} == {r.level for r in case.records}
 
 
+@pytest.mark.slow
 def test_oracle_separates_large_effects_from_none():
     case, truth = draw_case(SEED, 2, "single", ("time_delay",), u=0.9, quick=True)
     result = consult(case, truth)

@@ -17,6 +17,8 @@ from blind.generator.case import true_numbers, where_of
 from blind.generator.elements import Ring, Structure, cowper, hutchinson
 from blind.seeds import fresh_seed
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).resolve().parent
 SEED = fresh_seed()
 

@@ -14,6 +14,8 @@ from blind.generator.knowledge import ENTRIES, holder_matrix, modes_of
 from blind.outcome import Outcome, run_case
 from blind.score import of_level, table
 
+pytestmark = pytest.mark.slow
+
 SEED = 20261202
 """Fixed: how well a blank shows a holder differs much between draws, and `benches/blind.py --holder` counts them."""
 DATA = LEVELS[1:]

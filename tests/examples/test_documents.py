@@ -57,7 +57,7 @@ def test_shell_lines(
     for block in blocks(document):
         where = f"{_named(document)}:{block.line}"
         for command in commands(block):
-            code = call(monkeypatch, *shlex.split(command)[1:])
+            code = call(*shlex.split(command)[1:])
             assert code == 0, f"{where}, {command}: exit code {code}\n{capsys.readouterr()}"
         printed = capsys.readouterr().out.splitlines()
         assert any(printed) or not commands(block), f"{where}: {block.body} prints nothing"

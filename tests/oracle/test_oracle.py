@@ -13,6 +13,8 @@ from .arithmetic import Gmpy2Arithmetic, MpmathArithmetic, gmpy2
 from .resonance import cutoff, resonance_above
 from .tables import Tables, joint, make, segment
 
+pytestmark = pytest.mark.slow
+
 STEEL = (200e9, 7800.0, 0.29)
 CARBIDE = (580e9, 14500.0, 0.24)
 HOLDER = (210e9, 7850.0, 0.3)

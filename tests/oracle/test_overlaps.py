@@ -8,6 +8,8 @@ import pytest
 from . import exact, overlaps, side_by_side
 from .tables import joint, make, segment
 
+pytestmark = pytest.mark.slow
+
 CARBIDE, STEEL = (580e9, 14500.0, 0.24), (205e9, 7850.0, 0.29)
 SHANK = (0.012, 0.0, *CARBIDE, 0.0)
 BORE = (0.040, 0.012, *STEEL, 0.0)

@@ -77,7 +77,7 @@ def frfs(draw: st.DrawFn, *, text_file: bool = False) -> FRF:
             known["usable"] = draw_array(draw, shape[:1], st.sampled_from((0.0, 1.0))) > 0.5
         if draw(st.booleans()):
             known["correlated_lines"] = draw_array(draw, shape[:1], st.floats(1.0, 50.0))
-        known["notes"] = draw(st.lists(texts, max_size=2))
+        known["notes"] = draw(st.lists(texts, max_size=2, unique=True))
         known["source"] = draw(texts)
     places = {
         name: ["y"] * k if text_file else draw(st.lists(coordinates, min_size=k, max_size=k))

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from real import cases, exact, structures
-from real.cases import ANSWERS, CLEAR, DRIVE, PLAN, Case, Effect, Plain, Setup, draw, modelab_case, plan
-from real.made_beam import DAMPING, HZ, SPACING, accelerance, made_beam
+from real.cases import ANSWERS, DRIVE, PLAN, Case, Effect, Plain, Setup, draw, modelab_case
+from real.made_beam import HZ, accelerance, made_beam
 from real.structures import DECAY_RATE, Level
+
+pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).resolve().parent
 SETUP = Setup(((DRIVE, 0.0), (1, 0.0), (6, 0.4)), 700.0)
@@ -90,16 +92,6 @@ def test_an_axis_states_everything_by_its_own_clock(beam):
         assert record.decay_rate == pytest.approx(1.02 * DECAY_RATE)
 
 
-def test_noise_is_that_of_the_lines(beam):
-    assert np.median(beam.noise) == pytest.approx(1e-3, rel=0.1)
-    # The window leaves 1 / (2 sigma T) of the power of noise that lasts for the period T.
-    clean = accelerance(exact.laplace(beam.frequency_hz), DRIVE)[1]
-    noisy, without = (exact.windowed(one, SPACING, DECAY_RATE) for one in (beam.accelerance[1], clean))
-    own = (beam.frequency_hz > 300.0) & (beam.frequency_hz < 900.0)
-    scatter = np.std((noisy - without)[own].real)
-    assert scatter == pytest.approx(1e-3 / np.sqrt(2.0 * DECAY_RATE / SPACING), rel=0.2)
-
-
 def test_drive_point_that_reads_too_little(beam):
     """Bodies act as they would with the right drive point, which is known from the mirrored hit; the record is left."""
     assert beam.drive_gain == pytest.approx(1.0, abs=0.01)
@@ -111,12 +103,6 @@ def test_drive_point_that_reads_too_little(beam):
         assert ratio == pytest.approx(0.8 if place == 0 else 1.0, abs=5e-3)
     shifts = [[exact.shifted_mode(mode, 0.1)[1] for mode in one.modes] for one in (beam, faulty)]
     assert shifts[0] == pytest.approx(shifts[1], rel=1e-4)
-
-
-def test_natural_frequencies_of_the_drive_point(beam):
-    found = [exact.shifted_mode(mode)[0] for mode in beam.modes]
-    assert found == pytest.approx(HZ.tolist(), rel=2e-5)
-    assert all(abs(mode[0].real / mode[0].imag) > 1.0 / (3.0 * DAMPING) for mode in beam.modes)
 
 
 @pytest.mark.usefixtures("made")
@@ -131,39 +117,6 @@ def test_sizes_reach_their_aim(effect, aim):
     assert not inside or found.ratio == pytest.approx(aim, rel=0.02)
     assert found.effect.aim == aim
     assert bool(np.any(found.shifts)) == (effect in ("sensor_mass", "suspension", "frequency_scale"))
-
-
-def test_support_is_what_simulated_errors_give():
-    """Fits of one size to errors and a known pattern, each with the variance that it leaves; seed 20261126."""
-    rng = np.random.default_rng(20261126)
-    n, ratio = 9, 4.0
-    pattern = rng.normal(size=n)
-    pattern *= ratio * np.sqrt(n) / np.linalg.norm(pattern)
-    errors = pattern + rng.normal(size=(20000, n))
-    size = errors @ pattern / (pattern @ pattern)
-    left = np.sum((errors - size[:, None] * pattern) ** 2, axis=1)
-    gain = n * np.log(np.sum(errors**2, axis=1) / left)
-    assert cases.support(ratio, n) == pytest.approx(
-        np.mean(gain) - np.log(n), rel=0.15
-    )  # the formula is that of many values
-    assert cases.support(0.0, n) < 0.0
-
-
-def test_ratio_of_shifts():
-    # Differences between modes count by the discrepancy, what they have in common by the tolerance.
-    uneven = np.array([0.002, -0.002])
-    assert cases.shift_ratio(uneven, 1e-3, absorbed=0.01) == pytest.approx(2.0)
-    common = np.full(4, 0.02)
-    assert cases.shift_ratio(common, 1e-5, absorbed=0.01) == pytest.approx(1.0, rel=1e-3)  # 2 / sqrt(4)
-    assert cases.shift_ratio(common, 1e-3, absorbed=1e3) < 1e-3
-    assert cases.shift_ratio(common, 1e-3, absorbed=1e-9) == pytest.approx(20.0)
-
-
-def test_contrast(beam):
-    plain = modelab_case(beam, SETUP, None)
-    louder = modelab_case(beam, SETUP, Effect("calibration_gain", {"gain": 0.1}))
-    # ln 1.1 is 9.5 deviations of 0.01 in the real part and none in the imaginary part; the residuals are 3 in both.
-    assert cases.contrast(plain, louder, plain_fit(plain)) == pytest.approx(np.log(1.1) / 0.01 / np.sqrt(2.0) / 3.0)
 
 
 @pytest.mark.usefixtures("made")
@@ -187,28 +140,6 @@ def test_every_planned_effect_is_in_the_records_and_not_in_the_text(structure, e
     text = " ".join(f"{r.label} {r.configuration} {r.conditions}" for r in found.case.records)
     assert not any(id in text for id in ANSWERS)
     assert [r.label for r in found.case.records] == [r.label for r in found.plain.records]
-
-
-@pytest.mark.usefixtures("made")
-def test_setups_vary():
-    drawn = [draw(1, i, "modelab", "", plain_fit).case for i in range(24)]
-    assert {len({r.configuration for r in case.records}) for case in drawn} == {1, 2, 3}
-    assert {round(float(case.records[0].frequency_hz[-1]), -2) for case in drawn} == {400.0, 700.0, 1000.0}
-    with_drive = sum(case.records[0].hit_place == 0.5 for case in drawn)
-    assert 5 < with_drive < 19
-
-
-def test_plan():
-    whole = plan(40)
-    assert [index for index, _, _ in whole] == list(range(40))
-    assert {effect for _, _, effect in whole} == {"", *ANSWERS}
-    nothing = sum(not effect for _, _, effect in whole)
-    assert nothing == 12
-    kept = plan(5, ["sensor_mass", "nothing"])
-    assert {effect for _, _, effect in kept} == {"sensor_mass", ""}
-    # A kept case is the same one as in the whole batch.
-    assert set(kept) < set(whole)
-    assert CLEAR == 3.0
 
 
 def test_only_the_bridge_imports_the_package():

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from blind.bridge import Answer
-from blind.score import Line
 from real.cases import Case, Draw, Effect
 from real.outcome import outcome_of
-from real.score import WIDTH, names_a_cause, report, rightly, row, table, wrongly
+from real.score import rightly, table, wrongly
 
 NAN = float("nan")
 EMPTY = Case("modelab", ())
@@ -26,13 +22,6 @@ def outcome(effect, verdict, *reported, ratio=10.0, structure="modelab", sizes=N
     )
     drawn = Draw(EMPTY, EMPTY, hidden, ratio=ratio if hidden else 0.0, support=support)
     return outcome_of(1, index, structure, drawn, answer)
-
-
-@pytest.mark.parametrize("verdict", ["adequate", "unexplained", "undecided", "suspected", "ambiguous", "failed"])
-def test_words_that_name_nothing(verdict):
-    assert not names_a_cause(outcome(None, verdict))
-    assert not wrongly(outcome(None, verdict, "sensor_mass"))
-    assert not wrongly(outcome("sensor_mass", verdict, "time_delay"))
 
 
 @pytest.mark.parametrize("verdict", ["named", "partly explained", "a word of a later version"])
@@ -123,46 +112,3 @@ def test_table_counts_each_case_once():
     assert counts(cases, "smaller effect: rightly") == (1, 3)
     assert counts(cases, "smaller effect: wrongly") == (1, 3)
     assert counts(cases, "diagnoses that failed") == (1, 14)
-
-
-def test_the_limit_of_clear_effects():
-    assert not outcome("sensor_mass", "named", "sensor_mass", ratio=3.0).large
-    assert outcome("sensor_mass", "named", "sensor_mass", ratio=3.01).large
-    assert outcome("wrong_quantity", "named", "wrong_quantity", ratio=float("inf")).large
-
-
-def test_intervals_are_exact():
-    low, high = Line("", 0, 30).interval
-    assert low == 0.0
-    assert high == pytest.approx(1.0 - 0.025 ** (1 / 30))
-    low, high = Line("", 29, 30).interval
-    assert low == pytest.approx(0.8278, abs=1e-4)
-    assert high == pytest.approx(0.99916, abs=1e-5)
-
-
-def test_report_fits_in_80_columns():
-    cases = [
-        outcome(effect, verdict, *([effect] if effect and verdict == "named" else []), index=i)
-        for i, (effect, verdict) in enumerate(
-            (e, v)
-            for e in (None, "sensor_mass", "coarse_resolution", "exponential_window")
-            for v in ("named", "unexplained")
-        )
-    ]
-    cases += [dataclasses.replace(one, kind="brake_reuss", verdict="partly explained") for one in cases]
-    for text in (report(cases), report(cases[:1]), row(Line("clear effect: rightly", 1000, 1000, ">= 85 %"))):
-        assert max(map(len, text.splitlines())) <= WIDTH
-    assert "brake_reuss" in report(cases)
-
-
-def test_outcome_keeps_what_the_laboratory_knows():
-    draw = Draw(EMPTY, EMPTY, Effect("suspension", {"stiffness": 1e5}, 4.0), (112.0, 307.0), (0.01, -0.002), 3.9, 5e-4)
-    answer = SimpleNamespace(
-        verdict="unexplained", reported=(), together=(), sizes={}, misfit=9.0, misfit_after=NAN, seconds=2.0, error="",
-        candidates=[], next_measurement="",
-    )  # fmt: skip
-    found = outcome_of(3, 7, "modelab", draw, answer)
-    assert (found.seed, found.index, found.kind, found.sizes) == (3, 7, "modelab", (1e5,))
-    assert found.oracle["shift_percent"] == pytest.approx(1.0)
-    assert found.oracle["discrepancy_percent"] == pytest.approx(0.05)
-    assert (found.oracle["ratio"], found.oracle["aim"], found.oracle["modes"]) == (3.9, 4.0, 2)

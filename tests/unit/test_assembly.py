@@ -34,23 +34,15 @@ PAIR = Assembly([TOOL, JOINT, HOLDER])
 @pytest.mark.parametrize(
     ("chain", "error", "words"),
     [
-        ([], ValueError, "must begin and end with a Part"),
-        ([JOINT], ValueError, "must begin and end with a Part"),
         ([TOOL, JOINT], ValueError, "must begin and end with a Part"),
-        ([JOINT, TOOL], ValueError, "must begin and end with a Part"),
         (
             [TOOL, JOINT, PointJoint(k_y=1.0, k_theta=1.0), HOLDER],
             ValueError,
             r"chain\[1\] and chain\[2\] are both joints",
         ),
         ([TOOL, BAR], TypeError, r"chain\[1\] is Segment.*, expected a Part or one of PointJoint"),
-        ([TOOL, None], TypeError, r"chain\[1\] is None"),
-        ("tool", TypeError, r"chain\[0\] is 't'"),
         ([TOOL, TOOL], ValueError, "the name 'tool' is given to two elements"),
-        ([TOOL, PointJoint(k_y=1.0, k_theta=1.0, name="tool"), HOLDER], ValueError, "the name 'tool' is given to two"),
         ([Part([BAR], name="my tool")], ValueError, "the name 'my tool' must be one word"),
-        ([Part([BAR], name="2nd")], ValueError, "the name '2nd' must be one word"),
-        ([Part([BAR], name="a.b")], ValueError, "the name 'a.b' must be one word"),
     ],
 )
 def test_invalid_chains(chain: Any, error: type[Exception], words: str) -> None:
@@ -67,17 +59,14 @@ def test_invalid_chains(chain: Any, error: type[Exception], words: str) -> None:
             ValueError,
             "attachment 'mass': there is no part 'spindle'; the parts are 'tool', 'holder'",
         ),
-        ([PointMass(mass=1.0, part="joint")], ValueError, "there is no part 'joint'"),
         (
             [PointMass(mass=1.0, part="tool", position=0.11)],
             ValueError,
             "position is 0.11 m, expected from 0 to the length 0.1 m",
         ),
-        ([PointMass(mass=1.0, part="tool", position=-0.01)], ValueError, "position is -0.01 m"),
         ([PointMass(mass=1.0, part="tool", position=float("nan"))], ValueError, "position is nan"),
         ([PointMass(mass=1.0, part="tool", position="start")], TypeError, "position is 'start'"),  # type: ignore[arg-type]
         ([PointMass(mass=1.0, name="joint")], ValueError, "the name 'joint' is given to two elements"),
-        ([GroundSpring(k_y=1.0, name="s"), PointMass(mass=1.0, name="s")], ValueError, "the name 's' is given to two"),
     ],
 )
 def test_invalid_attachment_positions(attachments: Any, error: type[Exception], words: str) -> None:
@@ -114,20 +103,12 @@ def test_frequencies_are_checked(lines: Any) -> None:
     ("address", "words"),
     [
         ("", "its first word must be one of tool, joint, holder"),
-        ("spindle.segment[0].length", "its first word must be one of"),
-        ("tool", "no parameter 'tool'"),
-        ("tool.", "a part has parameters such as"),
         ("tool.length", "a part has parameters such as"),
         ("tool.segment[1].length", r"the part has 1 segment\(s\), counted from 0"),
-        ("tool.segment[-1].length", "a part has parameters such as"),
         ("tool.segment[0].colour", "a segment has length"),
         ("tool.segment[0].core.density", "the segment has no core"),
-        ("holder.segment[*].core.density", "the segment has no core"),
         ("tool.segment[0].core.length", "a segment has length, outer_diameter"),
         ("joint.k_x", "PointJoint has k_y, k_theta"),
-        ("joint.name", "PointJoint has k_y"),
-        ("joint.k_y.more", "PointJoint has k_y"),
-        ("joint.moved", "PointJoint has k_y"),
     ],
 )
 def test_invalid_addresses(address: str, words: str) -> None:

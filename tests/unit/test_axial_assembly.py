@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 
@@ -84,14 +82,6 @@ def test_a_rod_on_a_spring_is_fitted() -> None:
     assert found.values["seat.loss_factor"] == pytest.approx(0.02, rel=1e-7)
 
 
-def test_free_rod_is_that_of_the_part() -> None:
-    lines = np.linspace(100.0, 20e3, 30)
-    assembly = Assembly([ROD], motion="axial")
-    ends = [Coordinate(position=0.0), Coordinate(position="end")]
-    together = assembly.receptance(lines, response=ends, excitation=ends)
-    np.testing.assert_allclose(together, ROD.axial_receptance(lines), rtol=1e-12)
-
-
 def test_derivatives_and_frequencies_against_differences() -> None:
     lines = np.array([900.0, 4700.0, 15e3]) * (1.0 - 0.01j)
     addresses = ["taper.k_y", "taper.c_y", "stud.mass", "rod.segment[1].youngs_modulus", "rod.segment[0].length"]
@@ -134,14 +124,6 @@ def test_weights_share_a_spring_out() -> None:
         GroundSpring(k_y=1.0, length=0.1, weights=(1.0, -1.0))
     with pytest.raises(ValueError, match="weights are all zero"):
         GroundSpring(k_y=1.0, length=0.1, weights=(0.0, 0.0))
-
-
-def test_contents_of_an_axial_assembly() -> None:
-    assembly = held()
-    assert "axial" in repr(assembly)
-    assert pickle.loads(pickle.dumps(assembly)) == assembly
-    assert assembly != Assembly(list(assembly.elements.values()), assembly.attachments.values())
-    assert assembly.replace({"taper.k_y": 1e9}).motion == "axial"
 
 
 def test_mistakes() -> None:

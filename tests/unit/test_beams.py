@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import pickle
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Material, Part, ReceptanceWarning, ResonanceError, Segment
+from receptance import CARBIDE, STEEL, Part, ReceptanceWarning, ResonanceError, Segment
 
 GOOD: dict[str, Any] = {"length": 0.1, "outer_diameter": 0.05, "inner_diameter": 0.02, "material": STEEL}
 BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
@@ -19,34 +18,14 @@ BAR = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     ("quantity", "value", "words"),
     [
         ("length", 0.0, "length is 0, expected more than zero m"),
-        ("length", -0.1, "length is -0.1"),
         ("length", float("nan"), "length is nan, expected a finite number of m"),
-        ("length", float("inf"), "length is inf"),
-        ("outer_diameter", 0.0, "outer_diameter is 0"),
-        ("outer_diameter", -0.05, "outer_diameter is -0.05"),
-        ("outer_diameter", float("nan"), "outer_diameter is nan"),
         ("inner_diameter", -0.01, "inner_diameter is -0.01, expected zero or more m"),
         ("inner_diameter", 0.05, "inner_diameter is 0.05 m, expected less than the outer diameter 0.05 m"),
-        ("inner_diameter", 0.06, "inner_diameter is 0.06 m"),
-        ("inner_diameter", float("nan"), "inner_diameter is nan"),
         ("shear", "euler", "shear is 'euler', expected one of cowper, hutchinson"),
     ],
 )
 def test_errors_name_invalid_values(quantity: str, value: object, words: str) -> None:
     with pytest.raises(ValueError, match=f"Segment: {words}"):
-        Segment(**{**GOOD, quantity: value})
-
-
-@pytest.mark.parametrize("quantity", ["length", "outer_diameter", "inner_diameter"])
-@pytest.mark.parametrize("value", ["0.1", None, True, [0.1, 0.2], 1j])
-def test_non_number_is_a_type_error(quantity: str, value: object) -> None:
-    with pytest.raises(TypeError, match=f"Segment: {quantity} is "):
-        Segment(**{**GOOD, quantity: value})
-
-
-@pytest.mark.parametrize(("quantity", "value"), [("material", "steel"), ("material", None), ("core", 7850.0)])
-def test_materials_must_be_materials(quantity: str, value: object) -> None:
-    with pytest.raises(TypeError, match=f"Segment: {quantity} is {value!r}, expected a Material"):
         Segment(**{**GOOD, quantity: value})
 
 
@@ -103,32 +82,6 @@ def test_parts_are_made_of_segments(segments: list[Any], error: type[Exception],
 
 def test_one_segment_needs_no_list() -> None:
     assert Part(BAR) == Part([BAR]) == Part(iter((BAR,)), name="other")
-
-
-def test_objects_are_frozen_equal_and_portable() -> None:
-    part = Part([Segment(**GOOD, core=CARBIDE, shear="hutchinson"), BAR], name="holder")
-    again = pickle.loads(pickle.dumps(part))
-    assert again == part
-    assert again.name == "holder"
-    assert hash(again) == hash(part)
-    with pytest.raises(FrozenInstanceError):
-        part.name = "tool"  # type: ignore[misc]
-    with pytest.raises(FrozenInstanceError):
-        BAR.length = 1.0  # type: ignore[misc]
-    assert eval(repr(part), {"Part": Part, "Segment": Segment, "Material": Material}) == part
-    assert "Part holder" in part._repr_html_()
-    assert part._repr_html_().count("<tr>") == 3
-
-
-@pytest.mark.parametrize("method", ["receptance", "axial_receptance", "torsional_receptance"])
-def test_frequencies_are_checked(method: str) -> None:
-    function = getattr(Part([BAR]), method)
-    with pytest.raises(ValueError, match=r"frequency_hz\[1\] is -5 Hz"):
-        function([1.0, -5.0])
-    with pytest.raises(ValueError, match="empty"):
-        function([])
-    size = 4 if method == "receptance" else 2
-    assert function(100.0).shape == (1, size, size)
 
 
 def test_receptance_at_an_exact_resonance_is_finite() -> None:

@@ -182,19 +182,7 @@ def test_truncated_records_report_their_end(tmp_path: Path) -> None:
     assert again.unknowns[-1].address == "observation.end"
 
 
-def test_stepped_sines_beside_truncated_records_have_no_end(tmp_path: Path) -> None:
-    read = cut_off(tmp_path)
-    text = read.file.read_text()
-    name = "[measurements.short]"
-    before, _, after = text.partition(name)
-    read.file.write_text(before + name + after.replace("conditions = {", 'force = "20 N"\nconditions = {', 1))
-    read, verdict = as_if_found(campaign.load(read.file), ("coarse_resolution", "records end too early"))
-    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
-    ends = {name: one.ends for name, one in again.measurements.items()}
-    assert ends.pop("short") is None
-    assert all(end == pytest.approx(0.071, abs=2e-3) for end in ends.values())
-
-
+@pytest.mark.slow
 def test_held_out_records_have_their_own_end(tmp_path: Path) -> None:
     """The held-out record is complete; the others are cut off."""
     read = cut_off(tmp_path)

@@ -5,16 +5,11 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from campaign_text import TEXT
-from receptance import campaign
-from receptance.campaign import CampaignError, problems
 from receptance.campaign.problems import line_of, lines_of
 
 ODD = '''\
@@ -73,28 +68,6 @@ def test_missing_key_error_gives_the_line_of_its_table() -> None:
     found = lines_of(ODD)
     assert line_of(("p", "s", 1, "missing"), found) == 16
     assert line_of(("nothing",), found) is None
-
-
-def test_a_valid_file_is_parsed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lines are searched in the text for messages alone."""
-    searched = []
-
-    def recorded(text: str) -> dict[tuple[str | int, ...], int]:
-        searched.append(text)
-        return lines_of(text)
-
-    monkeypatch.setattr(problems, "lines_of", recorded)
-    file = tmp_path / "campaign.toml"
-    file.write_text(TEXT, encoding="utf-8")
-    campaign.load(file)
-    assert searched == []
-    wrong = TEXT.replace('"60 mm"', '"60 N"', 1)
-    file.write_text(wrong, encoding="utf-8")
-    with pytest.raises(CampaignError) as error:
-        campaign.load(file)
-    line = next(number for number, one in enumerate(wrong.splitlines(), 1) if '"60 N"' in one)
-    assert f"line {line}" in str(error.value)
-    assert searched == [wrong]
 
 
 KEYS = st.text(st.sampled_from('ab1_-. "[]=#\\é\n'), min_size=1, max_size=6)

@@ -23,19 +23,12 @@ def mistakes(folder: Path, text: str) -> CampaignError:
     ("old", "new", "words"),
     [
         ('title = "A', 'titel = "A', 'titel: is not a known key; did you mean "title"?'),
-        ("[sensors.accelerometer]", "[sensor.accelerometer]", 'sensor: is not a known key; did you mean "sensors"?'),
-        (
-            'length = "60 mm"',
-            'lenght = "60 mm"',
-            'parts.tool.segments[0].lenght: is not a known key; did you mean "length"?',
-        ),
         ('length = "60 mm"', "", "parts.tool.segments[0].length: is missing"),
         (
             'length = "60 mm"',
             'length = "-60 mm"',
             'parts.tool.segments[0].length: is "-60 mm", expected more than zero',
         ),
-        ('length = "60 mm"', 'length = "60 N"', 'is "60 N", a force, expected a length'),
         (
             'length = "60 mm"',
             "length = 60",
@@ -43,62 +36,34 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         ),
         ('inner_diameter = "12 mm"', 'inner_diameter = "60 mm"', "parts.holder.segments[0]: inner_diameter is 0.06 m"),
         ('core = "carbide"', 'core = "carbid"', 'parts.holder.segments[0].core: is "carbid", which is not a material'),
-        ('core = "carbide"', 'core = "carbid"', 'expected one of "carbide", "steel" (did you mean "carbide"?)'),
-        ('{ mass = "0.02 g" }', '{ mass = "0.02 mm" }', "sensors.accelerometer.tolerance.mass: "),
-        ("[joints.joint]", "[joints.joint]\nk_x = 3", 'joints.joint.k_x: is not a known key; did you mean "k_y"?'),
-        (
-            "[joints.joint]",
-            '[joints.joint]\nkind = "layer"',
-            'joints.joint: has the kind "layer", expected one of "point"',
-        ),
         ("[joints.joint]", "[joints.tool]", "joints.tool: is also the name of one of the parts"),
         ("[joints.joint]", '[joints."a b"]', 'joints."a b": is "a b", expected one word'),
-        (
-            'conditions = { torque = "135 N m" }',
-            'conditions = { torque = "135" , x = true}',
-            "assemblies.short.conditions.x",
-        ),
         (
             '"tool.segment[0].length" = "90 mm"',
             '"tool.segment[3].length" = "90 mm"',
             "is no parameter of this assembly",
         ),
-        ('"tool.segment[0].length" = "90 mm"', '"tool.segment[0].lenth" = "90 mm"', 'did you mean "length"?'),
         ('"tool.segment[0].length" = "90 mm"', '"joint.k_y" = "1e8 N/m"', "is set here and is among the unknowns"),
-        ('"tool.segment[0].length" = "90 mm"', '"tool.segment[0].length" = "90 GPa"', "a modulus, expected a length"),
         ('kind = "natural frequencies"\nassembly = "short"', 'assembly = "short"', "measurements.short: has no `kind`"),
-        ('kind = "natural frequencies"\nassembly = "short"', 'kind = "frq"\nassembly = "short"', 'has the kind "frq"'),
         ('assembly = "short"', 'assembly = "shrt"', 'measurements.short.assembly: is "shrt", which is not an assembly'),
-        (
-            'assembly = "short"',
-            'assembly = "short"\nsensor = "acc"',
-            'measurements.short.sensor: is "acc", which is not a sensor',
-        ),
         ('role = "hold out"', 'role = "holdout"', '(did you mean "hold out"?)'),
         ('frequencies = ["2500 Hz", "10000 Hz"]', 'file = "f.csv"', 'file: is "f.csv", which does not exist'),
         ('frequencies = ["2500 Hz", "10000 Hz"]', "", "measurements.short: has neither frequencies nor a file"),
         ('["2500 Hz", "10000 Hz"]', '["2500 Hz", "1000 Hz"]', "frequency_hz is not ascending"),
-        ('["2500 Hz", "10000 Hz"]', '["2500 Hz", "10000 rad/s"]', "measurements.short.frequencies[1]: "),
         (
             'standard_deviation = "2 Hz"',
             'standard_deviation = ["2 Hz"]',
             "is a list of 1, expected one text for all or 2",
         ),
-        ('standard_deviation = "2 Hz"', "standard_deviation = 2", "measurements.short.standard_deviation: is 2"),
-        ('standard_deviation = "2 Hz"', 'standard_deviation = "0 Hz"', "expected more than zero"),
-        ('standard_deviation = "2 Hz"', "modes = [2, 1]", "measurements.short.modes: "),
         ('standard_deviation = "2 Hz"', "modes = [1, 2, 3]", "there are 3 modes for 2 frequencies"),
         ('"joint.k_y" = {', '"joint.k_z" = {', 'unknowns."joint.k_z": names an unknown quantity "k_z"'),
         ('"joint.k_y" = {', '"jiont.k_y" = {', 'begins with "jiont", which is not a part, joint, attachment or sensor'),
-        ('"joint.k_y" = {', '"joint.mass" = {', 'unknowns."joint.mass"'),
         ('lower = "1e7 N/m"', 'lower = "1e11 N/m"', 'unknowns."joint.k_y": lower is 1e+11 and upper 1e+10'),
-        ('lower = "1e7 N/m"', 'lower = "1e7 N/m", start = "1 N/m"', "start is 1, outside the bounds"),
         (
             "[joints.joint]",
             '[joints.joint]\nk_y = "1e6 N/m"',
             'unknowns."joint.k_y": has bounds that exclude the value 1e+06',
         ),
-        ('lower = "1e7 N/m"', 'lower = "1e7 Pa"', 'unknowns."joint.k_y".lower: is "1e7 Pa", a modulus'),
         (
             '"joint.k_y" = {',
             '"tool.segment[*].length" = { lower = "1 mm", upper = "1 m" }\n"joint.k_y" = {',
@@ -229,11 +194,8 @@ def test_the_error_pickles(tmp_path: Path) -> None:
         ("# remark\n\nfrequency [kHz], standard_deviation [Hz]\n2.5,2\n10,3\n", None),
         ("frequency_hz\n2500\n", None),
         ("", "the file is empty"),
-        ("frequency [Hz]\n", "there is no row below"),
         ("frequency\n2500\n", 'column "frequency" has no unit'),
-        ("freqency [Hz]\n2500\n", 'column "freqency [Hz]" is no known column'),
         ("frequency [mm]\n2500\n", 'column "frequency [mm]" is in "mm", a length'),
-        ("mode,frequency [Hz]\n1,2500\n,10000\n", "line 3, mode: is empty"),
         ("frequency [Hz],frequency [kHz]\n2500,2.5\n", "occurs twice"),
         ("frequency [Hz]\n2500,3\n", "line 2: has 2 cells, expected 1"),
         ("mode,frequency [Hz]\none,2500\n", 'line 2, mode: is "one"'),
@@ -270,26 +232,19 @@ _DEEP = 900 * "[" + 900 * "]"
             "overhang = inf",
             "assemblies.short.conditions.overhang: is inf, expected a finite number",
         ),
-        (
-            'torque = "135 N m"',
-            "overhang = nan",
-            "assemblies.short.conditions.overhang: is nan, expected a finite number",
-        ),
         ('length = "60 mm"', 'length = "60 N m/dB"', 'is "60 N m/dB", with the unknown unit "dB"'),
         ("[unknowns]", "[[unknowns]]", "unknowns: is a list of 1, expected a table"),
         ('torque = "135 N m"', f"torque = {_DEEP}", "tables and lists are nested more than 20 deep"),
-        ("[unknowns]", f"[{'a.' * 900}a]\nx = 1\n[unknowns]", "tables and lists are nested more than 20 deep"),
         ("= 0.22", f"= {400 * '1'}", "materials.carbide.poisson_ratio: is a whole number beyond the 64 bits"),
-        ('torque = "135 N m"', f"torque = {400 * '1'}", "conditions.torque: is a whole number beyond the 64 bits"),
         ("= 0.22", f"= {5000 * '1'}", "the file cannot be read: Exceeds the limit"),
     ],
     ids=lambda text: text[:20],
 )
 def test_former_internal_errors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
 ) -> None:
     write(tmp_path, changed((old, new)))
-    assert call(monkeypatch, "identify", str(tmp_path)) == 2
+    assert call("identify", str(tmp_path)) == 2
     assert words in capsys.readouterr().err
 
 

@@ -191,7 +191,7 @@ def test_a_spindle_starts_from_the_measured_frfs(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_random_spindles_are_identified_from_measured_frfs(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     modes = tuple(
@@ -207,20 +207,6 @@ def test_random_spindles_are_identified_from_measured_frfs(tmp_path: Path, seed:
     assert fit.rms == pytest.approx(1.0, abs=0.1)
     for index, mode in enumerate(modes):
         assert fit.values[f"spindle.mode[{index}].frequency_hz"] == pytest.approx(mode.frequency_hz, rel=0.03)
-
-
-@pytest.mark.slow
-def test_peaks_without_interval_do_not_count_as_outside(tmp_path: Path) -> None:
-    text = KNOWN
-    lines = LINES[::10]
-    for name, at in (("long_tip", Coordinate("tool")), ("long_back", Coordinate("holder", 0.05))):
-        h = true_machine(0.085).receptance(lines, response=at, excitation=Coordinate("tool"))
-        io.write(tmp_path / f"{name}.npz", FRF(frequency_hz=lines, values=h, log_variance=1e-4))
-        place = f'{{ part = "{at.part}", position = "{1e3 * float(at.position):g} mm" }}'
-        text += f'\n[measurements.{name}]\nkind = "frf"\nassembly = "longer"\nfile = "{name}.npz"\nresponse = {place}\n'
-    found = write_campaign(tmp_path, text, step=10).transfer()
-    assert any(mode.predicted_hz is not None for mode in found.modes)
-    assert all(mode.within() is None for mode in found.modes if mode.predicted_hz is not None)
 
 
 def test_inverse_coupling_refuses_an_unknown_spindle(tmp_path: Path) -> None:

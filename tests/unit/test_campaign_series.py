@@ -224,10 +224,3 @@ def test_held_out_level_outside_the_range_is_skipped(folder: Path, tmp_path: Pat
     assert list(found["not_predicted"]) == ["axial 25 kN"]
     assert "not predicted: axial 25 kN cannot be predicted: taper.k_y is known for" in " ".join(done.output.split())
     assert CliRunner().invoke(app, ["predict", str(own), "--at-most", "100"]).exit_code == 3
-
-
-def test_levels_are_fitted_with_the_threads_of_the_campaign(folder: Path, given_threads: set[object]) -> None:
-    read = campaign.load(folder, threads=3)
-    given_threads.clear()
-    read.identify()
-    assert given_threads == {3}

@@ -113,18 +113,13 @@ def test_a_joint_that_changes_is_solved_for_in_each_assembly(free_free, tmp_path
 @pytest.mark.parametrize(
     ("old", "new", "output"),
     [
-        ('kind = "natural frequencies"\nassembly', "assembly", "candidates.again: has no `kind`"),
         (
             'assembly = "short"\nmodes',
             'assembly = "shrt"\nmodes',
             'candidates.again.assembly: is "shrt", which is not an',
         ),
         ("modes = [1, 2]", "modes = [1, 1]", "candidates.again: modes is"),
-        ('standard_deviation = "2 Hz"', 'standard_deviation = ["2 Hz"]', "is a list of 1, expected one text"),
-        ('sensor = "accelerometer"', 'sensor = "acc"', 'sensor: is "acc", which is not a sensor'),
         ('step = "10 Hz"\nupper = "6 kHz"\nstandard_deviation = "1 %"\nfloor', 'step = "10 Hz"\nfloor', "upper"),
-        ('floor = "0.3 %"', 'floor = "0.3 mm"', "floor: is"),
-        ("cost = 2.0", "cost = 0.0", "cost: is 0"),
         ('part = "holder", position = "10 mm"', 'part = "holdr"', 'response.part: is "holdr"'),
         ('lower = "100 Hz"', 'lower = "10 kHz"', "has lines from 10000 to 6000 Hz, expected `lower` below `upper`"),
         ('lower = "100 Hz"\nstep = "10 Hz"', 'step = "1 mHz"', "give a larger `step`"),
@@ -145,9 +140,9 @@ def test_no_candidates_and_no_frf(tmp_path):
         read.invert()
 
 
-def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
+def test_next_on_the_command_line(free_free, tmp_path, capsys):
     plot, written = tmp_path / "next.png", tmp_path / "next.json"
-    assert call(monkeypatch, "next", free_free, "--plot", plot, "--json", written) == 0
+    assert call("next", free_free, "--plot", plot, "--json", written) == 0
     output = capsys.readouterr().out
     assert "1   short, at the nose" in output
     assert "with another overhang" in output
@@ -155,33 +150,30 @@ def test_next_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
     assert plot.read_bytes().startswith(b"\x89PNG")
     found = json.loads(written.read_text())
     assert found["ranking"][0]["candidate"] == "short, at the nose"
-    assert call(monkeypatch, "next", free_free, "--target", "joint.k_yy") == 2
+    assert call("next", free_free, "--target", "joint.k_yy") == 2
     assert 'did you mean "joint.k_y"' in capsys.readouterr().err
 
 
-def test_invert_on_the_command_line(free_free, tmp_path, monkeypatch, capsys):
+def test_invert_on_the_command_line(free_free, tmp_path, capsys):
     plot, written = tmp_path / "joint.svg", tmp_path / "joint.json"
-    assert call(monkeypatch, "invert", free_free, "--plot", plot, "--json", written) == 0
+    assert call("invert", free_free, "--plot", plot, "--json", written) == 0
     output = capsys.readouterr().out
     assert "joint.k_theta" in output
     assert "of 1451" in output
     assert b"<svg" in plot.read_bytes()
     assert set(json.loads(written.read_text())["joints"]["joint"]["terms"]) == {"k_y", "k_theta"}
-    assert call(monkeypatch, "invert", free_free, "--joint", "taper") == 2
+    assert call("invert", free_free, "--joint", "taper") == 2
     assert 'no joint "taper"' in capsys.readouterr().err
     assert not Path("joint.png").exists()
 
 
-def test_threads_of_a_campaign_are_those_of_its_analyses(tmp_path):
+def test_threads_of_a_campaign_are_those_of_its_analyses(tmp_path, free_free, given_threads):
     """Three is neither the default nor the number of processors of most machines."""
     read = campaign.load(write(tmp_path), threads=3)
     assert read.threads == 3
     assert read.identify().task.threads == 3
     assert read.diagnose(causes=["tool_density"]).selection.workers == 3
-
-
-def test_an_inverse_coupling_has_the_threads_of_the_campaign(free_free, given_threads):
-    read = campaign.load(free_free, threads=3)
+    simulated = campaign.load(free_free, threads=3)
     given_threads.clear()
-    read.invert()
+    simulated.invert()
     assert given_threads == {3}

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 
 from campaign_text import TEXT, by_name, changed, load
 from receptance import Assembly, Observation, identify
@@ -155,14 +154,6 @@ def test_the_error_of_data_is_that_of_a_fit_with_exact_dimensions(campaign: Camp
         assert found.interval(address, exact=True) == pytest.approx(exact.interval(address), rel=1e-4)
 
 
-def test_variance_shares_of_independent_errors_sum_to_one(campaign: Campaign) -> None:
-    scatter = with_frequencies(campaign, {}, None).identify().scatter()
-    for index in range(len(JOINT)):
-        shares = [float(own[index]) for own in scatter.shares.values()]
-        noise = float(scatter.data[index] / scatter.total[index]) ** 2
-        assert sum(shares) + noise == pytest.approx(1.0, rel=0.01)
-
-
 def test_without_tolerances_data_are_the_only_error(tmp_path: Path) -> None:
     bare = "\n".join(line for line in TEXT.splitlines() if not line.startswith("tolerance"))
     found = load(tmp_path, bare).identify()
@@ -202,41 +193,6 @@ def test_inconsistent_data_do_not_override_tolerances(campaign: Campaign) -> Non
 
 
 @pytest.mark.slow
-def test_intervals_of_natural_frequencies_cover(campaign: Campaign) -> None:
-    """Blanks, holder, overhangs and readings err as stated; the predicted intervals cover the truth in 95 %."""
-    rng = np.random.default_rng(SEED)
-    draws = 200
-    hits = np.zeros((2, 2), dtype=int)
-    parameters = np.zeros(2, dtype=int)
-    for _ in range(draws):
-        errs = {error: float(rng.standard_normal()) for error in errors_of(campaign)}
-        wrong = with_frequencies(campaign, errs, rng)
-        wrong = replace(
-            wrong,
-            table=wrong.table.with_(settings=wrong.table.settings.with_(starts=1)),
-        )
-        found = wrong.identify()
-        prediction = wrong.predict(found)
-        for i, one in enumerate(prediction.frequencies):
-            true = shifted(campaign, one.assembly, errs).natural_frequencies(20e3)[:2]
-            low, high = np.array([mode.interval_hz(prediction.level) for mode in one.modes]).T
-            hits[i] += (low[:2] <= true) & (true <= high[:2])
-        for i, (address, value) in enumerate(JOINT.items()):
-            low_end, high_end = found.interval(address)
-            parameters[i] += low_end <= value <= high_end
-    for what, count in (
-        ("long 1", hits[0, 0]),
-        ("long 2", hits[0, 1]),
-        ("longest 1", hits[1, 0]),
-        ("longest 2", hits[1, 1]),
-        *zip(JOINT, parameters, strict=True),
-    ):
-        test = binomtest(int(count), draws, 0.95)
-        interval = test.proportion_ci(0.99, method="exact")
-        print(f"seed {SEED}, {what}: {count}/{draws} covered, 99 % interval {interval.low:.3f} to {interval.high:.3f}")
-        assert test.pvalue > 0.01 / 6.0, what
-
-
 def test_tolerances_in_receptances(campaign: Campaign) -> None:
     """The scatter of a predicted FRF and the part of each error in it, against assemblies drawn from the posterior."""
     rng = np.random.default_rng(SEED)

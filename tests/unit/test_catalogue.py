@@ -41,21 +41,15 @@ def identified(machine: Any) -> Any:
     ("old", "new", "words"),
     [
         ("T1,er32", "T1,er23", 'line 2, T1.holder: is "er23", which is not known, expected one of'),
-        ("T1,er32,carbide", "T1,er32,carbid", '(did you mean "carbide"?)'),
         ("T2,shrink", "T1,shrink", 'line 3, name: is "T1", as in line 2, expected another name'),
-        ("T2,shrink", ",shrink", "line 3, name: is empty"),
         ("80,12,40", "-80,12,40", 'line 3, overhang: is "-80 mm", expected more than zero'),
-        ("80,12,40", "long,12,40", 'is "long mm", expected a length'),
         ("80,12,40", "80,12,90", 'line 3, "flute length": is 90 mm, expected at most the overhang, 80 mm'),
         ("12,40,80,4", "12,40,,4", 'line 3, "effective diameter": is empty, but the tool has flutes'),
-        ("12,40,80,4", "12,40,180,4", 'is "180", expected a percentage above 0 and up to 100'),
         ("12,40,80,4", "12,40,80,0", 'line 3, teeth: is "0", expected a whole number from 1 to 1000'),
         ("12,40,80,4,80", "12,40,80,4", "line 3: has 8 cells, expected 9"),
         ("overhang [mm]", "overhang", 'has no unit, expected one such as "overhang [mm]"'),
-        ("overhang [mm]", "overhang [N]", "a force, expected a length"),
         ("overhang [mm]", "overhnag [mm]", 'there is no column "overhang"'),
         ("T2,shrink", '"' + "T" * 140_000 + '",shrink', "line 3: cannot be split into cells: field larger than field"),
-        ("teeth", "teth", 'column "teth" is no known column (did you mean "teeth"?)'),
         ("teeth,torque [N m]", "bore [mm],teeth", "line 3, T2: inner_diameter is 0.04 m"),
     ],
 )
@@ -177,12 +171,7 @@ def test_a_tool_without_a_peak_has_no_modes(identified: Any, tmp_path: Path) -> 
         assert np.isfinite(tool.tip.scatter.total).all()
 
 
-def test_lines_without_an_order_are_refused(identified: Any, tmp_path: Path) -> None:
-    read = load(tmp_path, text=TEXT.replace('lower = "50 Hz"', 'lower = "50 kHz"'))
-    with pytest.raises(CampaignError, match="predictions are from 50000 to 5000 Hz, expected `lower` below `upper`"):
-        next(predict_catalogue(Catalogue(read), identified))
-
-
+@pytest.mark.slow
 def test_linear_intervals_against_draws(machine: Any, identified: Any) -> None:
     """Standard deviations of the modes against the complex modes of 150 draws of everything."""
     print(f"seed {SEED}")
@@ -300,13 +289,14 @@ def test_correlated_errors() -> None:
         errors_of("spindle", ["a.b"], covariance)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     load(tmp_path)
     monkeypatch.chdir(tmp_path)
     Path("figures").mkdir()
     Path("frfs").mkdir()
     arguments = ["--out", "m.csv", "--json", "c.json", "--plot", "o.png", "--figures", "figures", "--frfs", "frfs"]
-    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert call("catalogue", ".", *arguments) == 0
     output = capsys.readouterr().out
     assert "The most flexible mode of each tool" in output
     assert "3 tools in" in output
@@ -326,21 +316,21 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: An
         assert stiffness["interval"][1] == pytest.approx(1e6 * float(row["dynamic stiffness upper [N/um]"]), rel=1e-5)
     assert {path.name for path in Path("figures").iterdir()} == {"T1.png", "T2.png", "T3.png"}
     assert Path("o.png").read_bytes().startswith(b"\x89PNG")
-    assert call(monkeypatch, "catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
+    assert call("catalogue", ".", "--depths", "d.csv", "--cut", "slot") == 0
     depths = list(csv.DictReader(Path("d.csv").read_text().splitlines()))
     assert {(row["name"], row["teeth"]) for row in depths} == {("T1", "4"), ("T2", "4"), ("T3", "2")}
     assert all(0.0 < float(row["stable depth [mm]"]) <= 1.05 * float(row["limit [mm]"]) for row in depths)
     for folder, words in (("m.csv", "m.csv is a file, expected a folder"), ("none", "there is no folder none")):
-        assert call(monkeypatch, "catalogue", ".", "--frfs", folder) == 2
+        assert call("catalogue", ".", "--frfs", folder) == 2
         assert words in capsys.readouterr().err
-    assert call(monkeypatch, "catalogue", ".", "--depths", "e.csv") == 2
+    assert call("catalogue", ".", "--depths", "e.csv") == 2
     assert "name it with --cut; there are roughing, slot" in capsys.readouterr().err
     Path("cut.toml").write_text(
         '[stability]\nspeeds = ["4000 rpm", "9000 rpm"]\nstep = "1000 rpm"\n[cuts.a]\n'
         'kind = "milling"\nteeth = 2\nk_t = "800 MPa"\nk_n = "300 MPa"\n'
         'tolerance = { k_t = "10 %" }\nx = { file = "frfs/T1.csv" }\n'
     )
-    assert call(monkeypatch, "stability", "cut.toml", "--json", "s.json") == 0
+    assert call("stability", "cut.toml", "--json", "s.json") == 0
     assert json.loads(Path("s.json").read_text())["cuts"][0]["draws"] == 200
 
 
@@ -366,7 +356,7 @@ def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.Monke
     load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in names)]) + "\n")
     monkeypatch.chdir(tmp_path)
     Path("frfs").mkdir()
-    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--frfs", "frfs") == 0
+    assert call("catalogue", ".", "--out", "m.csv", "--frfs", "frfs") == 0
     assert "tools whose files have another name: a/b as a_b-3, " in capsys.readouterr().out
     written = sorted(path.name.casefold() for path in Path("frfs").iterdir())
     assert len(set(written)) == len(names)
@@ -379,7 +369,7 @@ def test_every_tool_has_separate_files(tmp_path: Path, monkeypatch: pytest.Monke
     load(tmp_path, tools="\n".join([head, *(row.replace("T1", name) for name in formulas)]) + "\n")
     Path("figures").mkdir()
     arguments = ["--depths", "d.csv", "--cut", "slot", "--figures", "figures"]
-    assert call(monkeypatch, "catalogue", ".", *arguments) == 0
+    assert call("catalogue", ".", *arguments) == 0
     assert {path.name for path in Path("figures").iterdir()} == {"1+2.png", "1+2-2.png"}
     assert {row["name"] for row in csv.DictReader(Path("d.csv").read_text().splitlines())} == {"'=1+2", "_1+2"}
 
@@ -399,17 +389,10 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
         return original(campaign, identified, site, *rest)
 
     monkeypatch.setattr(prediction, "predict_assembly", fails)
-    assert call(monkeypatch, "catalogue", ".", "--out", "m.csv", "--overwrite") == 2
+    assert call("catalogue", ".", "--out", "m.csv", "--overwrite") == 2
     assert "T3 cannot be predicted: no such luck" in capsys.readouterr().err
     assert Path("m.csv").read_text() == "old"
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
     for option in ("--out", "--json"):
-        assert call(monkeypatch, "catalogue", ".", option, "tools.csv") == 2
+        assert call("catalogue", ".", option, "tools.csv") == 2
         assert "which is a data file of the campaign" in capsys.readouterr().err
-
-
-def test_as_many_tools_in_parallel_as_the_campaign_has_threads(
-    machine: Any, identified: Any, given_threads: set[object]
-) -> None:
-    next(iter(predict_catalogue(Catalogue(replace(machine, threads=3)), identified)))
-    assert given_threads == {1, 3}  # one of each tool

@@ -17,13 +17,9 @@ from receptance import _checks
         ([0.0, 1.0], r"frequency_hz\[0\] is 0 Hz, expected more than zero .*omit that line"),
         ([1.0, 2.0, -3.0], r"frequency_hz\[2\] is -3 Hz"),
         ([1.0, np.nan], r"frequency_hz\[1\] is nan, expected a finite number of Hz"),
-        ([np.inf], r"frequency_hz\[0\] is inf"),
-        ([1.0, complex(2.0, np.nan)], r"frequency_hz\[1\] is .*nan"),
         ([complex(0.0, -1.0)], r"frequency_hz\[0\] is"),
         ([1.0, 3.0, 2.0], "not ascending: line 2 is 2 Hz after 3 Hz; sort the lines"),
-        ([1.0, 2.0, 2.0], "line 2 is 2 Hz after 2 Hz; .*omit repeated ones"),
         ([[1.0, 2.0]], r"frequency_hz has shape \(1, 2\), expected one dimension"),
-        (np.zeros((0, 3)), r"shape \(0, 3\)"),
     ],
 )
 def test_unusable_lines_are_named(lines: object, words: str) -> None:

@@ -87,13 +87,8 @@ def test_several_and_coherence(capsys: pytest.CaptureFixture[str]) -> None:
         ("a.uff b.xyz", "b.xyz: unknown extension"),
         ("a.uff b.csv", "holds a single measurement, there are 2"),
         ("a.uff b.csv --number 3", "--number is 3, but there are 2"),
-        ("a.uff b.csv --as speed", "quantity is 'speed'"),
-        ("a.uff b.csv --unit m/s/N", "in the file it is declared as a receptance"),
         ("a.uff b.csv --unit N --unit m", "--unit is 'N', expected one unit, or CHANNEL=UNIT"),
         ("a.uff b.csv --variable x", "--variable is 'x', expected ROLE=NAME"),
-        ("a.uff b.csv --variable x=y --variable x=z", "--variable is given twice for 'x'"),
-        ("a.uff b.csv --from csv", "a.uff"),
-        ("a.uff b.csv --from wav", "format is 'wav'"),
         ("t.npz b.csv --as mobility", "--as is 'mobility', but TimeSeries"),
     ],
 )
@@ -106,15 +101,15 @@ def test_mistakes(arguments: str, message: str) -> None:
     assert set(Path().iterdir()) == before
 
 
-def test_exit_codes(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
     Path("a.csv").write_text("frequency [Hz],real,imag\n1,2,3\n")
     command = ("convert", "a.csv", "b.npz")
-    assert command_line.call(monkeypatch, *command) == 2
+    assert command_line.call(*command) == 2
     output = capsys.readouterr()
     assert output.out == ""
     assert output.err.startswith("receptance: a.csv, line 1: column 'real' has no unit")
     assert not Path("b.npz").exists()
-    assert command_line.call(monkeypatch, *command, "--unit", "m/N") == 0
+    assert command_line.call(*command, "--unit", "m/N") == 0
     output = capsys.readouterr()
     assert output.err == ""
     assert output.out.endswith("Written: b.npz\n")

@@ -54,8 +54,8 @@ def left() -> set[str]:
 BEFORE = {"tool_60mm.csv", "bare.csv"}
 
 
-def test_a_campaign_from_options(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(monkeypatch, "new", "a/b", "tool_60mm.csv", *options()) == 0
+def test_a_campaign_from_options(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("new", "a/b", "tool_60mm.csv", *options()) == 0
     text = capsys.readouterr().out
     assert "Written: a/b/campaign.toml" in text
     assert "Next: receptance check a/b" in text
@@ -79,15 +79,15 @@ def test_a_campaign_from_options(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert left() == BEFORE | {"a/b/campaign.toml"}
 
 
-def test_flutes_have_an_effective_diameter(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(tool="30 mm x 16 mm, 20 mm")) == 0
+def test_flutes_have_an_effective_diameter() -> None:
+    assert call("new", "made", "tool_60mm.csv", *options(tool="30 mm x 16 mm, 20 mm")) == 0
     flutes, shank = tomllib.loads(Path("made/campaign.toml").read_text())["parts"]["tool"]["segments"]
     assert flutes["tolerance"]["outer_diameter"] == "3 %"
     assert shank["tolerance"]["outer_diameter"] == "0.05 %"
 
 
-def test_the_file_is_commented_and_holds_the_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(title='A "tool"')) == 0
+def test_the_file_is_commented_and_holds_the_answers() -> None:
+    assert call("new", "made", "tool_60mm.csv", *options(title='A "tool"')) == 0
     text = Path("made/campaign.toml").read_text()
     assert sum(line.startswith("#") for line in text.splitlines()) > 10
     assert max(map(len, text.splitlines())) <= 120
@@ -102,23 +102,23 @@ def test_the_file_is_commented_and_holds_the_answers(monkeypatch: pytest.MonkeyP
     }
 
 
-def test_existing_files_are_kept(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_existing_files_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine").mkdir()
     Path("mine/campaign.toml").write_text("mine")
-    assert call(monkeypatch, "new", "mine", "tool_60mm.csv", *options()) == 2
+    assert call("new", "mine", "tool_60mm.csv", *options()) == 2
     assert "mine/campaign.toml exists already; choose another folder, or replace it with --overwrite" in (
         capsys.readouterr().err
     )
     assert Path("mine/campaign.toml").read_text() == "mine"
-    assert call(monkeypatch, "new", "mine", "tool_60mm.csv", *options(support="wall"), "--overwrite") == 2
+    assert call("new", "mine", "tool_60mm.csv", *options(support="wall"), "--overwrite") == 2
     assert Path("mine/campaign.toml").read_text() == "mine"
-    assert call(monkeypatch, "new", "mine", "tool_60mm.csv", *options(), "--overwrite") == 0
+    assert call("new", "mine", "tool_60mm.csv", *options(), "--overwrite") == 0
     assert len(campaign.load("mine").measurements) == 1
 
 
-def test_all_missing_options_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_missing_options_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     columns = ["--columns", "Frequenz [Hz],Real,Imag,Coh", "--unit", "g/N"]
-    assert call(monkeypatch, "new", "made", "bare.csv", *columns) == 2
+    assert call("new", "made", "bare.csv", *columns) == 2
     error = capsys.readouterr().err
     assert "standard input is not a terminal" in error
     for option in (*ANSWERS, "--averages"):
@@ -127,7 +127,7 @@ def test_all_missing_options_are_listed(monkeypatch: pytest.MonkeyPatch, capsys:
     # What is listed is what is missing: with it the command runs.
     listed = dict(re.findall(r"^  (--[a-z-]+) ('[^']*'|\S+)", error, re.MULTILINE))
     answers = [word for pair in listed.items() for word in (pair[0], pair[1].strip("'"))]
-    assert call(monkeypatch, "new", "made", "bare.csv", *columns, *answers) == 0
+    assert call("new", "made", "bare.csv", *columns, *answers) == 0
     assert campaign.load("made").measurements["bare"].weighted
 
 
@@ -210,39 +210,37 @@ def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None
         (["made", "matrix.npz", *options()], "2 responses and 1 excitations"),
     ],
 )
-def test_new_refuses(
-    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_new_refuses(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     lines = np.arange(1.0, 20.0)
     write("coh.csv", Coherence(frequency_hz=lines, values=np.full(19, 0.9)))
     write("two.csv", TimeSeries(values=np.ones((9, 2)), channels=["a", "b"], units=["N", "N"], sample_rate_hz=1e4))
     write("matrix.npz", FRF(frequency_hz=lines, values=np.ones((19, 2, 1)), responses=["y", "theta"]))
     before = left()
-    assert call(monkeypatch, "new", *arguments) == 2
+    assert call("new", *arguments) == 2
     error = capsys.readouterr().err
     assert re.search(message, error), error
     assert "Traceback" not in error
     assert left() == before
 
 
-def test_hammer_records(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hammer_records() -> None:
     examples.write("hammer", "hammer")
-    assert call(monkeypatch, "new", "made", "hammer/short.npz", *options()) == 0
+    assert call("new", "made", "hammer/short.npz", *options()) == 0
     table = campaign.load("made").table.measurements["short"]
     assert (table.kind, table.force, table.motion) == ("hammer records", "hammer", "tip")
 
 
-def test_several_frfs_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_frfs_in_a_file() -> None:
     frf = read_frf("tool_60mm.csv")
     write("both.npz", [frf, frf.with_(values=1.1 * frf.values)])
     overhangs = ["--overhang", "both 1=60 mm", "--overhang", "both 2=80 mm"]
-    assert call(monkeypatch, "new", "made", "both.npz", *options(without=("--overhang",)), *overhangs) == 0
+    assert call("new", "made", "both.npz", *options(without=("--overhang",)), *overhangs) == 0
     found = campaign.load("made")
     assert [found.table.measurements[name].entry.number for name in ("both 1", "both 2")] == [0, 1]
     assert found.assemblies["both 2"].get("tool.segment[0].length") == pytest.approx(0.08)
 
 
-def test_holders_from_files(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_holders_from_files() -> None:
     Path("h.csv").write_text(
         "holder,length [mm],outer diameter [mm],inner diameter [mm],material,core\n"
         "small,40,30,20,steel,carbide\nbig,48,50,20,steel,carbide\nbig,90,44,16,steel,\n"
@@ -251,10 +249,10 @@ def test_holders_from_files(monkeypatch: pytest.MonkeyPatch) -> None:
         '[[segments]]\nlength = "48 mm"\nouter_diameter = "50 mm"\n[[segments]]\nlength = "90 mm"\n'
         'outer_diameter = "44 mm"\ninner_diameter = "16 mm"\n'
     )
-    assert call(monkeypatch, "new", "text", "tool_60mm.csv", *options()) == 0
-    assert call(monkeypatch, "new", "toml", "tool_60mm.csv", *options(holder="h.toml")) == 0
+    assert call("new", "text", "tool_60mm.csv", *options()) == 0
+    assert call("new", "toml", "tool_60mm.csv", *options(holder="h.toml")) == 0
     without = ("--insertion", "--holder-material")
-    assert call(monkeypatch, "new", "csv", "tool_60mm.csv", *options(without=without, holder="h.csv:big")) == 0
+    assert call("new", "csv", "tool_60mm.csv", *options(without=without, holder="h.csv:big")) == 0
     holders = [
         tomllib.loads(Path(f"{n}/campaign.toml").read_text())["parts"]["holder"] for n in ("text", "toml", "csv")
     ]
@@ -284,23 +282,22 @@ def test_wrong_files_of_holders(
     content: str,
     holder: str,
     message: str,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     Path(name).write_text(content)
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(holder=holder)) == 2
+    assert call("new", "made", "tool_60mm.csv", *options(holder=holder)) == 2
     assert re.search(message, capsys.readouterr().err)
     assert left() == {*BEFORE, name}
 
 
-def test_ends_of_low_coherence_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ends_of_low_coherence_are_left_out() -> None:
     frf = read_frf("tool_60mm.csv")
     lines = np.arange(200.0, 1000.0, 5.0)
     coherence = np.where(lines < 300.0, 0.4, 0.99)
     coherence[80] = 0.1  # an antiresonance inside the band is no end
     noisy = FRF(frequency_hz=lines, values=np.full(lines.size, 1e-3 + 1e-5j), coherence=coherence, averages=10)
     write("noisy.npz", noisy)
-    assert call(monkeypatch, "new", "made", "noisy.npz", *options()) == 0
+    assert call("new", "made", "noisy.npz", *options()) == 0
     (band,) = tomllib.loads(Path("made/campaign.toml").read_text())["measurements"]["noisy"]["bands"]
     assert band == ["300 Hz", "995 Hz"]
     assert frf.coherence is not None

@@ -30,9 +30,9 @@ def left() -> set[str]:
     return {path.name for path in Path().iterdir()}
 
 
-def test_show_prints_what_was_understood(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_what_was_understood(capsys: pytest.CaptureFixture[str]) -> None:
     Path("tip.csv").write_text(GERMAN)
-    assert call(monkeypatch, "show", "tip.csv", "--plot", "tip.png") == 0
+    assert call("show", "tip.csv", "--plot", "tip.png") == 0
     text = capsys.readouterr().out
     for words in (
         "tip.csv: FRF",
@@ -49,9 +49,9 @@ def test_show_prints_what_was_understood(monkeypatch: pytest.MonkeyPatch, capsys
     assert left() == {"tip.csv", "tip.png"}
 
 
-def test_show_writes_what_was_understood(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_writes_what_was_understood(capsys: pytest.CaptureFixture[str]) -> None:
     Path("tip.csv").write_text(GERMAN)
-    assert call(monkeypatch, "show", "tip.csv", "--json", "-", "--report", "tip.html") == 0
+    assert call("show", "tip.csv", "--json", "-", "--report", "tip.html") == 0
     output = capsys.readouterr()
     found = json.loads(output.out)
     assert found["format"] == "table with a header"
@@ -65,7 +65,7 @@ def test_show_writes_what_was_understood(monkeypatch: pytest.MonkeyPatch, capsys
     assert left() == {"tip.csv", "tip.html"}
 
 
-def test_show_of_every_kind_of_measurement(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_of_every_kind_of_measurement(capsys: pytest.CaptureFixture[str]) -> None:
     lines = np.arange(10.0, 20.0)
     write("hit.csv", TimeSeries(values=[[0.0, 1.0], [2.0, -3.5]], channels=["f", "a"], units=["N", "g"],
                                 sample_rate_hz=1000.0))  # fmt: skip
@@ -77,11 +77,11 @@ def test_show_of_every_kind_of_measurement(monkeypatch: pytest.MonkeyPatch, caps
         ("coh.csv", ("10, 10 to 19 Hz", "median 0.75")),
         ("many.npz", ("6: FRF p5", "the first 4 of 6 measurements; `--number", "N` shows another")),
     ):
-        assert call(monkeypatch, "show", name, "--plot", "a.svg", "--overwrite") == 0
+        assert call("show", name, "--plot", "a.svg", "--overwrite") == 0
         text = capsys.readouterr().out
         assert all(word in text for word in words), text
         assert b"<svg" in Path("a.svg").read_bytes()
-    assert call(monkeypatch, "show", "many.npz", "--number", "5") == 0
+    assert call("show", "many.npz", "--number", "5") == 0
     text = capsys.readouterr().out
     assert "FRF p4" in text
     assert "p0" not in text
@@ -103,12 +103,12 @@ def test_the_figure_is_opened_on_a_terminal(
     monkeypatch.setattr(module.typer, "launch", launch)
     for stream in (module.sys.stdin, module.sys.stdout):
         monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
-    assert call(monkeypatch, "show", "tip.csv", "--no-window") == 0
+    assert call("show", "tip.csv", "--no-window") == 0
     assert opened == []
-    assert call(monkeypatch, "show", "tip.csv") == 0
+    assert call("show", "tip.csv") == 0
     assert opened == [PNG]
     monkeypatch.setattr(module.typer, "launch", lambda path: launch(path) + 1)
-    assert call(monkeypatch, "show", "tip.csv") == 0
+    assert call("show", "tip.csv") == 0
     assert "There is no viewer for" in capsys.readouterr().out
 
 
@@ -117,13 +117,10 @@ def test_the_figure_is_opened_on_a_terminal(
     [
         (["no.csv"], "there is no file no.csv"),
         (["tip.png", "--plot", "tip.png"], "--plot names tip.png, which is the file to show"),
-        (["tip.csv", "--plot", "bare.csv"], "cannot write bare.csv: expected an ending"),
         (["tip.csv", "--plot", "tip.png"], "--plot would replace tip.png, which exists; .*--overwrite"),
-        (["tip.csv", "--json", "tip.png"], "--json would replace tip.png, which exists; .*--overwrite"),
         (["tip.csv", "--json", "tip.csv", "--overwrite"], "--json names tip.csv, which is the file to show"),
         (["tip.csv", "--plot", "tip.xyz"], "cannot write tip.xyz: expected an ending with a format of figures: .*png"),
         (["tip.csv", "--number", "3"], "--number is 3, but there are 1"),
-        (["tip.csv", "--quantity", "weight"], "quantity is 'weight', expected one of receptance"),
         (["tip.csv", "--variable", "values=H"], "variables was given, but the file is a table"),
         (["bare.csv"], r"bare.csv, line 1: .*--columns 'Frequenz \[Hz\],Real,Imag'"),
         (["bare.csv", "--columns", "Frequenz [Hz],Real,Imag"], r"column 'Real' has no unit.*--unit m/s\^2/N"),
@@ -131,24 +128,22 @@ def test_the_figure_is_opened_on_a_terminal(
         (["."], "it is a folder"),
     ],
 )
-def test_show_refuses(
-    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_show_refuses(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("tip.csv").write_text(GERMAN)
     Path("bare.csv").write_text("Frequenz;Real;Imag\n10;1;2\n20;3;4\n")
     Path("text.csv").write_text("words\n")
     Path("tip.png").write_text("a table with the name of an image")
     before = left()
-    assert call(monkeypatch, "show", *arguments) == 2
+    assert call("show", *arguments) == 2
     output = capsys.readouterr()
     assert re.search(message, output.err), output.err
     assert "Traceback" not in output.err
     assert left() == before
 
 
-def test_check_of_a_complete_campaign(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_of_a_complete_campaign(capsys: pytest.CaptureFixture[str]) -> None:
     examples.write("machine", "machine")
-    assert call(monkeypatch, "check", "machine", "--plot", "a.png", "--json", "a.json") == 0
+    assert call("check", "machine", "--plot", "a.png", "--json", "a.json") == 0
     text = capsys.readouterr().out
     for words in (
         "3 assemblies, 2 measurements, 1 unknown",
@@ -164,7 +159,7 @@ def test_check_of_a_complete_campaign(monkeypatch: pytest.MonkeyPatch, capsys: p
         "invert": "no point joint with unknown stiffnesses was measured with an FRF for identification",
         "next": "no candidates, expected [candidates.NAME]",
     }
-    assert call(monkeypatch, "check", "machine", "--strict", "--no-window") == 3
+    assert call("check", "machine", "--strict", "--no-window") == 3
 
 
 def test_check_names_what_is_missing() -> None:
@@ -185,22 +180,22 @@ def test_check_names_what_is_missing() -> None:
     assert bare.missing["diagnose"] == "no standard deviation of short, long"
 
 
-def test_check_lists_all_mistakes(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_lists_all_mistakes(capsys: pytest.CaptureFixture[str]) -> None:
     examples.write("machine", "machine")
     file = Path("machine/campaign.toml")
     file.write_text(file.read_text().replace('"580 GPa"', '"580 kg"').replace('"60 mm"', '"60"'))
-    assert call(monkeypatch, "check", "machine", "--plot", "a.png") == 2
+    assert call("check", "machine", "--plot", "a.png") == 2
     output = capsys.readouterr()
     assert 'is "580 kg", a mass, expected a modulus' in output.err
     assert 'is "60", without a unit' in output.err
     assert left() == {"machine"}
 
 
-def test_check_says_what_to_type_instead(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_what_to_type_instead(capsys: pytest.CaptureFixture[str]) -> None:
     Path("tip.csv").write_text(GERMAN)
-    assert call(monkeypatch, "check", ".") == 2
+    assert call("check", ".") == 2
     assert "no campaign.toml in the folder .; `receptance new . FILES` writes one" in capsys.readouterr().err
-    assert call(monkeypatch, "check", "tip.csv") == 2
+    assert call("check", "tip.csv") == 2
     assert "`receptance show tip.csv` shows a measurement file" in capsys.readouterr().err
     assert left() == {"tip.csv"}
 
@@ -214,6 +209,6 @@ def test_a_figure_that_cannot_be_written_leaves_nothing(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(_files.os, "replace", full)
-    assert call(monkeypatch, "show", "tip.csv", "--plot", "a.png") == 2
+    assert call("show", "tip.csv", "--plot", "a.png") == 2
     assert "cannot write" in capsys.readouterr().err
     assert left() == {"tip.csv"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -113,16 +112,6 @@ def test_every_parameter_has_its_derivative() -> None:
             )
         else:
             np.testing.assert_array_equal(slope[:, column], 0.0)
-
-
-def test_values_are_read_and_replaced() -> None:
-    changed = make().replace({"joint.inner.k_y": 1e9, "joint.outer.c_theta": 0.5, "joint.mass": 0.2})
-    assert changed.get("joint.inner.k_y") == 1e9
-    assert changed.get("joint.outer.c_theta") == 0.5
-    assert changed.get("joint.outer.k_y") == OUTER.k_y
-    assert changed.get("joint.mass") == 0.2
-    assert pickle.loads(pickle.dumps(changed)) == changed
-    assert ColletJoint(inner=replace(INNER, name="a"), outer=OUTER).inner.name == ""
 
 
 def test_errors_name_the_mistake() -> None:

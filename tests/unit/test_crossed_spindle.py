@@ -69,21 +69,6 @@ def test_tip_receptance_equals_that_of_the_machine() -> None:
     assert np.all(deviation <= 1e-5 * np.abs(tip).max(axis=(1, 2))[:, None, None])
 
 
-def test_the_stated_deviation_is_that_of_the_noise() -> None:
-    rng = np.random.default_rng(6)
-    tool = make_blank(0.15, 0.02)
-    true = np.moveaxis(rotate([with_spindle(tool, one).receptance(SPARSE) for one in SPINDLES]), 2, 0)
-    inside = []
-    for _ in range(8):
-        found = identify_crossed_spindle(measure(0.002, rng))
-        rows = found.usable
-        z = (found.matrix - truth())[rows].real / found.standard_deviation[rows]
-        inside.append(np.mean(np.abs(z) < 1.96))
-        _, tip, deviation = found.tip(tool)
-        inside.append(np.mean(np.abs((tip - true[rows]).imag / deviation) < 1.96))
-    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
-
-
 def test_missing_data_are_reported() -> None:
     whole = measure(1e-3)
     with pytest.raises(ValueError, match="there are 0 responses of xy, expected at least 4"):

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blank_in_holder import STARTED, TOLERANCES, make_assembly, observe
+from blank_in_holder import UNKNOWNS as JOINT
 from receptance import (
     CARBIDE,
     FRF,
@@ -30,27 +32,13 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
-from receptance.fit import Move, Tolerance
+from receptance.fit import Move
 from receptance.fit.observation import altered
 from receptance.fit.parameters import Parameters
 from receptance.fit.problem import Task
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
-JOINT = [
-    Unknown(address="joint.k_y", lower=1e6, upper=1e11),
-    Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
-    Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
-    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
-]
-TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
-
-
-def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-    return Assembly([tool, joint, holder], masses)
 
 
 def make_observations(
@@ -58,15 +46,7 @@ def make_observations(
 ) -> list[Observation]:
     rng = np.random.default_rng(11)
     return [
-        Observation(
-            assembly=make_assembly(x),
-            frequency_hz=LINES,
-            receptance=make_assembly(x, *masses).receptance(LINES)
-            * factor
-            * np.exp(0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))),
-            standard_deviation=0.01,
-            label=f"{x}",
-        )
+        observe(make_assembly(x), LINES, make_assembly(x, *masses).receptance(LINES) * factor, rng, f"{x}")
         for x in overhangs
     ]
 
@@ -154,6 +134,7 @@ def test_a_fast_diagnosis_names_no_cause() -> None:
     assert fast.causes[0].parameters == whole.causes[0].parameters
 
 
+@pytest.mark.slow
 def test_causes_of_the_chain_apply_to_frfs_only() -> None:
     frequencies = [
         Observation.from_modes(
@@ -337,7 +318,7 @@ def of_material(stated: Material, true: Material) -> list[Observation]:
 
 @pytest.mark.parametrize(
     ("stated", "true", "name"),
-    [(STEEL, GRADE, "cemented carbide"), (CARBIDE, STEEL, "steel")],
+    [pytest.param(STEEL, GRADE, "cemented carbide", marks=pytest.mark.slow), (CARBIDE, STEEL, "steel")],
     ids=["carbide", "steel"],
 )
 def test_another_material_is_named(stated: Material, true: Material, name: str) -> None:
@@ -353,22 +334,6 @@ def test_another_material_is_named(stated: Material, true: Material, name: str) 
 
 
 @pytest.mark.slow
-def test_material_is_reported_with_an_unknown_cause() -> None:
-    """A carbide tool modelled as steel, with data that no cause explains: the nearest one is described."""
-    rng = np.random.default_rng(6)
-    wavy = [
-        altered(one, receptance=one.receptance * np.exp(0.05 * np.sin(LINES / 40.0 + rng.uniform(0.0, 6.0))))
-        for one in of_material(STEEL, GRADE)
-    ]
-    verdict = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_material", "tool_modulus"], most=1)
-    assert verdict.verdict == "unexplained"
-    text = verdict.summary(1000)
-    assert "Material of the tool (cemented carbide) comes nearest: the tool is of cemented carbide" in text
-    only = diagnose(wavy, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
-    assert "Vetoed   With the modulus of the tool the residuals fall from" in only.summary(1000)
-    assert "where -13.9 % to +16.2 % is plausible" in only.summary(1000)
-
-
 def test_impossible_material_is_vetoed_and_heavier_grade_is_accepted() -> None:
     heavier = replace(CARBIDE, density=1.06 * CARBIDE.density)
     verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)
@@ -388,11 +353,11 @@ def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
 
 
 def test_the_same_seed_gives_the_same_answer() -> None:
-    first, again, parallel = (
+    first, parallel = (
         diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
-        for threads in (1, 1, 2)
+        for threads in (1, 2)
     )
-    assert first.to_dict() == again.to_dict() == parallel.to_dict()
+    assert first.to_dict() == parallel.to_dict()
 
 
 def stopping(what: str, times: int = 1) -> tuple[list[str], Callable[[str], None]]:
@@ -428,10 +393,10 @@ def test_progress_counts_steps_and_names_the_leading_cause() -> None:
 
 @pytest.mark.parametrize(
     ("what", "times", "tried"),
-    [("the model as it is", 1, 0), ("step", 4, 1), ("on all lines", 2, 2), ("no cause: ", 3, 3)],
+    [("the model as it is", 1, 0), ("no cause: ", 3, 3)],
 )
 def test_interruption_returns_a_preliminary_result(what: str, times: int, tried: int) -> None:
-    """In the base fit, while starts are compared, while fits end, beside the alternatives."""
+    """In the base fit, and beside the alternatives."""
     lines, progress = stopping(what, times)
     verdict = diagnose(
         make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress
@@ -524,22 +489,6 @@ ELSEWHERE = {
 SIZED = sorted(id for id, one in CATALOGUE.items() if id not in ELSEWHERE and not one.changes_data)
 
 
-@pytest.mark.parametrize("name", SIZED)
-def test_every_cause_has_no_effect_at_its_null(name: str) -> None:
-    model = Model(tuple(make_observations()), tuple(JOINT), tuple(TOLERANCES))
-    problem = model.task.problem()
-    before = problem.residual(problem.variables.start).copy()
-    for variant in CATALOGUE[name].variants(model):
-        if "insertion" in variant.name or name in ("joint_spread", "fluted_part"):
-            continue
-        there = variant.model.task.problem()
-        after = there.residual(there.variables.start)
-        # The node of a hit or a collet changes the rounding at sharp resonances.
-        change = np.abs(after[: before.size - 1] - before[:-1])
-        assert np.median(change) < 0.02
-        assert change.max() < 2.0
-
-
 DECAYING = LINES - 1j * 60.0
 """Lines of a window that decays fast: no resonance is so sharp that a trace of something shows there."""
 PLACES = (
@@ -585,9 +534,6 @@ def of_places(truth: Assembly, response: Coordinate, excitation: Coordinate, cut
         label=f"{response} {excitation}",
         configuration="short",
     )
-
-
-STARTED = [replace(one, start=value) for one, value in zip(JOINT, (6e8, 1e5, 300.0, 1.0), strict=True)]
 
 
 def relative_error(model: Model, values: Mapping[str, float]) -> np.ndarray:

@@ -22,10 +22,8 @@ from receptance import (
 )
 from receptance.diagnosis import Cause, Model, diagnose
 from receptance.diagnosis.alternatives import ALTERNATIVES
-from receptance.diagnosis.causes import extend
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.held_out import select_without
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Tolerance
@@ -131,18 +129,6 @@ def test_an_alternative_withholds_a_name(selection: Selection, more: float, alon
     pair = replace(best, steps=(*best.steps, *other.steps))
     judgement = conclude(replace(selection, explanations=[pair], alternatives=[other_change]))
     assert judgement.answer == together
-
-
-def test_a_fold_has_pairs_and_alternatives(selection: Selection) -> None:
-    """A second cause gains little, so the pair is as close to the data as the first one alone."""
-    best, other = selection.singles[:2]
-    steps = (*best.steps, *other.steps)
-    pair = selection.explain(steps, refit(extend(selection.base.model, steps), best.fit.values))
-    fold = select_without(replace(selection, tried=[pair]), ["0.07"])
-    assert pair.ids in {one.ids for one in fold.explanations}
-    assert {one.ids for one in fold.alternatives} == {one.ids for one in selection.alternatives} != set()
-    for one in (*fold.explanations, *fold.alternatives):
-        assert one.fit.model.configurations == ("0.05", "0.09")
 
 
 def test_an_alternative_withholds_a_cause_with_an_unusual_size(selection: Selection) -> None:

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
+from blank_in_holder import make_assembly
+from receptance import CARBIDE, Observation, Unknown
 from receptance.diagnosis import CATALOGUE, Model
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.fitting import refit
@@ -19,13 +20,6 @@ LINES = np.linspace(200.0, 6000.0, 150)
 CAUSES = ("sensor_mass", "tool_modulus", "tool_density", "calibration_gain", "time_delay", "joint_cross_term")
 DRAWS = 24
 PENALTY = math.log(6 * LINES.size)
-
-
-def make_assembly(overhang: float) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-    return Assembly([tool, joint, holder])
 
 
 def base(rng: np.random.Generator | None) -> Model:

@@ -104,14 +104,6 @@ def test_noise_of_a_table_is_no_error_of_the_model() -> None:
     assert not IN_THE_HOLDER & {one.id for one in verdict.candidates}
 
 
-def test_a_table_without_covariance_is_noted() -> None:
-    rng = np.random.default_rng(1)
-    bare = replace(table(rng, 0.0), covariance=None)
-    verdict = diagnose(measured(bare, rng), JOINT, tolerances=TOLERANCES, causes=["calibration_gain"])
-    assert verdict.verdict == "adequate"
-    assert any("'holder' has no covariance" in note for note in verdict.notes)
-
-
 def test_a_cause_is_named_beside_a_table_with_noise() -> None:
     rng = np.random.default_rng(2)
     causes = ["sensor_mass", "calibration_gain", "tool_density", "collet_mass", "joint_spread"]
@@ -211,17 +203,3 @@ def test_lines_outside_a_table_are_told_with_file_and_band(tmp_path: Path) -> No
     assembly = machine(0.08, end)
     with pytest.raises(ValueError, match=r"holder.npz\) is known from 160 to 4980 Hz.*`low_hz=160, high_hz=4980` of"):
         Observation(assembly=assembly, frequency_hz=[100.0, 200.0, 6000.0], receptance=[1e-8, 1e-8, 1e-8])
-
-
-def test_lines_that_a_table_covers() -> None:
-    whole = table(np.random.default_rng(8), 0.0)
-    kept = (LINES < 1000.0) | (LINES > 1200.0)
-    assert whole.matrix is not None
-    gap = MeasuredPart(frequency_hz=LINES[kept], matrix=whole.matrix[kept], name="holder")
-    asked = np.array([100.0, 160.0, 171.0, 990.0, 1100.0, 1300.0, 5000.0])
-    covered = gap.covers(asked)
-    assert covered.tolist() == [False, True, True, False, False, True, False]
-    gap.receptance(asked[covered])
-    for line in asked[~covered]:
-        with pytest.raises(ValueError, match=r"it is not extrapolated|is not known between"):
-            gap.receptance([line])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Sequence
@@ -13,27 +12,25 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
+from blank_in_holder import STARTED as JOINT
+from blank_in_holder import make_assembly as in_holder
+from blank_in_holder import observe
+from receptance import STEEL, Assembly, Observation, PointMass
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
-from receptance.diagnosis.causes import Parameter, transfer
+from receptance.diagnosis.causes import Parameter
 from receptance.diagnosis.explanation import Selection
-from receptance.diagnosis.fitting import evaluate, refit
+from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import (
     FREQUENCIES,
     SCORE,
     SPECTRAL,
     Gain,
     _Fold,
-    _measure,
-    _on_others,
-    cross_validate,
     doubt_prediction,
     gain_of,
     metrics_of,
     predicted_data,
-    select_without,
 )
-from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.selection import select
 from receptance.diagnosis.wording import sizes
 from receptance.fit import Move, Tolerance
@@ -41,34 +38,17 @@ from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 6000.0, 300)
 LENGTH = "tool.segment[0].length"
-TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-JOINT = [
-    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
-    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
-    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=300.0),
-    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=1.0),
-]
 
 
 def make_assembly(overhang: float, density: float = 1.0, masses: Sequence[PointMass] = ()) -> Assembly:
-    heavy = replace(STEEL, density=density * STEEL.density)
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=heavy)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, TRUE, holder], masses)
+    return in_holder(overhang, *masses, material=replace(STEEL, density=density * STEEL.density))
 
 
 def make_observations(
     overhang: float, density: float = 1.0, seed: int = 1, factor: float | np.ndarray = 1.0
 ) -> Observation:
-    rng = np.random.default_rng(seed)
-    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return Observation(
-        assembly=make_assembly(overhang),
-        frequency_hz=LINES,
-        receptance=factor * make_assembly(overhang, density).receptance(LINES) * np.exp(noise),
-        standard_deviation=0.01,
-        label=f"{overhang}",
-    )
+    true = factor * make_assembly(overhang, density).receptance(LINES)
+    return observe(make_assembly(overhang), LINES, true, np.random.default_rng(seed), f"{overhang}")
 
 
 def clamping(*overhangs: float) -> tuple[Tolerance, ...]:
@@ -222,13 +202,6 @@ def test_modes_without_a_counterpart_do_not_count() -> None:
         assert np.mean(gain.interval) == pytest.approx(expected[0] - expected[1])
 
 
-def test_a_change_of_the_data_may_change_the_number_of_modes() -> None:
-    before, after = np.array([[4.0, 1.0], [2.0, 1.0]]), np.array([[1.0, 1.0]])
-    gain = gain_of(FREQUENCIES, [_Fold(f"{i}", "named", (), {FREQUENCIES: before}, {FREQUENCIES: after}) for i in "ab"])
-    assert gain is not None
-    assert (gain.held_out_before, gain.held_out_after, gain.units) == (pytest.approx(math.sqrt(3.0)), 1.0, 2)
-
-
 def test_intervals_of_units_in_folds() -> None:
     """Means of a user-defined metric: with and without a correlation of the units of one fold."""
 
@@ -259,23 +232,6 @@ def test_intervals_of_units_in_folds() -> None:
     effective = 9.0 / (1.0 + 2.0 * gain.correlation)
     half_width = stats.t.ppf(0.975, effective - 1.0) * math.sqrt(0.06 / 9.0)
     assert np.diff(gain.interval) == pytest.approx(2.0 * half_width)
-
-
-def test_modes_are_the_units_of_distances() -> None:
-    """The metric of all lines is that of the lines of each mode; natural frequencies have one unit each."""
-    model = Model((make_observations(0.06), make_observations(0.08, seed=2)), tuple(JOINT))
-    fit = refit(model, {})
-    other = Model((make_observations(0.1, 1.05, seed=3),), tuple(JOINT))
-    units, modes = _measure(fit, other)
-    assert len(modes) == len(units[SPECTRAL]) == len(units[FREQUENCIES]) >= 2
-    assert units[SPECTRAL][:, 1].sum() == LINES.size
-    assert units[SCORE].shape == (1, 2)
-    edges = [0.5 * (a.measured_hz + b.measured_hz) for a, b in itertools.pairwise(modes)]
-    assert units[SPECTRAL][0, 1] == np.count_nonzero(edges[0] > LINES)
-    found, _ = metrics_of(fit, other)
-    total, count = units[SPECTRAL].sum(axis=0)
-    assert found[SPECTRAL] == pytest.approx(math.sqrt(total / count))
-    assert found[FREQUENCIES] == pytest.approx(np.sqrt(np.mean([mode.frequency_percent**2 for mode in modes])))
 
 
 def materials(tool: float, density: float) -> list[Tolerance]:
@@ -380,38 +336,3 @@ def test_digits_follow_the_interval_width(value: float, low: float, high: float,
 def selection() -> Selection:
     model = Model(tuple(make_observations(x, 1.08, seed=int(100 * x)) for x in (0.06, 0.08, 0.1)), tuple(JOINT))
     return select(model, [CATALOGUE[name] for name in ("tool_density", "calibration_gain")], most=1)
-
-
-@pytest.mark.parametrize("name", ["0.06", "0.08", "0.1"])
-def test_a_fold_is_a_selection_from_the_beginning(selection: Selection, name: str) -> None:
-    fold = select_without(selection, [name])
-    causes = [one.steps[0].cause for one in selection.singles]
-    anew = {one.ids: one for one in select(selection.base.model.without([name]), causes, most=1).explanations}
-    assert name not in fold.base.model.configurations
-    on_others = evaluate(fold.base.model, selection.base.values).chi_square
-    assert _on_others(selection.base, [name]) == pytest.approx(on_others, rel=1e-9)
-    assert {one.ids for one in fold.explanations} == {one.ids for one in selection.held_out_singles} == set(anew)
-    for one in fold.explanations:
-        assert one.fit.model.configurations == fold.base.model.configurations
-        assert one.fit.chi_square == pytest.approx(anew[one.ids].fit.chi_square, rel=1e-4)
-        assert one.evidence == pytest.approx(anew[one.ids].evidence, abs=1e-4 * fold.base.chi_square)
-
-
-def test_predictions_of_a_fold_are_those_of_its_own_fits(selection: Selection) -> None:
-    found = cross_validate(selection)
-    squares: dict[str, list[float]] = {}
-    for name, observation, fold in zip(
-        selection.base.model.configurations, selection.base.model.observations, found.gains[0].folds, strict=True
-    ):
-        own = select_without(selection, [name])
-        held_out = Model((observation,), tuple(JOINT))
-        best = conclude(own).reported[0]
-        distances = {
-            one.ids: metrics_of(one.fit, transfer(held_out, one.steps))[0][SPECTRAL] for one in (best, *own.singles)
-        }
-        assert fold["configuration"] == name
-        assert fold["after"] == pytest.approx(distances[best.ids], rel=1e-6)
-        for ids, distance in distances.items():
-            squares.setdefault(*ids, []).append(distance**2)
-    for id, single in found.singles.items():
-        assert single == pytest.approx(math.sqrt(np.mean(squares[id])), rel=1e-6)

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
+from blank_in_holder import JOINT as TRUE
+from blank_in_holder import STARTED as JOINT
+from blank_in_holder import make_assembly, observe
+from receptance import STEEL, Observation, PointJoint, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.adequacy import misfit_limit, strain_of
 from receptance.diagnosis.averaging import average
@@ -23,31 +26,13 @@ from receptance.fit import Law, PredictedFrequencies, PredictedMode, Prior, Scat
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
-JOINT = [
-    Unknown(address="joint.k_y", lower=1e6, upper=1e11, start=6e8),
-    Unknown(address="joint.k_theta", lower=1e2, upper=1e8, start=1e5),
-    Unknown(address="joint.c_y", lower=1e-1, upper=1e6, start=300.0),
-    Unknown(address="joint.c_theta", lower=1e-4, upper=1e3, start=1.0),
-]
-
-
-TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-
-
-def make_assembly(overhang: float, joint: PointJoint = TRUE) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=STEEL)], name="tool")
-    return Assembly([tool, joint, Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")])
 
 
 def make_observations(overhang: float, factor: Any = 1.0, joint: PointJoint = TRUE, sd: float = 0.01) -> Observation:
-    rng = np.random.default_rng([SEED, int(1e3 * overhang)])
-    noise = sd * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return Observation(
-        assembly=make_assembly(overhang),
-        frequency_hz=LINES,
-        receptance=factor * make_assembly(overhang, joint).receptance(LINES) * np.exp(noise),
-        standard_deviation=sd,
-        label=f"{overhang}",
+    described = make_assembly(overhang, material=STEEL)
+    true = make_assembly(overhang, material=STEEL, joint=joint).receptance(LINES)
+    return observe(
+        described, LINES, factor * true, np.random.default_rng([SEED, int(1e3 * overhang)]), f"{overhang}", sd
     )
 
 

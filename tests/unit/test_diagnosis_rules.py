@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blank_in_holder import TOLERANCES, observe
 from receptance import (
     CARBIDE,
     STEEL,
@@ -23,10 +24,9 @@ from receptance import (
 from receptance.diagnosis import CATALOGUE, Model, Step, Verdict, diagnose
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation
-from receptance.diagnosis.fitting import fit_base, refit
+from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
@@ -38,7 +38,6 @@ JOINT = [
     Law(address="joint.c_y", lower=1e-1, upper=1e6, individual=0.03),
     Law(address="joint.c_theta", lower=1e-4, upper=1e3, individual=0.03),
 ]
-TOLERANCES = [Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)]
 
 
 def make_assembly(
@@ -54,15 +53,7 @@ def make_assembly(
 
 
 def measure(described: Assembly, true: Assembly, label: str, seed: int) -> Observation:
-    rng = np.random.default_rng(seed)
-    noise = 0.01 * (rng.normal(size=LINES.size) + 1j * rng.normal(size=LINES.size))
-    return Observation(
-        assembly=described,
-        frequency_hz=LINES,
-        receptance=true.receptance(LINES) * np.exp(noise),
-        standard_deviation=0.01,
-        label=label,
-    )
+    return observe(described, LINES, true.receptance(LINES), np.random.default_rng(seed), label)
 
 
 def noisy(one: Observation, lines: slice) -> Observation:
@@ -152,27 +143,6 @@ def test_mode_outside_the_lines_is_rejected() -> None:
             away = float(np.log(target / hertz(variant.name)))
             if abs(away) < 0.3:
                 assert tuned.is_plausible(away) == (LINES[0] < target < LINES[-1])
-
-
-def test_causes_are_exchanged_for_their_other_variants() -> None:
-    """A gain that was found in one configuration while it is in all of them, beside a sensor."""
-    sensor = PointMass(mass=2e-3)
-    data = [
-        altered(one, receptance=1.004 * one.receptance)
-        for one in (measure(make_assembly(x), make_assembly(x, sensor), f"{x}", i) for i, x in enumerate(OVERHANGS))
-    ]
-    causes = [CATALOGUE[name] for name in ("sensor_mass", "calibration_gain")]
-    selection = select(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES)), causes, most=1)
-    root = next(one for one in selection.singles if "sensor_mass" in one.ids)
-    variants = {v.name: v.model for v in causes[1].variants(root.fit.model)}
-    fit = refit(variants["0.05"], root.fit.values)
-    gain = selection.base.chi_square - fit.chi_square
-    steps = (*root.steps, Step(causes[1], "0.05"))
-    selection.add(Explanation(steps, fit, gain, root.evidence + 1.0))
-    assert selection.explanations[0].adequacy.of_lines
-    Search(selection, causes).exchange_causes()
-    found = {cause.id: name for cause, name in selection.explanations[0].steps}
-    assert found == {"sensor_mass": "all", "calibration_gain": "all"}
 
 
 def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> None:

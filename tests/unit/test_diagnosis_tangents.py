@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
+from blank_in_holder import make_assembly
+from receptance import Observation, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.screening import (
@@ -20,20 +19,10 @@ from receptance.diagnosis.screening import (
     scores_beside,
 )
 from receptance.diagnosis.tangents import slopes_of
-from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
-from receptance.fit import Law, Move, Tolerance
-from receptance.fit.observation import altered
-from receptance.fit.parameters import Parameters
-from receptance.fit.unknowns import Power
+from receptance.fit import Tolerance
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)
-
-
-def make_assembly(overhang: float) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint"), holder])
 
 
 def make_model() -> Model:
@@ -101,23 +90,6 @@ def test_derivatives_are_those_of_each_variant_alone() -> None:
         assert np.max(np.abs(slopes - expected) / np.where(scale > 0.0, scale, 1.0)) < limit, (id, variant.name)
 
 
-def test_resonators_are_evaluated_together_on_copies_in_any_number() -> None:
-    model = make_model()
-    fit = refit(model, {})
-    models = [one.model for one in CATALOGUE["missing_mode"].variants(fit.model)]
-    assert 3 * len(models) > COLUMNS_TOGETHER
-    together = slopes_of(fit, models)
-    for number in (0, len(models) // 2, len(models) - 1):
-        (alone,) = slopes_of(fit, [models[number]])
-        expected = own_slopes(fit, models[number])
-        assert alone is not None
-        assert np.allclose(alone, expected, rtol=1e-6, atol=1e-7 * np.max(np.abs(expected)))
-        found = together[number]
-        assert found is not None
-        scale = np.max(np.abs(alone), axis=0)
-        assert np.max(np.abs(found - alone) / scale) < 1e-3
-
-
 def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
     model = make_model()
     spread = next(one for one in CATALOGUE["joint_spread"].variants(model) if one.name == "4 points")
@@ -128,25 +100,6 @@ def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
             expected = own_slopes(fit, own)
             assert slopes is not None
             assert np.allclose(slopes, expected, rtol=1e-6, atol=1e-7 * np.max(np.abs(expected))), id
-
-
-def test_parameters_with_more_unknowns_are_those_of_all_of_them() -> None:
-    model = make_model()
-    sites = [one.site(i) for i, one in enumerate(model.observations)]
-    more = (
-        Move(address="longer", moves={"tool.segment[0].length": 1.0}, lower=-0.01, upper=0.01, start=0.002),
-        Unknown(address="joint.c_theta", lower=0.1, upper=10.0, start=2.0, configurations=("70 mm",)),
-    )
-    found = Parameters(model.unknowns, model.tolerances, sites).plus(more)
-    expected = Parameters((*model.unknowns, *more), model.tolerances, sites)
-    assert [one.name for one in found.unknowns] == [one.name for one in expected.unknowns]
-    assert (found.count, found.errors) == (expected.count, expected.errors)
-    values = np.array([one.start or 0.3 for one in found.unknowns])
-    for own, other in zip(found.of(sites), expected.of(sites), strict=True):
-        assert sorted(own.addresses) == sorted(other.addresses)
-        order = [own.addresses.index(address) for address in other.addresses]
-        assert np.allclose(own.values(values)[order], other.values(values), rtol=1e-14)
-        assert np.allclose(own.jacobian(values)[order], other.jacobian(values), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -161,16 +114,6 @@ def test_a_wrong_further_unknown_is_an_error(more: Unknown, message: str) -> Non
     model = make_model()
     with pytest.raises(ValueError, match=message):
         _ = model.plus(more).task
-
-
-def test_a_further_law_is_prepared_with_all_others() -> None:
-    model = make_model()
-    law = Law(
-        address="joint.c_theta", lower=0.1, upper=10.0, powers=(Power(of="tool.segment[0].length", reference=0.07),)
-    )
-    names = [one.name for one in model.plus(law).task.parameters.unknowns]
-    assert "joint.c_theta ~ tool.segment[0].length" in names
-    assert names[-3:] == ["modulus", "clamped", "one hit"]
 
 
 def test_a_common_basis_keeps_look_alikes_and_scalar_products() -> None:
@@ -226,39 +169,3 @@ def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
     )
     start = twice.task.variables.start
     assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))
-
-
-@pytest.mark.parametrize("difference", [1e-4, 1e-6, 1e-7])
-def test_look_alikes_of_a_cause_with_two_nearly_equal_effects(difference: float) -> None:
-    """Products of derivatives do not resolve differences of 1e-6, which then have no direction in any basis."""
-    fit = refit(make_model(), {})
-    causes = [CATALOGUE[id] for id in ("sensor_mass", "hammer_offset", "calibration_gain", "time_delay")]
-    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
-    rng = np.random.default_rng(21)
-    first, *others = found
-    own = first.slopes[:, :1] / np.linalg.norm(first.slopes[:, 0])
-    other = rng.normal(size=own.shape) / np.sqrt(own.size)
-    doubled = replace(first, slopes=np.hstack([own, own + difference * other]))
-    alone = replace(first, slopes=other)
-    small = in_common_basis([doubled, alone, *others])
-    for one, same in zip([doubled, alone, *others], small, strict=True):
-        assert look_alike(small[0], same) == pytest.approx(look_alike(doubled, one), abs=1e-3)
-    assert (look_alike(doubled, alone) > 0.99) == (difference > 1e-5)
-
-
-def test_equal_assemblies_become_one_and_stay_one_in_every_variant() -> None:
-    model = make_model()
-    apart = model.map(lambda one: altered(one, assembly=make_assembly(one.assembly.elements["tool"].length)))
-    assert len({id(one.assembly) for one in apart.observations}) == len(apart.observations)
-    shared = apart.with_shared_assemblies()
-    assert len({id(one.assembly) for one in shared.observations}) == len(OVERHANGS)
-    for own, one in zip(shared.observations, apart.observations, strict=True):
-        assert own.assembly == one.assembly
-        assert own.label == one.label
-    # Elements in another order are another assembly, although their names and values are the same.
-    first, *_ = shared.observations
-    turned = Assembly([*first.assembly.elements.values()][::-1])
-    both = replace(model, observations=(first, altered(first, assembly=turned))).with_shared_assemblies()
-    assert both.observations[1].assembly is turned
-    for cause, variant in every_variant(shared):
-        assert len({id(one.assembly) for one in variant.model.observations}) == len(OVERHANGS), cause

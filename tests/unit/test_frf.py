@@ -75,64 +75,43 @@ def test_arrays_are_copies():
     [
         ({"frequency_hz": []}, ValueError, "FRF 'blank': frequency_hz is empty"),
         ({"frequency_hz": LINES[::-1]}, ValueError, "not ascending: line 1 is 4950 Hz after 5000 Hz"),
-        ({"frequency_hz": np.r_[LINES[:1], LINES[:-1]]}, ValueError, "leave out repeated ones"),
-        ({"frequency_hz": np.r_[-1.0, LINES[1:]]}, ValueError, r"frequency_hz\[0\] is -1 Hz"),
         ({"frequency_hz": np.r_[LINES[:-1], np.nan]}, ValueError, r"frequency_hz\[99\] is nan"),
         ({"frequency_hz": LINES + 1j}, TypeError, "complex lines follow from decay_rate"),
-        ({"frequency_hz": LINES[:, None]}, ValueError, "expected one dimension"),
         ({"frequency_hz": [[1.0], [2.0, 3.0]]}, ValueError, "rows of different lengths"),
         ({"values": VALUES[:-1]}, ValueError, r"values has shape \(99, 3, 2\) for 100 lines"),
-        ({"values": VALUES[:, 0]}, ValueError, r"values has shape \(100, 2\) for 100 lines"),
-        ({"values": VALUES[:, :0]}, ValueError, r"values has shape \(100, 0, 2\)"),
         ({"values": VALUES.astype(str)}, TypeError, "values has dtype <U"),
         (
             {"values": np.where(LINES == 550.0, np.nan, 1.0)[:, None, None] * VALUES},
             ValueError,
             "values at 550 Hz is .nan",
         ),
-        ({"values": 1e60 * VALUES}, ValueError, "values at 50 Hz is .*, expected at most"),
         ({"form": "inertance"}, ValueError, "form is 'inertance', expected one of receptance, mobility, accelerance"),
-        ({"form": 2}, TypeError, "form is 2"),
         ({"responses": [TIP, END]}, ValueError, "there are 2 responses for values with 3"),
-        ({"responses": TIP}, ValueError, "there are 1 responses for values with 3"),
         (
             {"responses": ["tip", "y", "y"]},
             TypeError,
             r"responses\[0\] is 'tip', expected a Coordinate, or 'y' or 'theta'",
         ),
-        ({"excitations": [TIP, 3]}, TypeError, r"excitations\[1\] is 3"),
         ({"decay_rate": -1.0}, ValueError, "decay_rate is -1, expected zero or more 1/s"),
-        ({"decay_rate": "fast"}, TypeError, "decay_rate is 'fast'"),
         ({"coherence": np.full(100, -0.2)}, ValueError, "coherence at 50 Hz is -0.2 .*expected 0 to 1"),
         (
             {"coherence": np.where(LINES == 550.0, 1.25, 0.5)},
             ValueError,
             "coherence at 550 Hz is 1.25, expected 0 to 1",
         ),
-        ({"coherence": np.where(LINES == 550.0, np.nan, 0.5)}, ValueError, "coherence at 550 Hz is nan"),
         ({"coherence": np.ones((100, 3))}, ValueError, r"coherence has shape \(100, 3\), expected one number"),
         ({"averages": 0}, ValueError, "averages is 0, expected a whole number from 1 to 1000000000"),
-        ({"averages": 2.5}, TypeError, "averages is 2.5"),
-        ({"averages": 10**400}, ValueError, "averages is 1000000"),
-        ({"averages": True}, ValueError, "averages is True"),
         ({"log_variance": -1.0}, ValueError, r"log_variance\[0, 0, 0\] is -1, expected at least 0"),
-        ({"log_variance": np.full(100, np.nan)}, ValueError, "log_variance at 50 Hz is nan"),
         ({"degrees_of_freedom": 0}, ValueError, r"degrees_of_freedom\[0, 0, 0\] is 0, expected more than 0"),
         (
             {"correlated_lines": 0.5},
             ValueError,
             r"correlated_lines\[0\] is 0.5, expected a finite number of at least 1",
         ),
-        ({"correlated_lines": np.ones(3)}, ValueError, r"correlated_lines has shape \(3,\)"),
         ({"usable": np.ones(100)}, ValueError, "usable has dtype float64"),
-        ({"usable": np.ones(3, dtype=bool)}, ValueError, r"shape \(3,\), expected True or False on each of 100 lines"),
         ({"labels": ("a", "b")}, TypeError, "labels is"),
         ({"labels": (("a",), ("b", "c"))}, ValueError, "labels names 1 responses and 2 excitations, expected 3 and 2"),
         ({"notes": "one text"}, TypeError, "notes is 'one text'"),
-        ({"notes": 5}, TypeError, "notes is 5"),
-        ({"labels": 5}, TypeError, "labels is 5"),
-        ({"labels": (5, 6)}, TypeError, "labels is"),
-        ({"responses": 5}, ValueError, "there are 1 responses"),
     ],
 )
 def test_invalid_fields_are_refused(changes, error, words):
@@ -178,10 +157,6 @@ def test_single_non_finite_line_at_zero_hz_is_an_error():
         FRF(frequency_hz=[0.0], values=[np.inf])
 
 
-def test_infinite_variance_gives_infinite_intervals():
-    assert np.isinf(make(log_variance=np.inf).standard_deviation).all()
-
-
 @pytest.mark.parametrize(
     ("form", "units"),
     [
@@ -198,14 +173,6 @@ def test_units(form, units):
         frf.unit  # noqa: B018
 
 
-def test_conversion_against_the_definition():
-    s = 2j * np.pi * LINES[:, None, None]
-    frf = make()
-    np.testing.assert_allclose(frf.to("mobility").values, s * VALUES, rtol=1e-15)
-    np.testing.assert_allclose(frf.to("accelerance").values, s**2 * VALUES, rtol=1e-15)
-    assert frf.to("receptance").form == "receptance"
-
-
 def test_conversion_of_a_rigid_mass_under_an_exponential_window():
     # A free mass has receptance -1 / (m w^2) and accelerance 1 / m at any complex w.
     sigma, m = 30.0, 2.5
@@ -214,20 +181,6 @@ def test_conversion_of_a_rigid_mass_under_an_exponential_window():
     np.testing.assert_allclose(frf.complex_frequency_hz, w / (2 * np.pi), rtol=1e-15)
     np.testing.assert_allclose(frf.to("accelerance").values[:, 0, 0], 1.0 / m, rtol=1e-13)
     assert abs(frf.with_(decay_rate=0.0).to("accelerance").values[0, 0, 0] * m - 1.0) > 0.1
-
-
-def test_real_lines_without_a_window():
-    assert make().complex_frequency_hz is make().frequency_hz or make().complex_frequency_hz.dtype == np.float64
-    assert make(decay_rate=1.0).complex_frequency_hz.dtype == np.complex128
-
-
-def test_conversion_keeps_all_other_fields():
-    frf = make(decay_rate=5.0, correlated_lines=2.0)
-    other = frf.to("accelerance")
-    for name in ("log_variance", "coherence", "degrees_of_freedom", "usable", "correlated_lines", "frequency_hz"):
-        np.testing.assert_array_equal(getattr(other, name), getattr(frf, name))
-    for name in ("responses", "labels", "label", "source", "notes", "averages", "decay_rate"):
-        assert getattr(other, name) == getattr(frf, name)
 
 
 def test_conversion_at_zero_hz():
@@ -288,12 +241,6 @@ def test_select_lines():
 def test_select_an_unknown_entry(options, error, words):
     with pytest.raises(error, match=words):
         make().select(**options)
-
-
-def test_select_an_ambiguous_entry():
-    frf = FRF(frequency_hz=[1.0], values=np.ones((1, 2, 1)), responses=[TIP, TIP])
-    with pytest.raises(ValueError, match="several of the responses is"):
-        frf.select(responses=TIP)
 
 
 def test_masked():
@@ -377,18 +324,6 @@ def test_a_drive_point_as_declared_gives_no_warning():
 
 
 MASKED = np.ma.masked_array(np.linspace(1.0, 2.0, 100), mask=np.arange(100) == 7)
-
-
-@pytest.mark.parametrize("name", ["frequency_hz", "values", "coherence", "log_variance", "usable", "correlated_lines"])
-def test_masked_values_are_refused(name):
-    """A masked value is not a number: a bad line would count like any other."""
-    masked = np.ma.masked_array(np.ones(100, dtype=bool), mask=MASKED.mask) if name == "usable" else MASKED
-    fields = {"frequency_hz": np.linspace(1.0, 2.0, 100), "values": np.ones(100), "averages": 3}
-    with pytest.raises(ValueError, match=f"{name} has 1 masked value, expected an array without a mask: leave the"):
-        FRF(**(fields | {name: masked}))
-    # A mask without masked elements has no effect.
-    shown = np.ma.masked_array(np.linspace(1.0, 2.0, 100), mask=np.zeros(100, dtype=bool))
-    assert FRF(**(fields | {"frequency_hz": shown})).frequency_hz.size == 100
 
 
 def test_masked_values_are_refused_by_all_functions():

@@ -83,12 +83,12 @@ def test_false_alarms_are_rare():
 @pytest.mark.slow
 def test_false_alarms_are_rare_in_many(summarise):
     # One record fails in all its forms at once, so each is declared in one.
-    alarms, clear = count_alarms(3000, SEED, all_forms=False)
-    text = f"seed {SEED}: {alarms} false alarms and {clear} clear verdicts in 3000 noisy drive points as declared"
+    alarms, clear = count_alarms(1000, SEED, all_forms=False)
+    text = f"seed {SEED}: {alarms} false alarms and {clear} clear verdicts in 1000 noisy drive points as declared"
     summarise("drive points as declared", text, {"seed": SEED, "alarms": alarms, "clear": clear})
     # Measured in 9000: none; 7 where a pole may lie beside its peak.
     assert alarms <= 1
-    assert clear > 0.9 * 3000
+    assert clear > 0.9 * 1000
 
 
 def test_every_convention_against_every_declared_form():
@@ -221,25 +221,6 @@ def test_no_warning_without_peaks(what):
         verdict = check_drive_point(f[: values.size], values.astype(complex), form)
         assert not verdict.contradicted
         assert verdict.conventions == ()
-
-
-def test_noise_and_hum_rarely_contradict():
-    """Rigid masses and springs with noise, and lines of hum up to a hundred times as high: there is no peak in it."""
-    print(f"seed {SEED}")
-    rng = np.random.default_rng(SEED)
-    alarms = 0
-    for _ in range(40):
-        n = int(rng.choice([100, 400, 1600]))
-        f = np.linspace(5.0, rng.choice([500.0, 5000.0]), n)
-        s = 2j * np.pi * f
-        noise = rng.normal(size=n) + 1j * rng.normal(size=n)
-        level = 10.0 ** rng.uniform(-2.5, -0.3)
-        hum = 10.0 ** rng.uniform(0.0, 2.0) * (rng.random(n) < 0.02) * noise
-        for accelerance in (1.0 + level * noise, s**2 * (1.0 + level * noise), 1.0 + 0.01 * noise + hum, noise):
-            for form in FORMS:
-                alarms += check_drive_point(f, as_read(f, accelerance, Convention(form)), form).contradicted
-    # Measured: 1 of 9600; here are 480.
-    assert alarms <= 1
 
 
 def test_nonproportional_damping_and_close_modes():

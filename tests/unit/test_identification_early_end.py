@@ -148,6 +148,7 @@ def test_early_end_is_kept_where_lines_are_left_out(records: list[Observation]) 
     assert [one.name for one in CATALOGUE["coarse_resolution"].variants(few)] == ["records end too early"]
 
 
+@pytest.mark.slow
 def test_early_end_that_is_detected_late_is_found(records: list[Observation]) -> None:
     """Between the detected end, 2 ms late, and the true one are a dozen local minima."""
     model = replace(Model(tuple(records), tuple(JOINT), threads=1), truncation=END_AT + 2e-3)

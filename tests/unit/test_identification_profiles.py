@@ -36,22 +36,6 @@ STIFFNESSES = [
 BLANK = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 0.002}, relative=True)
 
 
-def test_a_fit_from_one_start_ends_where_scipy_does():
-    found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
-    problem = found.task.problem()
-    start = problem.variables.from_values(np.array([3e8, 2e5, 0.5]))
-    own = problem.fit_one(start, least=1e-12)
-    scipy = least_squares(
-        problem.residual, start, jac=problem.jacobian, bounds=tuple(problem.variables.limits), xtol=1e-12, ftol=1e-12
-    )
-    assert own.converged
-    assert own.cost == pytest.approx(scipy.cost, rel=1e-9)
-    assert own.x == pytest.approx(scipy.x, abs=1e-5)
-    held = problem.fit_one(start, free=np.array([True, False, True]), least=1e-12)
-    assert held.x[1] == start[1]
-    assert held.cost > own.cost
-
-
 def test_a_fit_stops_at_a_bound_with_the_rest_at_its_best():
     found = identify(measure(make_assembly()), STIFFNESSES, tolerances=BLANK, starts=3)
     tight = [STIFFNESSES[0], Unknown(address="joint.k_theta", lower=1e2, upper=9e4)]
@@ -114,20 +98,6 @@ def test_a_stiff_joint_has_only_a_lower_bound():
     assert not profile.lower_open
     assert 1e8 < profile.lower < 5e10
     assert profile.statement.startswith("only a lower bound:")
-
-
-def test_one_mode_ties_the_two_stiffnesses():
-    frequency = make_assembly().natural_frequencies(5e3)[:1]
-    mode = Observation.from_modes(assembly=make_assembly(), frequency_hz=frequency, standard_deviation_hz=5.0)
-    with pytest.raises(ValueError, match="2 unknowns but only 1 observed"):
-        identify(mode, STIFFNESSES)
-    # The same mode seen twice is no second mode.
-    found = identify([mode, mode], STIFFNESSES, starts=4)
-    profiles = profile_likelihoods(found)
-    assert any("tied" in advice or "do not determine" in advice for advice in found.advice)
-    assert profiles["joint.k_y"].upper_open
-    assert not any(profile.statement.startswith("determined") for profile in profiles.values())
-    assert "tied to joint.k_y" in profiles["joint.k_theta"].statement
 
 
 def test_flat_receptance_leaves_the_joint_undetermined():
@@ -238,10 +208,6 @@ def test_staged_fit_without_receptances():
 )
 def test_statements(interval, scale, words):
     assert interval_statement(*interval, scale=scale) == words
-
-
-def test_statements_of_ties():
-    assert "tied to joint.k_y" in interval_statement(1.0, 0.1, 4.0, scale="log", tied_to="joint.k_y")
 
 
 def test_the_figure_shows_every_profile():

@@ -63,6 +63,7 @@ def test_short_chains_are_noted():
     assert any("autocorrelation times long" in note for note in draws.notes)
 
 
+@pytest.mark.slow
 def test_a_gaussian_posterior_is_found_in_closed_form():
     """Without information in the data the posterior is the prior, cut off at the bounds."""
     far = Observation.from_modes(assembly=make_assembly(), frequency_hz=make_assembly().natural_frequencies(5e3)[:1])

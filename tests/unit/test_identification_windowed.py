@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from receptance import FRF, STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment, Unknown, identify
-from receptance.fit import find_bands
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, assert_found, make_assembly
 
@@ -66,13 +65,6 @@ def test_ignoring_the_window_puts_its_damping_into_the_joint():
     assert np.abs(right.residuals[0]).max() < 1e-6
 
 
-def test_wrong_window_rate_is_not_exact():
-    result = identify(
-        Observation.from_frf(make_assembly(), windowed().with_(decay_rate=0.5 * SIGMA)), STIFFNESSES + DASHPOTS
-    )
-    assert abs(result.values["joint.c_theta"] / TRUE["joint.c_theta"] - 1.0) > 0.1
-
-
 @pytest.mark.parametrize("objective", ["log", "percentage"])
 def test_any_parameter_and_objective_on_complex_lines(objective):
     # The modulus is no joint parameter: the fit then takes the whole model, not the reduced one.
@@ -81,20 +73,6 @@ def test_any_parameter_and_objective_on_complex_lines(objective):
     result = identify(observed, unknowns, objective=objective, starts=4)
     modulus = make_assembly().get("tool.segment[0].youngs_modulus")
     assert_found(result, {a: TRUE[a] for a in list(TRUE)[:2]} | {"tool.segment[*].youngs_modulus": modulus}, 1e-5)
-
-
-def test_bands_and_band_limits_are_those_of_the_real_parts():
-    plain = Observation.from_frf(make_assembly(), windowed(sigma=0.0))
-    observed = Observation.from_frf(make_assembly(), windowed())
-    assert plain.frequency_hz.dtype == np.float64
-    for (low, high), (expected, _) in zip(find_bands(observed), find_bands(plain), strict=True):
-        assert isinstance(low, float)
-        assert low == pytest.approx(expected, rel=0.02)
-        assert high > low
-    result = identify(observed, STIFFNESSES + DASHPOTS, bands=[(1500.0, 4000.0)])
-    inside = np.count_nonzero((LINES >= 1500.0) & (LINES <= 4000.0))
-    assert result.residuals[0].shape == (2 * inside,)
-    assert_found(result, TRUE)
 
 
 @pytest.mark.parametrize("unit", ["logarithm", "standard deviations", "percent"])
@@ -136,10 +114,3 @@ def test_windowed_and_plain_measurements_share_a_joint():
 def test_invalid_complex_lines(lines, words):
     with pytest.raises(ValueError, match=words):
         Observation(assembly=make_assembly(), frequency_hz=lines, receptance=np.ones(LINES.size))
-
-
-def test_complex_lines_without_an_imaginary_part_are_real():
-    frf = Observation(assembly=make_assembly(), frequency_hz=LINES + 0j, receptance=np.ones(LINES.size))
-    assert frf.frequency_hz.dtype == np.float64
-    shifted = Observation(assembly=make_assembly(), frequency_hz=complex_lines(), receptance=np.ones(LINES.size))
-    assert repr(shifted) == "Observation('', 1200 lines from 100 to 15000 Hz)"

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from receptance import FRF, ReceptanceWarning
-from receptance.io import FileFormatError, TimeSeries, errors, read, read_all, read_frf, read_time_series, write
+from receptance import ReceptanceWarning
+from receptance.io import FileFormatError, TimeSeries, errors, read, read_all, read_frf, read_time_series
 from receptance.io.column_names import parse_column
 
 RATE = 51200.0
@@ -243,17 +243,6 @@ def test_another_window_before_the_header(tmp_path: Path) -> None:
         "2 lines before line 3 were not read",
         "line 2 states a window, 'Window;Hanning'",
     )
-
-
-@pytest.mark.parametrize("name", ["low.csv", "low.npz", "low.mat", "low.h5"])
-def test_a_low_coherence_in_files_of_this_library(name: str, tmp_path: Path) -> None:
-    """With a warning each time, and a note once."""
-    frf = FRF(frequency_hz=[1.0, 2.0, 3.0], values=[1.0, 2.0, 3.0], coherence=[0.1, 0.2, 0.9])
-    for _ in range(2):
-        write(tmp_path / name, frf)
-        with pytest.warns(ReceptanceWarning, match="the median coherence is 0.20 over 3 lines"):
-            frf = read_frf(tmp_path / name)
-        assert ["median coherence" in note for note in frf.notes] == [True]
 
 
 # Limits --------------------------------------------------------------------------------------------------------------

@@ -193,26 +193,6 @@ def test_time_series_of_other_programs(path: Path) -> None:
             read(path, variables=changed, **options)
 
 
-def test_options_contradicting_files_of_this_library(path: Path) -> None:
-    write(path, FRF(frequency_hz=LINES, values=NUMBERS, form="mobility"))
-    assert read_frf(path, unit="m/s/N").form == "mobility"
-    for options in ({"unit": "m/N"}, {"quantity": "receptance"}, {"unit": "mm/s/N"}):
-        with pytest.raises(FileFormatError, match="the file states that it holds mobility in m/s/N, but"):
-            read(path, **options)
-    with pytest.raises(FileFormatError, match="columns was given, but the file is a"):
-        read(path, columns=["a"])
-
-
-def test_several_measurements_keep_their_order(path: Path) -> None:
-    things = [
-        TimeSeries(values=[1.0, 2.0], channels=["b"], units=["V"], sample_rate_hz=10.0),
-        *[FRF(frequency_hz=LINES, values=NUMBERS * k, label=str(k)) for k in range(1, 13)],
-        Coherence(frequency_hz=LINES, values=[0.1, 0.2, 0.3]),
-    ]
-    write(path, things)
-    assert [repr(thing) for thing in read_all(path)] == [repr(thing) for thing in things]
-
-
 def test_matlab_version_7_3(tmp_path: Path) -> None:
     """An HDF5 file with a header before it, arrays the other way round, complex numbers as pairs."""
     path = tmp_path / "v73.mat"
@@ -359,17 +339,6 @@ def test_expanded_size_of_mat_files_is_limited(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "a.mat").write_bytes(content[:128] + content[128:] * 2)
     with pytest.raises(FileFormatError, match=r"a\.mat: its arrays take more than 32 MiB when expanded"):
         read(tmp_path / "a.mat", **options)
-
-
-def test_damaged_numbers_in_hdf5_are_detected(tmp_path: Path) -> None:
-    path = tmp_path / "a.h5"
-    write(path, FRF(frequency_hz=LINES, values=NUMBERS))
-    content = bytearray(path.read_bytes())
-    at = bytes(content).find(NUMBERS.tobytes())
-    content[at + 5] ^= 1
-    path.write_bytes(bytes(content))
-    with pytest.raises(FileFormatError, match="this HDF5 file cannot be read"):
-        read(path)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="process groups are those of POSIX")
@@ -574,21 +543,3 @@ def test_cells_of_matlab_7_3(tmp_path: Path) -> None:
     with pytest.warns(ReceptanceWarning, match="the values are real"):
         frf = read_frf(path, variables={"frequency_hz": "C[0]", "values": "C[2]/f"}, unit="m/N")
     assert np.array_equal(frf.values[:, 0, 0].real, 3 * LINES)
-
-
-def test_layouts_of_analysers_are_answered_with_what_to_type(path: Path) -> None:
-    times, lines = np.arange(8) / 512.0, np.arange(1.0, 9.0)
-    pairs = {"X1": np.c_[times, times**2], "H1_2": np.c_[lines, 1.0 / (1.0 + 1j * lines)]}
-    save(path, pairs)
-    for variables, words in (
-        ({"time_s": "X1", "hammer": "X1"}, r"'time_s' has shape \(8, 2\).*for example 'X1\[:,0\]'"),
-        ({"time_s": "X1[:,0]", "hammer": "X1"}, r"'hammer' has shape \(8, 2\).*for example 'X1\[:,1\]'"),
-        ({"frequency_hz": "H1_2", "values": "H1_2"}, r"'H1_2\[:,0\]' is its first column"),
-        ({"frequency_hz": "H1_2[:,0]", "values": "H1_2"}, r"select one column, .* 'H1_2\[:,1\]'"),
-        ({"values": "H1_2"}, r"not 'frequency_hz', the axis, of the FRF.*'values': 'NAME\[:,1\]'"),
-        ({"frequency_hz": "H1_2[:,0]"}, r"not a value such as 'values' of the FRF"),
-    ):
-        with pytest.raises(FileFormatError, match=words):
-            read(path, variables=variables)
-    columns = {"frequency_hz": "H1_2[:,0]", "values": "H1_2[:,1]"}
-    assert np.array_equal(read_frf(path, variables=columns, unit="g/N").frequency_hz, lines)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import gzip
 import os
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -69,10 +67,7 @@ def test_contents_without_a_format(tmp_path: Path) -> None:
     [
         ({"colour": 1}, TypeError, "read has no option 'colour'; the options are columns, "),
         ({"quantity": "impedance"}, ValueError, "quantity is 'impedance', expected one of"),
-        ({"quantity": 1}, TypeError, "quantity is 1"),
         ({"unit": "m/apple"}, ValueError, "unknown: 'apple'"),
-        ({"unit": 1.0}, TypeError, "unit is 1.0, expected a text, or a mapping"),
-        ({"unit": {"a": 1}}, TypeError, "the unit is 1, expected a text"),
         ({"responses": "tip"}, TypeError, "expected a Coordinate"),
         ({"variables": ["a"]}, TypeError, "expected a mapping such as"),
         ({"columns": "a,b"}, TypeError, "columns is 'a,b', expected a list"),
@@ -91,13 +86,11 @@ def test_invalid_options(options: dict[str, Any], error: type[Exception], messag
     ("thing", "options", "message"),
     [
         (HIT, {"quantity": "mobility"}, "quantity was given, but there is no FRF in the file: it holds TimeSeries"),
-        (HIT, {"responses": Coordinate()}, "responses was given, but there is no FRF"),
         (HIT, {"variables": {"a": "b"}}, "variables was given, but the file is a table with a header"),
         (HIT, {"unit": {"a": "m"}}, r"channel 'a' of the file is in 'm/s\^2', but unit='m' was given"),
         (ONE, {"unit": "m/N"}, "the file states that it holds mobility in m/s/N, but"),
         (ONE, {"unit": {"a": "m"}}, "unit names the channel 'a'; the channels of the file are none: it holds FRF"),
         (HIT, {"unit": {"hamer": "N"}}, "unit names the channel 'hamer'; the channels of the file are 'f', 'a'"),
-        (HIT, {"coherence": "x.csv"}, "coherence was given, but there is no FRF in the file"),
         (ONE, {"sample_rate_hz": 10.0}, "sample_rate_hz was given, but there is no time series in the file"),
         (HIT, {"sample_rate_hz": 10.0}, r"the file has 100.0 samples per second, but sample_rate_hz=10.0 was given"),
         (HIT, {"sample_rate_hz": 100.0}, None),
@@ -216,11 +209,8 @@ def test_time_series() -> None:
     [
         ({"values": [[0.0, np.nan]]}, ValueError, "sample 0 of 'a' is nan"),
         ({"values": [1j, 2.0]}, TypeError, "dtype complex128, expected real"),
-        ({"values": [[1.0], [1.0, 2.0]]}, ValueError, "rows of different lengths"),
         ({"values": [1.0, 2.0]}, ValueError, r"shape \(2, 1\), expected \(n_samples, 2\)"),
-        ({"values": np.zeros((0, 2))}, ValueError, r"shape \(0, 2\)"),
         ({"channels": ["a", "a"]}, ValueError, "different names"),
-        ({"channels": "ab"}, TypeError, "channels is 'ab', expected a sequence"),
         ({"units": ["N"]}, ValueError, "there are 1 units for 2 channels"),
         ({"units": ["N", 3]}, TypeError, "units holds 3"),
         ({"sample_rate_hz": 0.0}, ValueError, "sample_rate_hz is 0"),
@@ -319,12 +309,3 @@ def test_pipes_and_devices_are_refused(name: str, tmp_path: Path) -> None:
     link.symlink_to("/dev/zero")
     with pytest.raises(OSError, match="it is a pipe or a device"):
         read(link)
-
-
-def test_importing_loads_numpy_and_scipy_only() -> None:
-    script = (
-        "import sys, receptance.io; found = {n.partition('.')[0] for n in sys.modules};"
-        "print(sorted(found & {'pint', 'h5py', 'pyuff', 'pandas', 'matplotlib', 'xarray'}), 'scipy.io' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["[]", "False"]

@@ -170,13 +170,6 @@ WRONG = [
         "frequency [Hz],real [m/N],imag [m/N]\nHz,um/N,um/N\n1,2,3\n",
         "line 2: column 'real' is in 'm/N' by its name",
     ),
-    ("frequency [Hz],real [m/N],imag [m/N]\nkHz,m/N,m/N\n1,2,3\n", "line 2: column 'frequency' is in 'Hz' by its name"),
-    (
-        "frequency [Hz],real [m/N],imag [m/N]\nn/a,n/a,n/a\n1,2,3\n",
-        "line 2: column 'frequency' is 'n/a', expected a number",
-    ),
-    ("frequency [Hz],real [m/N],imag [m/N]\n,,\n1,2,3\n", "line 2: column 'frequency' is '', expected a number"),
-    ("frequency [Hz],real [m/N],imag [m/N]\nN,m/N,m/N\n1,2,3\n", "line 2: column 'frequency' is in 'Hz' by its name"),
     (
         "frequency [Hz],magnitude [m/N],phase [deg]\n1,2,3\n\n2,-45.3,3\n",
         r"line 4: column 'magnitude' is -45\.3, expected zero or more: .* if these are levels in dB",
@@ -184,8 +177,6 @@ WRONG = [
     ("", "the file is empty"),
     ("10,1,2\n20,3,4\n", r"line 1: this line holds numbers, expected a header .* columns=\[\.\.\.\]"),
     ("a,b\n1,2\n", "line 1: of the 2 columns none is named frequency or time, expected a header"),
-    ("words only\n", "line 1: this line has no columns separated by"),
-    ("maker;X\nAbszisse;Y;Z\n10,0;1,5;2\n20,0;2;3\n", r"line 2: of the 3 columns none is named .*\(.*--columns\)"),
     (
         "Frequenz;Real;Imag\n10,0;1,5;2\n20,0;2;3\n",
         r"line 1: column 'Frequenz' has no unit, expected Frequenz \[Hz\]; .* --columns 'Frequenz \[Hz\],Real,Imag'\)",
@@ -193,13 +184,8 @@ WRONG = [
     ("f [Hz],real [m/N],imag [m/N]\n10,0,1,5,-0,5\n", r"line 2: there are 6 columns of whole numbers, .* semicolons"),
     ("frequency [Hz],real [m/N],imag [m/N]\n", "line 1: there are no rows of numbers"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,x,3\n", "line 3: column 'real' is 'x', expected a number"),
-    (
-        "frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,nan,3\n",
-        "line 3: column 'real' is nan, expected a finite number",
-    ),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n\n2,3\n", "line 4: there are 2 columns, expected 3"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n1,2,3\n", "line 3: the frequency is 1 Hz after 1 Hz"),
-    ("frequency [Hz],real [m/N],imag [m/N]\n-1,2,3\n", "line 2: the frequency is -1 Hz"),
     ("frequency,real [m/N],imag [m/N]\n1,2,3\n", "line 1: column 'frequency' has no unit"),
     ("frequency [s],real [m/N],imag [m/N]\n1,2,3\n", "column 'frequency' is in 's', expected Hz"),
     (
@@ -212,10 +198,6 @@ WRONG = [
         "the file contradicts itself: it is declared as a mobility",
     ),
     ("frequency [Hz],real [m/N]\n1,2\n", "found 'real', expected a real and an imaginary part"),
-    (
-        "frequency [Hz],real [m/N],phase [deg]\n1,2,3\n",
-        "expected a real and an imaginary part, or a magnitude and a phase",
-    ),
     ("frequency [Hz],real [m/N],real [m/N]\n1,2,3\n", "there are two columns 'real'; add the response"),
     ("frequency [Hz],magnitude [dB],phase [deg]\n1,2,3\n", "a level in dB"),
     (
@@ -229,13 +211,10 @@ WRONG = [
         "the samples are not evenly spaced in time: sample 2 is at 1 s, expected 1.5 s",
     ),
     ("time [s],a [N]\n0,1\n", "there is a single sample and no sample rate"),
-    ("time [s]\t\n0\t\n", "there is a time column and no other"),
-    ('frequency [Hz],real [m/N],imag [m/N]\n1,"2,3\n', "line 2: this row cannot be split into columns"),
     (
         'frequency [Hz],coherence\n1,"' + "x" * 140_000 + '"\n',
         "line 2: this row cannot be split into columns: field larger than field limit",
     ),
-    ("frequency [Hz],a" + " " * 200_000 + "b\n1,1\n", "line 1: a column has a name of 200002 characters"),
     ('# receptance: {"receptance": 1}\nfrequency [Hz],coherence\n1,1\n', "line 1: 'about' names the kind 1"),
     (
         '# receptance: {"receptance": "frf", "version": 9}\nfrequency [Hz],coherence\n1,1\n',

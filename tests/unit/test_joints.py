@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-from dataclasses import FrozenInstanceError, replace
 from typing import Any
 
 import numpy as np
@@ -127,21 +125,3 @@ def test_masses_without_meaning_are_named(quantity: str, value: float, words: st
         PointMass(**{"mass": 1.0, "inertia": 0.0, quantity: value}, name="sensor")
     with pytest.raises(TypeError, match=f"PointMass: {quantity} is '1 g'"):
         PointMass(**{"mass": 1.0, "inertia": 0.0, quantity: "1 g"})
-
-
-@pytest.mark.parametrize(
-    "element",
-    [
-        PointJoint(**GOOD, name="joint"),
-        GroundSpring(**GOOD, part="holder", position="end"),
-        PointMass(mass=1e-3, part="tool", position=0.01),
-    ],
-)
-def test_objects_are_frozen_equal_and_portable(element: Any) -> None:
-    assert pickle.loads(pickle.dumps(element)) == element
-    assert eval(repr(element)) == element
-    assert replace(element, name="other") == element
-    assert hash(element) == hash(replace(element, name="other"))
-    with pytest.raises(FrozenInstanceError):
-        element.name = "other"
-    assert len(element.columns) == len(element.columns_of)

@@ -117,6 +117,7 @@ def test_variance_agrees_with_the_coherence():
     np.testing.assert_allclose(frf.degrees_of_freedom, 18.0, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_variance_with_hits_of_very_different_strength():
     """The force is no random signal: the variance of errors over its estimate is that of F(2, 2 (n - 1))."""
     found = []
@@ -164,6 +165,7 @@ def test_hv_without_silence_is_the_geometric_mean():
     np.testing.assert_allclose(np.abs(frfs["Hv"]) ** 2, np.abs(frfs["H1"] * frfs["H2"]), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_noise_through_a_short_window_is_noncircular_at_low_frequencies():
     """Below 1 / (window length) the force's noise is in phase with the pulse: twice the variance, in one part."""
     real, imaginary = [], []

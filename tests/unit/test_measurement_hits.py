@@ -1,6 +1,5 @@
 """Detection of hits, and the reasons for dropping some."""
 
-import pickle
 import warnings
 
 import numpy as np
@@ -75,9 +74,8 @@ def test_reasons_of_dropped_hits():
 
 
 @pytest.mark.parametrize("noise_db", [-300.0, -80.0, -60.0, -45.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_detection_of_second_contacts_in_noise(noise_db, seed):
-    random = np.random.default_rng((seed, 5))
+def test_detection_of_second_contacts_in_noise(noise_db):
+    random = np.random.default_rng((0, 5))
     made = hammer.strike(STRUCTURE, random, hits=20, force_noise_db=noise_db, response_noise_db=-60.0, duration_s=0.2)
     force = made.force.copy()
     share = max(0.03, 12.0 * 10.0 ** (noise_db / 20.0))
@@ -141,7 +139,7 @@ def recorded(contact_s, bounce=None, phase="linear", noise=0.0, seed=3):
 
 @pytest.mark.parametrize("phase", ["linear", "minimum"])
 @pytest.mark.parametrize("noise", [0.0, 0.003])
-@pytest.mark.parametrize("contact_ms", [0.5, 1.0, 2.0, 4.0, 6.0, 10.0])
+@pytest.mark.parametrize("contact_ms", [0.5, 2.0, 10.0])
 def test_ringing_of_the_anti_alias_filter_is_not_a_second_contact(contact_ms, noise, phase):
     """Before and after a pulse of few samples; real second contacts with the same recorder are found."""
     with warnings.catch_warnings():
@@ -361,9 +359,3 @@ def test_ringing_of_a_filter_of_any_cutoff_is_kept(order, cutoff, contact_ms):
         warnings.simplefilter("ignore", ReceptanceWarning)
         hits = find_hits(HammerRecords(force=force, response=ring, sample_rate_hz=rate, quantity="acceleration"))
     assert [hit.reason for hit in hits.hits] == [""]
-
-
-def test_hits_pickle():
-    made = strike(hits=2)
-    again = pickle.loads(pickle.dumps(find_hits(records_of(made.force, made.response))))
-    assert len(again) == 2

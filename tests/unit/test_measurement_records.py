@@ -43,11 +43,9 @@ def test_shapes(force, response, shape):
     ("changes", "message"),
     [
         ({"response": np.ones((N + 1,))}, r"response has shape \(65,\) for a force of \(64,\), expected \(64,\) or"),
-        ({"force": np.ones((2, N)), "response": np.ones((N, 2))}, r"expected \(2, 64\) or \(2, 64, 'n_channels'\)"),
         ({"force": np.ones((2, 2, N))}, r"force has shape \(2, 2, 64\), expected \(n,\) or \(n_records, n\)"),
         ({"force": FORCE[:8], "response": RESPONSE[:8]}, "at least 16 samples"),
         ({"force": np.where(np.arange(N) == 7, np.nan, FORCE)}, r"force\[7\] is nan, expected a finite number"),
-        ({"response": [[1.0], [1.0, 2.0]]}, "rows of different lengths"),
         (
             {"quantity": "accelerance"},
             "quantity is 'accelerance', expected one of displacement, velocity, acceleration",
@@ -62,9 +60,7 @@ def test_shapes(force, response, shape):
         ({"force_unit": ""}, "force_unit is '', expected a unit of force"),
         ({"force_unit": "0 N"}, "a factor of 0"),
         ({"responses": [Coordinate(), Coordinate()]}, "2 responses for values with 1"),
-        ({"full_scale_force": -5.0}, "full_scale_force is -5, expected more than zero"),
         ({"full_scale_response": [1.0, 2.0]}, r"full_scale_response has shape \(2,\)"),
-        ({"response_decay_rate": -1.0}, "response_decay_rate is -1, expected zero or more 1/s"),
     ],
 )
 def test_invalid_values(changes, message):

@@ -5,13 +5,9 @@ import pytest
 
 import hammer
 from receptance.hammer import HammerRecords, find_hits
-from receptance.hammer.estimate import usable_band_notes
-from receptance.hammer.hits import Contact, clipped_samples, find_contacts, second_contact
 from receptance.hammer.spectra import (
-    Reason,
     correlated_lines,
     estimate_truncation,
-    force_band,
     force_noise_power,
     make_windows,
 )
@@ -44,15 +40,6 @@ def test_the_force_window_spans_the_contact(made):
     np.testing.assert_array_equal(windows.response, 1.0)
     for parts, true in zip(windows.silence, made.true_force, strict=True):
         assert not any(np.any(true[part]) for part in parts)
-
-
-def test_exponential_windows_have_a_common_origin(made):
-    windows = make_windows(hits_of(made), 25.0, None, "both")
-    expected = np.exp(-25.0 * np.arange(made.force.shape[1]) / RATE)
-    for weights in (windows.force, windows.response):
-        np.testing.assert_allclose(weights, np.tile(expected, (6, 1)), rtol=1e-12)
-    alone = make_windows(hits_of(made), 25.0, None, "response")
-    np.testing.assert_array_equal(alone.force, 1.0)
 
 
 @pytest.mark.parametrize("decay_rate", [0.0, 15.0, 60.0])
@@ -89,19 +76,6 @@ def test_force_noise_is_estimated_from_silence(colour, window):
     assert 0.5 < ratio.min() < ratio.max() < 2.0
 
 
-def test_a_bounce_is_not_taken_for_noise(made):
-    force = made.force + hammer.pulse(np.arange(made.force.shape[1]) / RATE, 0.05, 4e-4, 20.0)
-    windows = make_windows(hits_of(made), 0.0, "auto", "both")
-    frequency = np.arange(100.0, 3000.0, 100.0)
-    with_bounce, without = (force_noise_power(one, windows, frequency, RATE) for one in (force, made.force))
-    assert np.all(np.abs(with_bounce / without - 1.0) < 0.15)
-
-
-def test_exactly_zero_silence_gives_no_noise_estimate(made):
-    windows = make_windows(hits_of(made), 0.0, "auto", "both")
-    assert force_noise_power(made.true_force, windows, np.array([100.0]), RATE) is None
-
-
 def test_truncation_error_of_a_decaying_response():
     """Known: a mode of decay a rings down to e^(-a T), and its FRF is wrong by that."""
     one = hammer.Structure((800.0,), (0.004,), (2.0,), RATE)
@@ -122,62 +96,3 @@ def test_truncation_error_of_a_decaying_response():
         lines = slice(round(low * 0.2), round(high * 0.2))
         ratio = error[lines] / true[lines]
         assert 0.3 < np.median(ratio) < 3.0
-
-
-def test_contacts():
-    time = np.arange(1000) / 1e4
-    force = hammer.pulse(time, 0.01, 2e-3, 10.0) + hammer.pulse(time, 0.05, 2e-3, 4.0)
-    first, second = find_contacts(force, 2.0, 0.0)
-    assert (first.onset, first.release) == (101, 120)
-    assert first.peak == pytest.approx(10.0)
-    assert second.peak == pytest.approx(4.0)
-    assert find_contacts(force, 11.0, 0.0) == []
-    onset, share = second_contact(force, first, 1000, 0.02)
-    assert abs(onset - second.onset) <= 1
-    assert share == pytest.approx(0.4, rel=1e-2)
-    assert second_contact(force, first, 400, 0.02) is None
-    assert second_contact(force, first, 1000, 0.5) is None
-    assert second_contact(force, Contact(101, 120, 10.0), 130, 0.02) is None
-
-
-@pytest.mark.parametrize(
-    ("signal", "count"),
-    [
-        (np.clip(np.sin(np.linspace(0.0, 20.0, 400)), -2.0, 0.9), 10),
-        (np.clip(np.sin(np.linspace(0.0, 20.0, 400)), -0.9, 2.0), 10),
-        (np.sin(np.linspace(0.0, 20.0, 400)), 0),
-        (np.round(np.sin(np.linspace(0.0, 6.0, 4000)), 1), 0),
-        (np.zeros(100), 0),
-        (np.concatenate([np.zeros(50), np.hanning(30), np.zeros(50)]), 0),
-    ],
-)
-def test_flat_tops(signal, count):
-    assert (clipped_samples(signal) > 0) == (count > 0)
-    assert clipped_samples(signal) >= count
-
-
-def test_the_band_of_the_force_is_contiguous():
-    frequency = np.linspace(0.01, 4.0, 800)
-    power = np.cos(np.pi * frequency / 2.0) ** 2 / (1.0 - frequency**2 + 1e-9) ** 2
-    band = force_band(power, 20.0)
-    assert band[0]
-    assert np.flatnonzero(np.diff(band.astype(int))).size == 1
-    assert 10.0 * np.log10(power[band].min() / power.max()) > -20.5
-    assert power[~band].max() > 1e-2 * power[band].min(), "side lobes are excluded"
-    assert force_band(np.ones(3), 20.0).all()
-
-
-def test_excluded_lines_count_for_their_first_reason():
-    frequency = np.arange(1.0, 7.0)
-    excluded = {
-        Reason("filter", "for one"): np.array([True, True, False, False, False, False]),
-        Reason("force", "for two"): np.array([False, True, True, False, False, False]),
-        Reason("noise", "for three"): np.zeros(6, dtype=bool),
-    }
-    assert usable_band_notes(frequency, excluded) == (
-        "usable: 3 of 6 lines, from 4 to 6 Hz",
-        "not usable: 2 lines between 1 and 2 Hz, for one",
-        "not usable: 1 line at 3 Hz, for two",
-    )
-    every = {Reason("scatter", "at all"): np.ones(6, dtype=bool)}
-    assert usable_band_notes(frequency, every)[0] == "no line is usable"

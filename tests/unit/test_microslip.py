@@ -182,19 +182,6 @@ def test_linear_structure_is_independent_of_force() -> None:
     np.testing.assert_array_equal(linear.receptance(LINES, force=50.0), linear.receptance(LINES))
 
 
-def test_two_joints_slip_together() -> None:
-    blank = Part([Segment(length=0.05, outer_diameter=0.03, material=STEEL)], name="extension")
-    joints = [MicroslipJoint(**{**GOOD, "exponent": p}, name=name) for p, name in ((0.7, "first"), (1.0, "second"))]
-    assembly = Assembly([TOOL, joints[0], blank, joints[1], HOLDER])
-    names = ["first.slip_theta", "second.slip_theta", "second.k_theta", "second.reference_y"]
-    _, slope = assembly.derivatives(LINES, names, force=0.02)
-    for column, name in enumerate(names):
-        value = assembly.get(name)
-        up, down = (assembly.replace({name: (1 + s) * value}).receptance(LINES, force=0.02) for s in (1e-5, -1e-5))
-        expected = (up - down) / (2e-5 * value)
-        assert np.max(np.abs(slope[:, column] - expected)) <= 1e-4 * np.abs(expected).max(), name
-
-
 def test_errors_name_the_mistake() -> None:
     with pytest.raises(ValueError, match=r"'joint': the level 6 reduces k_theta by a share of 0.701, expected at most"):
         make(level=6.0)
@@ -260,15 +247,6 @@ def test_slip_at_one_level_is_noted_as_indistinguishable() -> None:
     assert any("tied" in advice for advice in found.advice)
 
 
-def test_natural_frequencies_at_one_level_leave_slip_undetermined() -> None:
-    true = make(**{**TRUE, "level": 1.0})
-    modes = true.natural_frequencies(12e3)[:2]
-    data = Observation.from_modes(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2)
-    for name, profile in profile_likelihoods(identify([data, data], [STIFFNESS, SLIP], starts=4)).items():
-        assert not profile.statement.startswith("determined") or name == "joint.k_theta", profile.statement
-        assert not profile.bounded or profile.upper / profile.lower > 1.5
-
-
 def test_two_levels_separate_slip_from_stiffness() -> None:
     found = identify([hit(0.5, 1), hit(2.0, 2)], [STIFFNESS, SLIP, LOSS], starts=4)
     assert found.rms == pytest.approx(1.0, abs=0.1)
@@ -277,21 +255,6 @@ def test_two_levels_separate_slip_from_stiffness() -> None:
         assert profile.statement.startswith("determined"), profile.statement
         assert profile.lower <= true[name] <= profile.upper, name
         assert (profile.upper - profile.lower) / true[name] < 0.1, name
-
-
-def test_levels_are_laws_of_a_condition_as_well() -> None:
-    """Natural frequencies at three levels, the exponent unknown too."""
-    data = []
-    for level in (0.3, 1.0, 2.0):
-        true = make(**{**TRUE, "level": level})
-        modes = true.natural_frequencies(12e3)[:2]
-        data.append(
-            Observation.from_modes(assembly=true, frequency_hz=modes, standard_deviation_hz=0.2, label=f"{level}")
-        )
-    exponent = Unknown(address="joint.exponent", lower=0.2, upper=2.0)
-    found = identify(data, [STIFFNESS, SLIP, exponent], starts=4)
-    assert found.values["joint.exponent"] == pytest.approx(1.0, abs=1e-5)
-    assert found.values["joint.slip_theta"] == pytest.approx(0.2, rel=1e-5)
 
 
 def test_stepped_sines_at_two_forces_are_identified() -> None:

@@ -37,16 +37,6 @@ def test_fit_without_noise_and_without_damping_can_be_drawn():
     assert exact.plot().axes[0].get_ylim()[0] > 0.0
 
 
-def test_ring_down():
-    t = np.arange(4096) / 1024.0
-    x = np.exp(-2.0 * t) * np.cos(2.0 * np.pi * 80.0 * t)
-    found = ring_down(x, 1024.0, low_hz=60.0, high_hz=100.0)
-    left, right = found.plot().axes
-    np.testing.assert_allclose(left.containers[0].lines[0].get_ydata(), found.frequency_hz)
-    np.testing.assert_allclose(right.containers[0].lines[0].get_ydata(), 100.0 * found.damping_ratio)
-    assert left.get_xscale() == "log"
-
-
 def boxes_of(artists):
     """Return the boxes in pixels of the texts that are drawn."""
     return [artist.get_window_extent() for artist in artists if artist.get_visible() and artist.get_text()]

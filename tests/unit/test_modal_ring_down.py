@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 
 import numpy as np
 import pytest
@@ -142,10 +141,3 @@ def test_mistakes():
         arguments = {"samples": x, "sample_rate_hz": RATE, **BAND, **change}
         with pytest.raises(kind, match=message):
             ring_down(arguments.pop("samples"), arguments.pop("sample_rate_hz"), **arguments)
-
-
-def test_pickle_and_text():
-    found = ring_down(decay(softening, slipping), RATE, **BAND, blocks=5)
-    again = pickle.loads(pickle.dumps(found))
-    np.testing.assert_array_equal(again.frequency_hz, found.frequency_hz)
-    assert repr(found).startswith("RingDown(5 blocks: 79.")

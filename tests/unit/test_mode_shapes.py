@@ -90,15 +90,6 @@ def test_limits_and_errors() -> None:
         mode_shapes(CLAMPED, -1.0)
 
 
-def test_shapes_are_a_result() -> None:
-    shapes = mode_shapes(CLAMPED, 10e3)
-    assert "Mode shapes" in shapes.summary()
-    assert len(shapes.to_dict()["y"]) == len(shapes)
-    figure = shapes.plot()
-    assert len(figure.axes) == 1 + len(shapes)
-    assert figure.axes[1].get_ylabel() == "y (1/√kg)"
-
-
 def _image(html: str) -> bytes:
     source = re.search(r'src="data:image/png;base64,([^"]+)"', html)
     assert source

@@ -205,15 +205,3 @@ def test_errors_describe_the_mistake() -> None:
         parametric_receptance(plain(), (JOINT[0], JOINT[0]), LINES)
     with pytest.raises(ValueError, match="nothing"):
         parametric_receptance(plain(), ("joint.nothing",), LINES)
-
-
-def test_core_refuses_inconsistent_arguments() -> None:
-    reduction, rows = plain().reduced_to_joint("joint", LINES), joints(2, "elastic")
-    with pytest.raises(ValueError, match="out: shape"):
-        reduction.fill(rows, np.empty((2, 5)), 1)
-    with pytest.raises(ValueError, match="joints: shape"):
-        reduction.fill(rows[:, :3].copy(), np.empty((2, LINES.size)), 1)
-    with pytest.raises(ValueError, match="C-contiguous"):
-        reduction.fill(rows, np.empty((LINES.size, 2)).T, 1)
-    with pytest.raises(ValueError, match="measured receptance"):
-        reduction.misfit(rows, np.ones(3, complex), np.ones(LINES.size), True, 1)

@@ -66,11 +66,11 @@ def test_time_records_have_no_conjugate() -> None:
         read("hit.npz", conjugate=True)
 
 
-def test_convert_and_show(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_convert_and_show(capsys: pytest.CaptureFixture[str]) -> None:
     write("a.csv", RIGHT.conjugated())
-    assert call(monkeypatch, "convert", "a.csv", "b.npz", "--conjugate") == 0
+    assert call("convert", "a.csv", "b.npz", "--conjugate") == 0
     assert np.array_equal(read_frf("b.npz").values, RIGHT.values)
-    assert call(monkeypatch, "show", "a.csv", "--reverse", "--no-window") == 0
+    assert call("show", "a.csv", "--reverse", "--no-window") == 0
     assert "sign changed on request" in capsys.readouterr().out
 
 
@@ -85,7 +85,7 @@ COLUMNS = ["frequency [Hz]", "coherence"]
 
 
 @pytest.mark.parametrize("file", ["named.csv", "bare.csv", "array.npz"])
-def test_the_header_of_a_file_with_a_coherence(file: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_header_of_a_file_with_a_coherence(file: str) -> None:
     write("tip.npz", RIGHT)
     write_coherences()
     variables = {"frequency_hz": "lines", "coherence": "quality"}
@@ -96,7 +96,7 @@ def test_the_header_of_a_file_with_a_coherence(file: str, monkeypatch: pytest.Mo
     assert np.all(found.coherence == 0.99)
     options = [f"--coherence-variable={role}={name}" for role, name in variables.items()]
     options = options if by_name else [f"--coherence-columns={','.join(COLUMNS)}"]
-    assert call(monkeypatch, "convert", "tip.npz", "out.npz", "--coherence", file, *options) == 0
+    assert call("convert", "tip.npz", "out.npz", "--coherence", file, *options) == 0
     assert np.array_equal(read_frf("out.npz").coherence, found.coherence)  # type: ignore[arg-type]
 
 
@@ -115,17 +115,15 @@ NEW = (
 )
 
 
-def test_new_takes_a_coherence_for_each_file(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_new_takes_a_coherence_for_each_file(capsys: pytest.CaptureFixture[str]) -> None:
     write_coherences()
     for name, factor in (("a", 1.0), ("b", 2.0)):
         write(f"{name}.npz", RIGHT.conjugated().with_(values=factor * RIGHT.values.conj()))
     words = ["new", "made", "a.npz", "b.npz", *NEW, "--overhang=60 mm", "--overhang=70 mm", "--conjugate"]
     words += [f"--coherence-columns={','.join(COLUMNS)}", "--coherence=named.csv"]
-    assert call(monkeypatch, *words) == 2
+    assert call(*words) == 2
     assert "1 --coherence is given for 2 files, expected one for each" in capsys.readouterr().err
-    assert call(monkeypatch, *words, "--coherence=bare.csv") == 0
+    assert call(*words, "--coherence=bare.csv") == 0
     made = campaign.load("made")
     assert [made.files_of(name) for name in made.measurements] == [
         ("../a.npz", "../named.csv"),

@@ -6,7 +6,6 @@ import importlib
 import inspect
 import json
 import pkgutil
-import re
 from dataclasses import dataclass, field
 from typing import Any, get_type_hints
 
@@ -158,14 +157,6 @@ def test_text_and_html_show_findings_notes_and_campaign_path() -> None:
     assert "\x1b" not in Found(name="tip\x1b[2J")._repr_html_()
 
 
-def test_notes_of_many_sources_are_counted() -> None:
-    notes = [f"measurements.m{i}: {text}" for i in range(6) for text in ("simulated", "few lines")]
-    shown = list(Found(notes=("before", *notes, "other: alone")).grouped_notes())
-    assert shown[:4] == ["before", "measurements.m0:", "  simulated", "  few lines"]
-    assert shown[-2:] == ["other: alone", "3 more sources have notes: `to_dict` and --json have all of them"]
-    assert len(shown) == 1 + 3 * 3 + 2
-
-
 def test_dictionaries_equal_their_json() -> None:
     found = Found(provenance=Provenance(title="T", file="c.toml", seed=1, settings={"starts": 8})).to_dict()
     assert json.loads(json.dumps(found, allow_nan=False)) == found
@@ -244,7 +235,3 @@ def test_every_result_implements_the_protocol() -> None:
     others = [one for one in classes if one is not Renderable]
     for name in ("as_dict", "summary", "_repr_html_", "as_text", "as_html"):
         assert not [one for one in others if name in vars(one)], name
-
-
-def test_text_needs_no_terminal_and_no_colour() -> None:
-    assert not re.search(r"\x1b\[", Found().summary())

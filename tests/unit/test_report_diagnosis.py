@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from datetime import date
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,20 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from browser import PAPER, Browser
+from blank_in_holder import make_assembly
 from receptance import (
     CARBIDE,
-    STEEL,
     Assembly,
     Observation,
     Part,
-    PointJoint,
     PointMass,
     Segment,
     Unknown,
 )
 from receptance.diagnosis import diagnose
-from receptance.diagnosis.by_mode import Curve, curves, modes_of, residuals_by_mode
+from receptance.diagnosis.by_mode import Curve, modes_of, residuals_by_mode
 from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.fitting import evaluate
 from receptance.diagnosis.held_out import FREQUENCIES, Gain
@@ -39,13 +36,6 @@ TITLE = '12 mm <script>alert(1)</script> & "mill" äöü 端'
 LABEL = "</script><img src=x onerror=alert(2)> {:.0f}"
 LARGEST = 1 << 20
 """Bytes of a page."""
-
-
-def make_assembly(overhang: float, *masses: PointMass) -> Assembly:
-    tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
-    holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
-    joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
-    return Assembly([tool, joint, holder], masses)
 
 
 @pytest.fixture(scope="module")
@@ -94,11 +84,6 @@ def test_mode_deviation_by_the_sensor(verdict: Any) -> None:
     modelled = verdict.base.assemblies[2].natural_frequencies(6000.0)[0]
     assert own.frequency_percent == pytest.approx(100.0 * (modelled / true - 1.0), abs=0.03)
     assert np.isnan(before["peak"].damping_percent)
-
-
-def test_curves_are_those_of_the_fitted_models(verdict: Any) -> None:
-    for one, assembly in zip(curves(verdict.selection.base)[:3], verdict.base.assemblies, strict=False):
-        np.testing.assert_allclose(one.modelled, assembly.receptance(one.frequency_hz), rtol=1e-6)
 
 
 def test_noise_in_an_antiresonance_is_no_mode() -> None:
@@ -164,17 +149,6 @@ def test_page_is_complete(page: str, verdict: Any) -> None:
     assert len(page.encode()) < LARGEST
 
 
-def test_people_read_names_and_machines_ids(page: str, verdict: Any) -> None:
-    """Ids are in the settings, with which a run is repeated, and in the JSON."""
-    answer, _, settings = page.partition("Settings and versions")
-    assert "sensor_mass" not in answer
-    assert "sensor_mass" in settings
-    text = verdict.summary()
-    assert "sensor_mass" not in text
-    assert "chi-square" not in text.casefold()
-    assert verdict.to_dict()["causes"][0]["id"] == "sensor_mass"
-
-
 def test_card_states_effect_with_units(verdict: Any) -> None:
     """Ratios, decibels and percent beside the numbers of the result."""
     cells = {row[0]: row for table in verdict.tables() for row in table.rows}
@@ -224,43 +198,6 @@ def test_page_has_no_external_links(page: str) -> None:
     Attributes().feed(page)
     assert loading == []
     assert "default-src 'none'" in page
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "least"), [("diagnosis", 9.0), ("identification", 4.5)])
-def test_page_in_a_browser(tmp_path: Path, verdict: Any, kind: str, least: float) -> None:
-    """On a phone, a desktop and paper, light and dark: nothing is cut, text is large enough, nothing is loaded."""
-    path = tmp_path / "report.html"
-    result = verdict if kind == "diagnosis" else verdict.base
-    path.write_text(result.to_html(TITLE), encoding="utf-8")
-    figures = path.read_text(encoding="utf-8").count('<svg class="figure"')
-    with Browser(tmp_path) as browser:
-        browser.open(path)
-        for width, media, dark in ((400, "screen", False), (400, "screen", True), (1280, "screen", False),
-                                   (1280, "screen", True), (688, "print", False)):  # fmt: skip
-            seen = browser.show(width, media=media, dark=dark)
-            assert seen["found"] == [], (width, media)
-            assert seen["page"] <= seen["width"], (width, media)
-            assert seen["figures"] == figures
-            assert seen["closed"] == 0
-            assert seen["smallest"] >= least, (width, media)  # exponents, on paper
-            ink, paper = (_luminance(seen[name]) for name in ("ink", "paper"))
-            assert (ink > paper) == dark
-            assert (max(ink, paper) + 0.05) / (min(ink, paper) + 0.05) > 7.0
-        for paper in PAPER:
-            pdf = browser.printed(paper)
-            assert pdf.startswith(b"%PDF")
-            assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 12
-        loaded = [one["params"]["request"]["url"] for one in browser.errors if "request" in one["params"]]
-        assert loaded == [path.as_uri()]
-        assert len(browser.errors) == len(loaded), browser.errors
-
-
-def _luminance(colour: str) -> float:
-    """Return the relative luminance of a colour of CSS, as the guidelines on contrast define it."""
-    shares = [int(number) / 255.0 for number in re.findall(r"\d+", colour)[:3]]
-    linear = [share / 12.92 if share <= 0.03928 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def test_natural_frequencies_without_an_explanation(tmp_path: Path) -> None:

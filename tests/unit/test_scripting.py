@@ -100,8 +100,3 @@ def test_help_opens_with_the_types_of_the_fields() -> None:
     assert opening.startswith(
         " |  Segment(*, length: float, outer_diameter: float, inner_diameter: float = 0.0, material: "
     )
-
-
-def test_dir_lists_the_public_names() -> None:
-    assert {"FRF", "Segment", "identify", "io", "coupling", "__version__"} <= set(dir(rc))
-    assert not {"Any", "TYPE_CHECKING", "lazily", "lazy_loader"} & set(dir(rc))

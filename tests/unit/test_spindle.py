@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import warnings
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,17 +49,6 @@ def test_tips_of_several_blanks_are_sufficient(lengths: tuple[float, ...]) -> No
     assert found.usable.mean() > 0.95
     assert np.max((np.abs(found.matrix - true) / np.abs(true))[found.usable]) < 1e-5
     assert np.isnan(found.rms) == (len(lengths) == 3)
-
-
-def test_records_of_different_lengths_are_resampled() -> None:
-    lengths = (0.08, 0.12, 0.17, 0.2)
-    grids = (LINES, np.linspace(LINES[0], LINES[-1], int(1.02 * LINES.size)))
-    observed = [measure(make_blank(n), 0.0, 0.0, sd=1e-3, lines=grids[i % 2]) for i, n in enumerate(lengths)]
-    found = identify_spindle(observed, limit=0.1)
-    assert np.array_equal(found.frequency_hz, LINES)
-    true = seen_at_the_plane(make_spindle(), LINES)
-    assert found.usable.mean() > 0.5
-    assert np.median((np.abs(found.matrix - true) / np.abs(true))[found.usable]) < 1e-3
 
 
 def test_lines_of_an_exponential_window() -> None:
@@ -269,10 +256,3 @@ class TestErrors:
             rotations(uneven[:2])
         with pytest.raises(ValueError, match="expected one blank"):
             rotations([*self.good, self.other])
-
-    def test_lines_outside_the_band(self) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            part = identify_spindle(self.good).part()
-        with pytest.raises(ValueError, match=r"'spindle' is known from 100 to .* Hz, and the line at 6000 Hz is out"):
-            Assembly([*make_blank().elements.values(), replace(part)]).receptance([500.0, 6000.0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -69,25 +68,6 @@ def test_every_parameter_has_its_derivative(points: int | None, slope: float) ->
             assert np.all(np.abs(slopes[:, column] - expected) <= allowed), name
 
 
-def test_values_are_read_and_replaced() -> None:
-    core = Section(outer_diameter=0.012, inner_diameter=0.005, material=CARBIDE, core=STEEL)
-    assembly = make(shank=core)
-    assert assembly.get("joint.shank.core.density") == STEEL.density
-    changed = assembly.replace({
-        "joint.length": 0.03,
-        "joint.shank.core.density": 8000.0,
-        "joint.sleeve.inner_diameter": 0.0121,
-        "joint.sleeve.loss_factor": 0.5,
-    })  # fmt: skip
-    assert changed.get("joint.length") == 0.03
-    assert changed.get("joint.shank.core.density") == 8000.0
-    assert changed.get("joint.sleeve.inner_diameter") == 0.0121
-    assert changed.get("joint.sleeve.loss_factor") == 0.5
-    assert changed.get("joint.shank.outer_diameter") == 0.012
-    assert assembly.get("joint.length") == 0.04
-    assert pickle.loads(pickle.dumps(changed)) == changed
-
-
 @pytest.mark.parametrize(
     "address", ["joint.shank", "joint.shank.length", "joint.bore.density", "joint.points", "joint.sleeve.core.density"]
 )
@@ -106,15 +86,11 @@ def test_invalid_parameter_is_an_error(address: str) -> None:
     ("changes", "error", "words"),
     [
         ({"length": 0.0}, ValueError, "length is 0, expected more than zero m"),
-        ({"length": "40 mm"}, TypeError, "length is '40 mm', expected a finite number of m"),
         ({"shank": CARBIDE}, TypeError, "shank is Material.*, expected a Section"),
         ({"k_y": -1.0}, ValueError, "k_y is -1, expected zero or more N/m"),
-        ({"c_theta": np.nan}, ValueError, "c_theta is nan"),
         ({"k_y": 0.0, "c_y": 0.0}, ValueError, "k_y and c_y are both zero, so the translation is free"),
         ({"points": 1, "k_theta": 0.0, "c_theta": 0.0}, ValueError, "rotation about the one point is free"),
-        ({"points": 0}, ValueError, "points is 0, expected a whole number from 1 to 1000 or None"),
         ({"points": 2.0}, TypeError, "points is 2.0, expected a whole number"),
-        ({"points": True}, TypeError, "points is True, expected a whole number"),
         ({"points": 4, "slope": -1.5}, ValueError, "slope is -1.5, expected"),
         ({"slope": 0.5}, ValueError, "slope is 0.5 and points is None"),
         ({"sleeve": replace(SLEEVE, core=CARBIDE)}, ValueError, "sleeve has a core, expected an open bore"),

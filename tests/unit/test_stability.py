@@ -20,7 +20,6 @@ from receptance.stability import (
     semi_discretised_limit,
     stability_lobes,
 )
-from receptance.stability.lobes import limit_over_speed
 
 SEED = 20261121
 TIP = TipModes(frequency_hz=[922.0, 1400.0], damping_ratio=[0.011, 0.02], shapes=[[5.0, 0.0], [0.0, 4.0]])
@@ -63,16 +62,6 @@ def test_turning_errors() -> None:
 def test_invalid_modes(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         TipModes(**{"frequency_hz": [1.0, 2.0], "damping_ratio": [0.1, 0.1], "shapes": np.eye(2), **changes})
-
-
-def test_mean_force_equals_its_integral() -> None:
-    """Closed form against a sum over fine steps, with entry and exit within the step."""
-    angle = np.linspace(0.3, 2.9, 200_001)
-    middle = 0.5 * (angle[1:] + angle[:-1])
-    for cut in (CUT, Milling(teeth=5, k_t=6e8, k_n=2e8, immersion=0.1), Milling(teeth=1, k_t=1e8, k_n=0.0)):
-        teeth = 2.0 * np.pi * np.arange(cut.teeth) / cut.teeth
-        fine = sum(cut.directional(middle + offset).mean(axis=0) for offset in teeth)
-        np.testing.assert_allclose(cut.directional_mean(angle[:1], angle[-1:])[0], fine, rtol=0, atol=2e-5 * cut.k_t)
 
 
 def test_lobes_from_measured_frfs() -> None:
@@ -181,28 +170,3 @@ def test_without_a_cut_the_structure_decays() -> None:
     found = floquet_multiplier(CUT, TIP, speed_rpm=6000.0, depth=0.0)
     slowest = np.min(TIP.damping_ratio * 2.0 * np.pi * TIP.frequency_hz)
     np.testing.assert_allclose(found, np.exp(-slowest * 60.0 / (3 * 6000.0)), rtol=1e-9)
-
-
-def test_pieces_of_very_different_depth() -> None:
-    # No value is between a half and a fifth of the largest 1/depth.
-    lines = np.array([1000.0, 1010.0, 1500.0, 2000.0, 2010.0])
-    depth, phase = np.array([[1.0], [1.0], [np.inf], [10.0], [10.0]]), np.full((5, 1), np.pi)
-    # One and a half waves of 1005 Hz, then of 2005 Hz, between two teeth.
-    speeds = 60.0 * np.array([1005.0, 2005.0]) / 1.5
-    limit, chatter_hz = limit_over_speed(1, speeds, lines, depth, phase)
-    np.testing.assert_allclose(limit, [1.0, 10.0], rtol=1e-12)
-    np.testing.assert_allclose(chatter_hz, [1005.0, 2005.0], rtol=1e-12)
-
-
-def test_a_mode_near_the_first_line_is_on_the_lines():
-    """It falls about as 1/f^2, as drift does, but its peak is there."""
-    modes = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
-    cut = Milling(teeth=2, k_t=6e8, k_n=2e8, immersion=0.05)
-    for first in (500.0, 850.0):
-        lines = np.arange(first, 4000.0, 0.1)
-        lobes = stability_lobes(cut, lines, modes.receptance(lines), speeds_rpm=[5e3, 2e4])
-        assert lobes.rejection == ()
-        assert 1e3 * lobes.depth == pytest.approx([2.58, 2.22], abs=0.01)
-    # Without the lines below the mode the limit of 2.58 mm would be infinite.
-    lines = np.arange(900.0, 4000.0, 0.1)
-    assert stability_lobes(cut, lines, modes.receptance(lines), speeds_rpm=[5e3, 2e4]).rejection

@@ -16,7 +16,6 @@ from receptance.coupling import (
     Holder,
     RadialJoint,
     Shape,
-    axial_from_mode,
     fit_laws,
     fit_taper,
     radial_from_modes,
@@ -165,17 +164,6 @@ def test_series_state_their_findings() -> None:
     assert ends[0] > 4.0 * ends[1]
     law = fit_laws(force, 3.0 + 2.0 * (force / 25.0) ** 2, errors)[2]
     np.testing.assert_allclose(law.at([0.0, 12.5, 25.0]), [3.0, 3.5, 5.0], rtol=1e-5)
-
-
-def test_a_shape_needs_two_points() -> None:
-    with pytest.raises(ValueError, match=r"both 0\.05 m"):
-        Shape(first=0.05, second=0.05, ratio=(1.0, 1.0))
-
-
-def test_overdamped_motion_is_not_a_mode() -> None:
-    for ratio in (1.2, -0.01):
-        with pytest.raises(ValueError, match="damping_ratio"):
-            axial_from_mode(Body(mass=4.5, inertia=0.01), 4800.0, ratio)
 
 
 def test_mistakes_in_series() -> None:

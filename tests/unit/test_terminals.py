@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -30,7 +29,6 @@ from receptance import (
     Unknown,
     identify,
 )
-from receptance.model.terminals import modal_entries
 
 LOSSY = replace(STEEL, loss_factor=0.002)
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
@@ -136,30 +134,6 @@ def test_residual_equals_the_derivative_by_the_table() -> None:
     moved = Assembly([TOOL, JOINT, HOLDER, TAPER, replace(measured, matrix=matrix)]).receptance(LINES)
     expected = np.einsum("nm,nm->n", slope, change)
     np.testing.assert_allclose(moved - h, expected, rtol=1e-2, atol=1e-12 * np.abs(h).max())
-
-
-def test_modes_are_identified() -> None:
-    lines = np.linspace(200.0, 3000.0, 500)
-    true = Assembly([TOOL, JOINT, HOLDER, TAPER, MODAL])
-    data = [
-        Observation(assembly=true, frequency_hz=lines, receptance=true.receptance(lines, response=p), response=p)
-        for p in (Coordinate(), Coordinate("holder", 0.0))
-    ]
-    unknowns = [
-        Unknown(address="spindle.mode[0].frequency_hz", lower=500.0, upper=900.0, start=700.0),
-        Unknown(address="spindle.mode[0].damping_ratio", lower=0.005, upper=0.2, start=0.05),
-        Unknown(address="joint.k_theta", lower=1e4, upper=1e6, start=2e5),
-    ]
-    found = identify(data, unknowns, starts=2, seed=1)
-    assert found.values["spindle.mode[0].frequency_hz"] == pytest.approx(650.0, rel=1e-6)
-    assert found.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
-    alone = identify(data, unknowns[2:], starts=1)
-    assert alone.values["joint.k_theta"] == pytest.approx(1e5, rel=1e-6)
-
-
-def test_modes_take_every_second_line() -> None:
-    every = modal_entries(MODES, LINES)
-    np.testing.assert_array_equal(modal_entries(MODES, LINES[::2]), every[::2])
 
 
 def test_modes_against_exact_arithmetic() -> None:
@@ -274,14 +248,12 @@ def test_from_a_file_s_frf() -> None:
         (lambda: Assembly([TOOL, MODAL]).natural_frequencies(1e3), ValueError, "use the peaks of a receptance"),
         (lambda: Assembly([TOOL, MODAL]).get("spindle.mode[2].y"), ValueError, "there is no parameter"),
         (lambda: ModalPart(modes=[]), ValueError, "modes is empty"),
-        (lambda: ModalPart(modes=[1.0]), TypeError, r"modes\[0\] is 1.0, expected a Mode"),
         (lambda: ModalPart(modes=MODES, band_hz=(100.0, 50.0)), ValueError, "expected an ascending pair"),
         (
             lambda: Mode(frequency_hz=0.0, damping_ratio=0.0, y=1.0, theta=0.0, y_imaginary=0.1),
             ValueError,
             "does not oscillate, expected a shape without imaginary parts",
         ),
-        (lambda: Mode(frequency_hz=-1.0, damping_ratio=0.0, y=1.0, theta=0.0), ValueError, "frequency_hz is -1"),
         (
             lambda: ModalPart(modes=[replace(MODES[0], damping_ratio=0.0)]).receptance([650.0]),
             ResonanceError,
@@ -307,18 +279,6 @@ def test_from_a_file_s_frf() -> None:
 def test_errors_describe_the_mistake(make: Any, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         make()
-
-
-def test_terminals_are_equal_hashable_values() -> None:
-    for spindle in (table(), MODAL):
-        assert pickle.loads(pickle.dumps(spindle)) == spindle
-        assert replace(spindle, residual_y=1e-9) != spindle
-        assembly = Assembly([TOOL, spindle])
-        assert assembly.replace({"spindle.residual_y": 1e-9}).get("spindle.residual_y") == 1e-9
-        assert assembly == Assembly([TOOL, pickle.loads(pickle.dumps(spindle))])
-        assert "Part" in repr(spindle)
-    many = Assembly([TOOL, MODAL]).replace({"spindle.mode[0].y": 0.5, "spindle.mode[1].frequency_hz": 1800.0})
-    assert [m.frequency_hz for m in many.elements["spindle"].modes] == [650.0, 1800.0]  # type: ignore[union-attr]
 
 
 def test_values_of_a_modal_part_are_replaced_by_address() -> None:

@@ -154,16 +154,6 @@ def test_drawn_and_linear_bands_agree_for_small_uncertainty() -> None:
     assert np.all(high / low > np.exp(2 * 1.95 * 0.01))
 
 
-def test_receptance_of_undetermined_parameters_has_an_open_band() -> None:
-    rigid = make_assembly(0.06, k_theta=1e9)
-    mode = Observation.from_modes(
-        assembly=rigid, frequency_hz=rigid.natural_frequencies(5e3)[:1], standard_deviation_hz=5.0
-    )
-    fit = identify([mode, mode], STIFFNESSES, starts=1)
-    wide = fit.at(make_assembly(0.06)).receptance([3e3]).scatter.total
-    assert wide[0] > 0.1
-
-
 def test_missing_scatter_is_estimated() -> None:
     rng = np.random.default_rng(3)
     measured = [frequencies(length, spread=None) for length in (0.04, 0.05, 0.06, 0.07, 0.08)]
@@ -218,20 +208,6 @@ def test_unpredictable_quantities_are_reported() -> None:
     assert found.not_predicted == ("lonely: other.k_theta is in no configuration that is left",)
     assert len(found.modes) == 6
     assert "not predicted: lonely" in found.summary()
-
-
-def test_linear_band_replaces_impossible_draws_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
-    from receptance.fit.predictor import PredictedAssembly
-
-    def none_has_a_model(self: PredictedAssembly, count: int, seed: int) -> list[Assembly | None]:
-        return [None] * count
-
-    monkeypatch.setattr(PredictedAssembly, "assemblies", none_has_a_model)
-    found = transfer(responses(), [*STIFFNESSES, *DAMPINGS], splits=["80 mm"], starts=1)
-    assert found.notes == (
-        "80 mm: its band is linear, because only 0 of 200 vectors drawn from the posterior have a model",
-    )
-    assert found.frfs[0].share_within(0.95) > 0.88
 
 
 def test_bad_input_is_refused() -> None:

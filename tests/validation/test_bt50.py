@@ -12,18 +12,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import bt50
 import bt50_rig
 import study_scripts
-from receptance import FRF, Coordinate, ReceptanceWarning
+from receptance import Coordinate, ReceptanceWarning
 from receptance.coupling import body_of, fit_taper, without_each
 from receptance.examples import virtual_rig
 from receptance.examples.virtual_rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPACING_HZ, load_rig
 from receptance.hammer import estimate_frf, find_hits, simulate_hits
-from receptance.modal import half_power
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261122"))
-CASES = 120
+CASES = 40
 
 
 @pytest.fixture(scope="module")
@@ -74,29 +72,6 @@ def test_rig_has_the_measured_coordinates() -> None:
     rig = load_rig()[0]
     with pytest.raises(ValueError, match="only"):
         rig.receptance([100.0], response=Coordinate("holder", 0.07))
-
-
-def test_half_power_against_lines_in_the_band(summarise: Callable[[str, str, object], None]) -> None:
-    """Bias of half-power zeta at 1 %: 10 lines +0.5 %, 5 +2 %, 3 +5.6 %, 2 +11 %, 1 +41 %, over all places of lines."""
-    found = {}
-    zeta, f0 = 0.01, 5000.0
-    for lines in (10, 5, 3, 2, 1):
-        spacing = 2.0 * zeta * f0 / lines
-        ratios = []
-        for shift in (np.arange(60) + 0.5) / 60.0:
-            f = f0 + spacing * (np.arange(-8 * lines - 10, 8 * lines + 11) + shift)
-            f = f[f > 0.0]
-            s = 2j * np.pi * f
-            w = 2.0 * np.pi * f0
-            frf = FRF(frequency_hz=f, values=1.0 / (s**2 + 2.0 * zeta * w * s + w * w), log_variance=1e-8)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ReceptanceWarning)
-                ratios.append(half_power(frf).damping_ratio / zeta)
-        found[lines] = 100.0 * (float(np.mean(ratios)) - 1.0)
-    text = ", ".join(f"{lines} lines {bias:+.1f} %" for lines, bias in found.items())
-    summarise("half-power bias", text, found)
-    for lines, expected, tolerance in ((10, 0.5, 0.2), (5, 2.0, 0.3), (3, 5.6, 0.5), (2, 11.0, 1.0), (1, 41.0, 3.0)):
-        assert found[lines] == pytest.approx(expected, abs=tolerance)
 
 
 @pytest.mark.slow
@@ -164,29 +139,6 @@ def test_trends_are_those_of_the_rig(virtual: dict[str, Any]) -> None:
         assert own["exponent_interval"] == pytest.approx([exponent, exponent], abs=tolerance)
     assert trends["elastic c_z1"]["trend"]["direction"] == "rises"
     assert trends["elastic c_x1"]["trend"]["direction"] == "falls"
-
-
-@pytest.mark.slow
-def test_where_damping_matters(virtual: dict[str, Any]) -> None:
-    """Around the modes and nowhere else along the axis; without damping a peak has no height."""
-    shown = min(virtual["axial"], key=lambda level: abs(level["force_kn"] - 20.0))
-    lines, damped, undamped = bt50.response_without_damping("axial", shown["elastic"]["values"])
-    ((low, high),) = virtual["damping_matters_hz"]["axial"]
-    assert low < shown["experiment_hz"] < high
-    assert high - low < 0.05 * shown["experiment_hz"]
-    outside = (lines < low) | (lines > high)
-    np.testing.assert_allclose(undamped[outside], damped[outside], rtol=0.05)
-    assert undamped.max() > 2.0 * damped.max()
-
-
-@pytest.mark.slow
-def test_published_values_are_separate(study: dict[str, Any], virtual: dict[str, Any]) -> None:
-    assert study["study"] == "bt50"
-    assert "VIRTUAL" in study["provenance"]
-    assert study["published"]["axial_stiffness_n_per_m"] == [4.8e9, 5.0e9]
-    assert len(virtual["axial"]) == len(virtual["radial"]) == 13
-    names = {"k_z1", "c_z1", "k_x1", "k_x2", "c_x1", "c_x2"}
-    assert {name.removeprefix("elastic ") for name in virtual["trends"] if name.startswith("elastic")} == names
 
 
 @pytest.mark.slow

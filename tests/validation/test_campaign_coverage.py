@@ -10,7 +10,7 @@ import pytest
 from validation.campaign_coverage import LEVEL, measure
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "2"))
-DRAWS = 200
+DRAWS = 80
 
 
 @pytest.mark.slow

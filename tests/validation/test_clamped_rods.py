@@ -60,31 +60,3 @@ def test_wider_reading_error_leaves_the_stiff_side_open() -> None:
     one = next(p for p in study["predictions"] if tuple(p[key] for key in keys) == ("rotation", "d", "b"))
     assert one["interval_hz"][1] == pytest.approx(clamped_rods.first_mode("b", {}), abs=0.01)
     assert any(clamp["explains"] for clamp in study["common_clamp"])
-
-
-def test_common_clamp(study: dict[str, Any]) -> None:
-    """The result for one clamp for all rods equals a search over its stiffness."""
-    for clamp in study["common_clamp"]:
-        assert clamp["least_worst_hz"] <= max(abs(error) for error in clamp["error_hz"].values()) + 1e-9
-        assert clamp["explains"] is (clamp["least_worst_hz"] <= 5.0)
-        if len(clamp["values"]) == 1:
-            (address,) = clamp["values"]
-            grid = np.geomspace(1e3, 1e6, 400) if address == "clamp.k_theta" else np.geomspace(1e5, 1e8, 400)
-            worst = [
-                max(
-                    abs(clamped_rods.first_mode(name, {address: float(k)}) - measured)
-                    for name, measured in clamped_rods.MEASURED_HZ.items()
-                )
-                for k in grid
-            ]
-            assert clamp["least_worst_hz"] == pytest.approx(min(worst), abs=0.6)
-
-
-def test_same_seed_same_result(study: dict[str, Any]) -> None:
-    assert clamped_rods.study() == study
-
-
-@pytest.mark.parametrize("error", [0.0, -1.0, math.nan, 500.0])
-def test_invalid_reading_error(error: float) -> None:
-    with pytest.raises(ValueError, match="reading error"):
-        clamped_rods.study(error)

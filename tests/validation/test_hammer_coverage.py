@@ -2,7 +2,6 @@
 
 import os
 
-import numpy as np
 import pytest
 
 from validation import hammer_coverage as coverage
@@ -12,7 +11,7 @@ RUNS = 150
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", coverage.CASES, ids=[case.name for case in coverage.CASES])
+@pytest.mark.parametrize("case", coverage.CASES[::2], ids=lambda case: case.name)
 def test_intervals_cover_the_truth(case, summarise):
     """An exact binomial test at the 1 % level does not reject 95 %, for magnitude, phase and both together."""
     report = coverage.measure(case, SEED, RUNS)
@@ -23,20 +22,3 @@ def test_intervals_cover_the_truth(case, summarise):
     # The test has the power to see a variance that is wrong by a factor of two.
     for factor in (0.5**0.5, 2.0**0.5):
         assert report.shares(factor)["both"].p_value < coverage.REJECTED_AT
-
-
-def test_few_runs_give_plausible_rates():
-    case = coverage.CASES[0]
-    found = [coverage.run_once(case, (SEED, 0, number)) for number in range(6)]
-    good = [outcome for outcome in found if outcome is not None]
-    assert len(good) >= 5
-    assert np.sqrt(np.mean([abs(outcome.deviation) ** 2 for outcome in good])) < 4.0
-    assert all(outcome.freedom >= 9.0 for outcome in good)
-
-
-def test_the_binomial_test_is_exact():
-    assert coverage.Share(190, 200).p_value == pytest.approx(1.0)
-    assert coverage.Share(180, 200).p_value < 0.01 < coverage.Share(182, 200).p_value
-    assert coverage.Share(199, 200).p_value < 0.01
-    low, high = coverage.Share(190, 200).interval
-    assert low < 0.95 < high

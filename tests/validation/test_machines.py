@@ -18,12 +18,6 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return study_scripts.run("machines", tmp_path_factory.mktemp("study"))
 
 
-def test_the_tools_are_those_of_table_5() -> None:
-    assert [tool.overhang_mm for tool in machines.tools("medium")] == [62.5, 62.5, 62.8, 62.3, 75.7]
-    assert [tool.overhang_mm for tool in machines.tools("long")] == [113.5, 114.2, 114.6, 113.2]
-    assert {machine.holder_mm is None for machine in machines.MACHINES} == {True, False}
-
-
 def test_spindles_and_tools(study: dict[str, Any]) -> None:
     """Nine tenths of the lines are usable; frequencies within the paper's 2 %, heights within the stated deviation."""
     for case in study["virtual"]:

@@ -82,18 +82,18 @@ def tips_by_finite_elements(lengths: tuple[float, ...], front: float, lines: NDA
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lengths", [(0.08, 0.12, 0.17), (0.05, 0.1, 0.2), (0.1, 0.15, 0.25), (0.08, 0.12, 0.17, 0.2)])
+@pytest.mark.parametrize("lengths", [(0.05, 0.1, 0.2), (0.08, 0.12, 0.17, 0.2)])
 def test_tips_of_several_lengths_cover(
     lengths: tuple[float, ...], summarise: Callable[[str, str, object], None]
 ) -> None:
-    """Data by finite elements, noise of 0.1, 0.3 and 1 %, seeds 0 to 3: no wrong branch, no correct line refused."""
+    """Data by finite elements, noise of 0.1, 0.3 and 1 %, seeds 0 and 1: no wrong branch, no correct line refused."""
     lines = LINES[::4]
     steel = Material(name="steel", youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3)
     inside, total, ambiguous, usable, runs = 0, 0, 0, 0, 0
     for front in (3e8, 1e8):
         tips, true = tips_by_finite_elements(lengths, front, lines)
         for sd in (0.001, 0.003, 0.01):
-            for seed in range(4):
+            for seed in range(2):
                 rng = np.random.default_rng(seed)
                 observed = []
                 for length, h in zip(lengths, tips, strict=True):

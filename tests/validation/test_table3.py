@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
 import pytest
 
 import study_scripts
@@ -93,45 +91,3 @@ def test_proposed_free_free_test_closes_the_intervals(study: dict[str, Any]) -> 
         assert width < 10.0
         # The expectation is over joints that the data allow, so the truth may differ.
         assert width < 2.0 * promised[name]
-
-
-def test_dampings_are_within_a_physical_bound() -> None:
-    bounds = {unknown.address: unknown for unknown in table3.unknowns()}
-    w = 2.0 * math.pi * 720.0
-    for y in ("y", "theta"):
-        own = bounds[f"joint.c_{y}"]
-        assert own.upper * w / table3.TRUTH[f"joint.k_{y}"] == pytest.approx(0.12)
-        assert own.lower < table3.TRUTH[f"joint.c_{y}"] < own.upper
-
-
-def test_noise_follows_from_coherence_and_averages() -> None:
-    measuring = table3.Measuring(coherence=0.98, averages=10)
-    assert measuring.noise == pytest.approx(math.sqrt(0.02 / (2 * 9 * 0.98)))
-    one = table3.measure(table3.MACHINE, measuring, table3.TRUTH, np.random.default_rng(5))
-    clean = table3.MACHINE.assembly.receptance(one.frequency_hz)
-    ratio = np.log(one.receptance / clean) / one.standard_deviation
-    assert np.std(ratio.real) == pytest.approx(1.0, abs=0.1)
-    assert np.std(ratio.imag) == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.parametrize(("coherence", "averages"), [(1.0, 10), (0.98, 1)])
-def test_invalid_noise_is_refused(coherence: float, averages: int) -> None:
-    with pytest.raises(ValueError, match="expected"):
-        table3.Measuring(coherence=coherence, averages=averages)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [101, 102])
-def test_other_errors_and_noise(seed: int) -> None:
-    """Whether a nearly rigid joint (manual 2) is rejected in the machine depends on the draw; free it is."""
-    found = table3.study(seed=seed)
-    assert found["closes"]
-    assert found["expected"][0]["free"]
-    verdicts = {one["name"]: one["rejected"] for one in _sets(found, free=False)}
-    assert verdicts["manual_1"]
-    assert verdicts["manual_3"]
-    if found["machine_alone"]["joint.k_y"]["interval"][1] is None:
-        worst = max(found["expected"][0]["half_width_percent"].values())
-        assert worst == math.inf, "no test bounds a joint that may be rigid"
-    assert all(one["rejected"] for one in _sets(found, free=True)[1:])
-    assert found["rms"] < 1.1
