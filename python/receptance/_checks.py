@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 import os
 import sys
-from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
+from collections.abc import Iterable
+from typing import Any, TypeVar, cast, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from receptance.units import Quantity
+from receptance.units import Quantity
 
 _T = TypeVar("_T")
 

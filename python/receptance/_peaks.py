@@ -6,12 +6,9 @@ They are those of `scipy.signal.find_peaks`. Importing `scipy.signal` takes long
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 
 def local_maxima(values: NDArray[np.float64], prominence: float = 0.0) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

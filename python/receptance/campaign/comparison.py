@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,13 +22,10 @@ from receptance.fit.observation import altered
 from receptance.fit.parameters import FACTORS
 from receptance.fit.unknowns import Law, covered
 from receptance.report import Column, Provenance, Result, Table
+from receptance.sweep import Candidates
 
 if TYPE_CHECKING:
-    import os
-
     import xarray as xr
-
-    from receptance.sweep import Candidates
 
 _BEST = 10
 """Largest number of candidates in tables and `to_dict`."""

@@ -5,26 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError, Issue, errors_about
+from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import PredictedFrequencies, PredictedFRF
 from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import covered
+from receptance.model.assembly import Assembly
 from receptance.report import Column, Provenance, Result, Table
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
-    from receptance.model.assembly import Assembly
-    from receptance.report.table import Cell
+from receptance.report.table import Cell
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from receptance.campaign.data import CampaignData
+from receptance.campaign.schema import SeriesTable
 from receptance.campaign.values import kind_of, parse_condition
 from receptance.coupling import ForceSeries
 from receptance.errors import ReceptanceError
-from receptance.fit import identify
+from receptance.fit import Identification, identify
+from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law, Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
+from receptance.report.table import Cell
 from receptance.units import split
-
-if TYPE_CHECKING:
-    from receptance.campaign.schema import SeriesTable
-    from receptance.fit import Identification
-    from receptance.fit.observation import Observation
-    from receptance.report.table import Cell
 
 LEAST_LEVELS = 6
 """Smallest number of levels to which laws are fitted."""

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut, Tip
@@ -16,9 +17,13 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.prediction import predict_assembly, prediction_lines
 from receptance.campaign.problems import CampaignError, errors_about
-from receptance.fit import Observation
+from receptance.diagnosis import HeldOut, Metric
+from receptance.fit import Identification, Observation
+from receptance.fit.predictor import PredictedAssembly
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
+from receptance.modal import ModeEstimate
+from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
 from receptance.stability import (
     Lobes,
@@ -34,15 +39,6 @@ from receptance.stability import (
 )
 from receptance.stability.lobes import without_limits
 from receptance.stability.tip import beyond_lines
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.diagnosis import HeldOut, Metric
-    from receptance.fit import Identification
-    from receptance.fit.predictor import PredictedAssembly
-    from receptance.modal import ModeEstimate
-    from receptance.model.assembly import Assembly
 
 _Value = TypeVar("_Value")
 

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -21,24 +21,21 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.diagnosis import base_model
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
+from receptance.diagnosis import Verdict
+from receptance.diagnosis.explanation import Explanation
+from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation, altered
-from receptance.fit.unknowns import Law, Move, Prior, Unknown, covered
+from receptance.fit.unknowns import Law, Move, Prior, Tolerance, Unknown, covered
+from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Choice, Count, Element, Member, Number
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.model.terminals import ModalPart
 from receptance.units import Quantity
-
-if TYPE_CHECKING:
-    from receptance.diagnosis import Verdict
-    from receptance.diagnosis.explanation import Explanation
-    from receptance.diagnosis.fitting import Fit
-    from receptance.fit.unknowns import Tolerance
-    from receptance.model.assembly import Assembly
 
 
 def _quantity(value: float, kind: Quantity) -> str | float:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from receptance import _checks
 from receptance._text import instead_of
-from receptance.campaign import CampaignError, Issue
+from receptance.campaign import Campaign, CampaignError, Deviation, Issue
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.fit.covariance import square_root
 from receptance.fit.parameters import Site
@@ -20,9 +20,6 @@ from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
-
-if TYPE_CHECKING:
-    from receptance.campaign import Campaign, Deviation
 
 _NO_CATALOGUE = """there is no [catalogue]; write one, such as
   [catalogue]

@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +13,16 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.campaign import CampaignError, predict_assembly
 from receptance.campaign.prediction import lines_between
+from receptance.catalogue.building import Catalogue
 from receptance.catalogue.line_modes import line_modes
+from receptance.catalogue.rows import ToolRow
 from receptance.errors import ReceptanceError
+from receptance.fit import Identification, PredictedFRF
 from receptance.fit.covariance import confidence_multiplier
 from receptance.frf import FRF
 from receptance.frf.plausibility import check_drive_point, low_frequency_rise
+from receptance.model.assembly import Assembly
 from receptance.model.terminals import MeasuredPart, ModalPart
-
-if TYPE_CHECKING:
-    from receptance.catalogue.building import Catalogue
-    from receptance.catalogue.rows import ToolRow
-    from receptance.fit import Identification, PredictedFRF
-    from receptance.model.assembly import Assembly
 
 _LINES = 2000
 """Number of lines if neither a step nor a measured spindle gives them."""

@@ -10,20 +10,18 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance._files import check_target, inert, write_whole
+from receptance.campaign import Campaign
+from receptance.catalogue.prediction import ToolPrediction
 from receptance.fit.covariance import UNINFORMATIVE
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.table import Cell
 from receptance.stability import Lobes, Milling, stability_lobes
-
-if TYPE_CHECKING:
-    from receptance.campaign import Campaign
-    from receptance.catalogue.prediction import ToolPrediction
-    from receptance.report.table import Cell
 
 _MODE_QUANTITIES = {"frequency": "Hz", "damping": "%", "dynamic stiffness": "N/um"}
 _MODE_UNITS = np.array([1.0, 1e2, 1e-6])

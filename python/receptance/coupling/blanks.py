@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.coupling.line_equations import TERMS, Equations
+from receptance.fit.observation import Observation
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring
 from receptance.model.terminals import Terminal
-
-if TYPE_CHECKING:
-    from receptance.fit.observation import Observation
-    from receptance.model.assembly import Assembly
 
 
 def plane_of(assembly: Assembly) -> tuple[Coordinate, Coordinate]:

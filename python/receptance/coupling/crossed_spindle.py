@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,8 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.coupling.blanks import blank_equations, check_blanks, plane_of
 from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
-
-if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
 
 _AXES = ("xx", "yy", "xy", "yx")
 # Unknowns of X = (G + Y)^-1 over (x, theta_x, y, theta_y): three in each plane, four between the planes.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,8 @@ from numpy.typing import NDArray
 from receptance.coupling.blanks import blank_equations, check_blanks, plane_of
 from receptance.coupling.line_equations import linear_solution
 from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.model.coordinates import Coordinate
 from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from receptance.model.coordinates import Coordinate
 
 _TERMS = ("y/F", "theta/F", "theta/M")
 _SAME = 1e-6

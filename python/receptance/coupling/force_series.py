@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.fit.covariance import confidence_multiplier
 from receptance.report import Column, Provenance, Result, Table
-
-if TYPE_CHECKING:
-    from receptance.report.table import Cell
+from receptance.report.table import Cell
 
 Direction = Literal["rises", "falls", "not determined"]
 LawName = Literal["constant", "linear", "power"]

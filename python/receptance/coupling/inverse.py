@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks, units
 from receptance._text import join_names
@@ -21,14 +22,10 @@ from receptance.coupling.line_equations import (
 from receptance.fit.observation import Observation, check_observations, common_lines
 from receptance.fit.parameters import Parameters
 from receptance.fit.unknowns import Tolerance, Unknown
+from receptance.model.assembly import Assembly
 from receptance.model.joints import PointJoint
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.model.assembly import Assembly
 
 _RIGID = PointJoint(k_y=1e15, k_theta=1e11)
 """Stiff joint at which an assembly is evaluated; its remaining compliance is subtracted exactly."""

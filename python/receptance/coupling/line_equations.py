@@ -12,19 +12,16 @@ determinant from two of them leaves a linear relation; with it, either equation 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _core
 from receptance.fit.search import START_LOSS_FACTOR
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
 
 TERMS = {"k_y": (0, 0), "k_theta": (1, 1), "k_ytheta": (0, 1)}
 """Terms of the joint's stiffness and their positions in the matrix."""

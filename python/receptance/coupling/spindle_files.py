@@ -6,17 +6,15 @@ import io as memory
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from receptance._files import read_whole, write_whole
+from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.frf import FRF
 from receptance.io.arrays import arrays_in
 from receptance.model.terminals import ENTRIES, MeasuredPart
-
-if TYPE_CHECKING:
-    from receptance.coupling.spindle_receptance import SpindleReceptance
 
 _FORMAT = "receptance spindle 1"
 _REQUIRED = ("frequency_hz", "matrix", "decay_rate")

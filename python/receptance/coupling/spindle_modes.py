@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance.coupling.blanks import check_blanks
+from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.errors import ReceptanceWarning
 from receptance.fit import Identification, Observation, Tolerance, Unknown, identify
 from receptance.fit.covariance import square_root
@@ -18,9 +18,6 @@ from receptance.fit.observation import altered, check_observations
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
-
-if TYPE_CHECKING:
-    from receptance.coupling.spindle_receptance import SpindleReceptance
 
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, Unpack
+from typing import Literal, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +15,14 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.coupling.rigid_holder import Body, as_rigid, body_of
 from receptance.errors import ReceptanceWarning
-from receptance.fit import Floor, Observation, Unknown, identify
+from receptance.fit import Floor, Identification, Observation, Unknown, identify
 from receptance.fit.covariance import confidence_multiplier
+from receptance.frf import FRF
+from receptance.hammer import Hits
+from receptance.hammer.estimate import EstimateKeywords
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring
-
-if TYPE_CHECKING:
-    from receptance.fit import Identification
-    from receptance.frf import FRF
-    from receptance.hammer import Hits
-    from receptance.hammer.estimate import EstimateKeywords
 
 BodyModel = Literal["elastic", "rigid"]
 Contact = Literal["spread", "fading", "ends"]

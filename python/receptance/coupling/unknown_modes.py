@@ -18,25 +18,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._peaks import local_maxima
-from receptance.fit.observation import Observation, altered
+from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import Parameters
-from receptance.fit.problem import Task
+from receptance.fit.problem import Problem, Task
 from receptance.fit.search import fit_staged
-from receptance.fit.unknowns import Unknown
+from receptance.fit.unknowns import Tolerance, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import RESIDUALS
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Observation, Unit
-    from receptance.fit.problem import Problem
-    from receptance.fit.unknowns import Tolerance
 
 _DAMPING = (1e-3, 0.03, 0.3)
 """Lower bound, start and upper bound of damping ratios."""

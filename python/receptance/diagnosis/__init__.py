@@ -9,7 +9,8 @@ Data flow of `engine.diagnose`::
     Directions -> selection: starts on few lines, Fits on all lines, several causes, alternatives
                   -> explanation: Selection (every Explanation = causes + Fit + evidence)
     Selection -> judgement: Judgement (one of six answers) -> advice: ProposedMeasurement
-    Selection + Judgement -> verdict: Verdict -> averaging: predictions; presentation, wording, figure: what is shown
+    Selection + Judgement -> findings: Findings -> averaging: predictions
+    Findings -> presentation, wording, figure -> verdict: Verdict, what is shown
     Model without a configuration -> selection again -> held_out: Improvement; by_mode: residuals and bias by mode
     `thresholds` has all constants.
 """

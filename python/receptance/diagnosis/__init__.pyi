@@ -5,11 +5,11 @@ from .causes import Parameter as Parameter
 from .causes import Step as Step
 from .causes import Variant as Variant
 from .engine import diagnose as diagnose
+from .findings import CandidateCause as CandidateCause
+from .findings import ProposedMeasurement as ProposedMeasurement
 from .held_out import Gain as Gain
 from .held_out import HeldOut as HeldOut
 from .held_out import Metric as Metric
 from .model import Model as Model
 from .model import UndecidableError as UndecidableError
-from .verdict import CandidateCause as CandidateCause
-from .verdict import ProposedMeasurement as ProposedMeasurement
 from .verdict import Verdict as Verdict

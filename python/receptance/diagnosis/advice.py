@@ -13,12 +13,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import Step, transfer
 from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.findings import ProposedMeasurement
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.held_out import predictor_of
 from receptance.diagnosis.joint_causes import overhang_of
@@ -35,7 +37,6 @@ from receptance.diagnosis.thresholds import (
     RESOLUTION_ALONE,
     SIMULATION_LINES,
 )
-from receptance.diagnosis.verdict import ProposedMeasurement
 from receptance.errors import ReceptanceError
 from receptance.fit.frf_entry import Floor
 from receptance.fit.observation import Observation
@@ -45,9 +46,6 @@ from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.predict.candidate import Candidate
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _NEW = "measured next"
 """Label and configuration of the simulated measurement."""

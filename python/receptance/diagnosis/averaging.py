@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import BEYOND_LIMIT, LEAST_PROBABILITY
@@ -25,13 +26,8 @@ from receptance.fit.observation import altered
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import PredictedFrequencies
 from receptance.fit.predictor import PredictedAssembly
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.diagnosis.explanation import Explanation, Selection
-    from receptance.fit.result import Identification
-    from receptance.fit.unknowns import Tolerance
+from receptance.fit.result import Identification
+from receptance.fit.unknowns import Tolerance
 
 
 def predict_with(

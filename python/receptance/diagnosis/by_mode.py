@@ -7,9 +7,10 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from receptance.diagnosis.discrepancy import in_antiresonance
@@ -28,11 +29,6 @@ from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation
 from receptance.frf import FRF
 from receptance.modal import ModeEstimate, circle_fit, find_peaks
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Observation
 
 
 @dataclass(frozen=True, eq=False)

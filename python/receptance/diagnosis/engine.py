@@ -16,6 +16,7 @@ from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
 from receptance.diagnosis.discrepancy import fit_discrepancy, resonant
 from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.findings import CandidateCause
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
@@ -33,7 +34,7 @@ from receptance.diagnosis.thresholds import (
     LOOK_ALIKE,
     MARGIN,
 )
-from receptance.diagnosis.verdict import CandidateCause, Verdict
+from receptance.diagnosis.verdict import Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.fit.frf_entry import UNUSED_COHERENCE

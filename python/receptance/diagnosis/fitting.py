@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _core
 from receptance.diagnosis.adequacy import Adequacy, Strain, judge, strain_of
@@ -34,14 +35,9 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.errors import ReceptanceError
 from receptance.fit.identification import conclude
-from receptance.fit.problem import InfeasibleError
+from receptance.fit.problem import End, InfeasibleError, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.problem import End, Problem, Task
 
 _MODE = re.compile(r".+\.mode\[\d+\]\.frequency_hz")
 """Address of the natural frequency of a mode of a terminal."""

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._peaks import nearest_peak
 from receptance.diagnosis.beside_discrepancy import use_own_discrepancies
@@ -24,11 +25,7 @@ from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 from receptance.fit.predictor import PredictedData, Predictor
 from receptance.fit.problem import InfeasibleError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.model.assembly import Assembly
+from receptance.model.assembly import Assembly
 
 FREQUENCIES = "natural frequencies, rms error in percent"
 SPECTRAL = "log-spectral distance, rms of ln(measured / calculated)"

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receptance import diagnosis
 from receptance.diagnosis.by_mode import ModeResidual, curves
+from receptance.diagnosis.findings import CandidateCause, Findings
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.wording import capital, names, odds, share, size_texts, times
+from receptance.fit.result import Identification
 from receptance.report import Column, Fact, PageSection, Table
-from receptance.report.table import amount, amount_interval, number, percent
-
-if TYPE_CHECKING:
-    from receptance.diagnosis.verdict import CandidateCause, Verdict
-    from receptance.fit.result import Identification
-    from receptance.report.table import Cell
+from receptance.report.table import Cell, amount, amount_interval, number, percent
 
 SENTENCE = {
     "adequate": "noise, floor and tolerances explain the residuals.",
@@ -44,7 +40,7 @@ _RECORDS = 12
 # Facts.
 
 
-def facts(verdict: Verdict) -> list[Fact]:
+def facts(verdict: Findings) -> list[Fact]:
     """Return the verdict, each reported cause with its size and its remedy, and what else was found."""
     shown = [Fact("Verdict", tuple(_answer(verdict)))]
     count = len(verdict.causes)
@@ -82,7 +78,7 @@ def facts(verdict: Verdict) -> list[Fact]:
     return shown
 
 
-def _answer(verdict: Verdict) -> Iterator[str]:
+def _answer(verdict: Findings) -> Iterator[str]:
     if verdict.final:
         yield f"{verdict.verdict}: {SENTENCE[verdict.verdict]}"
     else:
@@ -121,17 +117,17 @@ def _at(cause: CandidateCause) -> str:
     return "" if cause.variant == "all" else f" ({cause.variant})"
 
 
-def _residuals_of(verdict: Verdict, misfit: float) -> str:
+def _residuals_of(verdict: Findings, misfit: float) -> str:
     beside = "noise and model error" if verdict.discrepancy is not None and verdict.causes else "the noise"
     return f"residuals of {times(misfit)} times {beside}"
 
 
-def _is_fitted(verdict: Verdict) -> bool:
+def _is_fitted(verdict: Findings) -> bool:
     """Return whether the base was fitted before an interruption."""
     return verdict.final or verdict.selection.base.converged
 
 
-def next_step(verdict: Verdict) -> str:
+def next_step(verdict: Findings) -> str:
     """Return what to do next."""
     file = verdict.campaign_path or verdict.provenance.file or "CAMPAIGN"
     if not verdict.final:
@@ -204,7 +200,7 @@ def improvement_text(gain: Gain) -> str:
 # Tables.
 
 
-def tables(verdict: Verdict) -> list[Table]:
+def tables(verdict: Findings) -> list[Table]:
     """Return the effect of the causes, the alternatives, and the modes with the largest errors."""
     modes = _mode_table(
         "Modes with the largest errors, modelled less measured", verdict.modes, verdict.modes_after, _LONGEST
@@ -216,7 +212,7 @@ _Row = tuple[str, str, str | None, str]
 """Name, value before and after, and change."""
 
 
-def _effect(verdict: Verdict) -> list[Table]:
+def _effect(verdict: Findings) -> list[Table]:
     """Return residuals and held-out errors, and the parameters, before and after the cause is part of the model."""
     errors, held_out, parameters = [*_residuals(verdict)], _held_out(verdict), [*_parameters(verdict)]
     note, improvements = "", {change for *_, change in held_out}
@@ -240,7 +236,7 @@ def _effect(verdict: Verdict) -> list[Table]:
     return [table.without_empty() for table in shown if table.rows]
 
 
-def _residuals(verdict: Verdict) -> Iterator[_Row]:
+def _residuals(verdict: Findings) -> Iterator[_Row]:
     before, after = verdict.adequacy, verdict.adequacy_after
     if _is_fitted(verdict):
         misfit, rest, change = f"{times(before.misfit)} times", None, ""
@@ -260,7 +256,7 @@ def _residuals(verdict: Verdict) -> Iterator[_Row]:
             yield name, percent(size), None if left is None else percent(left), _decibel(size, left)
 
 
-def _held_out(verdict: Verdict) -> list[_Row]:
+def _held_out(verdict: Findings) -> list[_Row]:
     return [
         (
             f"held out: {metric_name(gain.metric)}",
@@ -272,7 +268,7 @@ def _held_out(verdict: Verdict) -> list[_Row]:
     ]
 
 
-def _parameters(verdict: Verdict) -> Iterator[_Row]:
+def _parameters(verdict: Findings) -> Iterator[_Row]:
     base, extended = verdict.base, verdict.extended
     if not _is_fitted(verdict):
         return
@@ -328,7 +324,7 @@ def _rms(modes: Sequence[ModeResidual]) -> float | None:
     return 0.01 * float(np.sqrt(np.mean(errors**2))) if errors.size else None
 
 
-def alternatives(verdict: Verdict, most: int | None = None) -> Table:
+def alternatives(verdict: Findings, most: int | None = None) -> Table:
     """Return every cause alone: how much it explains, how likely it is beside the best, and why it is not the answer.
 
     With `most` the table has that many causes, and counts the others.
@@ -350,13 +346,13 @@ def alternatives(verdict: Verdict, most: int | None = None) -> Table:
     return Table("Alternatives", columns, rows if likely else [], " ".join(notes)).without_empty()
 
 
-def beyond_chance(verdict: Verdict) -> list[CandidateCause]:
+def beyond_chance(verdict: Findings) -> list[CandidateCause]:
     """Return the causes that are reported, or explain more than noise does by chance."""
     reported, least = {cause.id for cause in verdict.causes}, max(verdict.threshold, 0.0)
     return [cause for cause in verdict.candidates if cause.evidence > least or cause.id in reported]
 
 
-def _share(verdict: Verdict, cause: CandidateCause) -> str:
+def _share(verdict: Findings, cause: CandidateCause) -> str:
     """Return the share that a cause explains of the misfit above noise, which an adequate explanation shows."""
     selection, best = verdict.selection, verdict.explanation
     if selection.beside is not None:
@@ -365,7 +361,7 @@ def _share(verdict: Verdict, cause: CandidateCause) -> str:
     return share(selection.base.misfit, cause.misfit, noise)
 
 
-def _why_not(verdict: Verdict, cause: CandidateCause) -> str:
+def _why_not(verdict: Findings, cause: CandidateCause) -> str:
     """Return why a cause is not reported, or that it is."""
     together = {other.id: other.together_with for other in verdict.causes}
     if cause.id in together:
@@ -421,7 +417,7 @@ def _error_of_frequency(mode: ModeResidual) -> float:
 # Page.
 
 
-def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
+def key_figures(verdict: Findings) -> list[tuple[str, Sequence[str]]]:
     """Return the few numbers that a reader looks for first: names, and values before and after."""
     figures: list[tuple[str, Sequence[str]]] = []
     figures += [
@@ -435,7 +431,7 @@ def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
     return figures
 
 
-def sections(verdict: Verdict) -> list[PageSection]:
+def sections(verdict: Findings) -> list[PageSection]:
     """Return held-out and fitted data before and after, all causes, those that the data cannot show, and settings."""
     shown = [*_section_of_held_out_data(verdict), _section_of_fitted_data(verdict), *_section_of_causes(verdict)]
     if verdict.undecidable:
@@ -445,7 +441,7 @@ def sections(verdict: Verdict) -> list[PageSection]:
     return [*shown, _section_of_settings(verdict)]
 
 
-def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
+def _section_of_held_out_data(verdict: Findings) -> Iterator[PageSection]:
     if not verdict.gains:
         return
     fitted = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
@@ -470,7 +466,7 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
     yield PageSection("Held-out data", texts, drawn, [table for table in (by_fold, modes) if table.rows])
 
 
-def _section_of_fitted_data(verdict: Verdict) -> PageSection:
+def _section_of_fitted_data(verdict: Findings) -> PageSection:
     observations, explanation = verdict.selection.base.model.observations, verdict.explanation
     before = curves(verdict.base_fit)
     after = [None] * len(before) if explanation is None else [*curves(explanation.fit)]
@@ -497,7 +493,7 @@ def _section_of_fitted_data(verdict: Verdict) -> PageSection:
     return PageSection("Fitted data", texts, drawn, [modes] if modes.rows else [])
 
 
-def _section_of_causes(verdict: Verdict) -> Iterator[PageSection]:
+def _section_of_causes(verdict: Findings) -> Iterator[PageSection]:
     if not verdict.candidates:
         return
     text = (
@@ -516,7 +512,7 @@ def _section_of_causes(verdict: Verdict) -> Iterator[PageSection]:
     yield PageSection("All causes", [text], [figure], [table.without_empty() for table in every])
 
 
-def _section_of_settings(verdict: Verdict) -> PageSection:
+def _section_of_settings(verdict: Findings) -> PageSection:
     rate = round(verdict.selection.evaluations_per_second)
     settings = {**verdict.settings, "model_evaluations_per_second": rate, "versions": verdict.provenance.versions}
     rows: list[tuple[str, str]] = []

@@ -7,7 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
@@ -58,10 +61,6 @@ from receptance.diagnosis.thresholds import (
     VARIANTS_AGAIN,
 )
 from receptance.errors import ReceptanceError
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 _T = TypeVar("_T")
 

@@ -9,18 +9,15 @@ import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.examples.virtual_rig import VirtualRig
-    from receptance.frf import FRF
-    from receptance.io import TimeSeries
-    from receptance.model.assembly import Assembly
-    from receptance.model.coordinates import Coordinate
+from receptance.examples.virtual_rig import VirtualRig
+from receptance.frf import FRF
+from receptance.io import TimeSeries
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 
 Say = Callable[[str], None]
 

@@ -12,22 +12,18 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.coupling import Holder, without_each
 from receptance.errors import ReceptanceWarning
-from receptance.hammer import estimate_frf, find_hits, simulate_hits
+from receptance.frf import FRF
+from receptance.hammer import HammerRecords, estimate_frf, find_hits, simulate_hits
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from receptance.frf import FRF
-    from receptance.hammer import HammerRecords
 
 Motion = Literal["axial", "radial"]
 
@@ -178,9 +174,9 @@ def holder() -> Holder:
     5.33
     """
     from receptance.campaign.read import measured_structures
-    from receptance.examples import EXAMPLES
 
-    assembly, _ = measured_structures(EXAMPLES["taper"].campaign)["axial 0 kN"]
+    campaign = (resources.files("receptance.examples") / "taper" / "campaign.toml").read_text(encoding="utf-8")
+    assembly, _ = measured_structures(campaign)["axial 0 kN"]
     part, taper = assembly.elements["holder"], assembly.attachments["taper"]
     assert isinstance(part, Part)
     assert isinstance(taper, GroundSpring)

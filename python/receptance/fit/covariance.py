@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.frf.variance import interval_factor
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 NORMAL_QUARTILE = 0.6745
 """Median of the absolute value of a standard normal variable."""

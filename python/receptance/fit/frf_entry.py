@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
@@ -26,9 +27,6 @@ from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, resolution, with_variance
 from receptance.model.coordinates import Coordinate, UnknownPosition
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 UNUSED_COHERENCE = "the coherence is not used"
 """First words of the note on a coherence that gives no standard deviations."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, TypedDict, get_args
+from typing import Literal, TypedDict, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from receptance import _checks
 from receptance._text import first_of
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.fit.covariance import covariance_of, variance_factor
-from receptance.fit.observation import Observation, as_observations
+from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
 from receptance.fit.problem import Problem, Task
@@ -22,11 +23,6 @@ from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Unit
 
 Objective = Literal["log", "percentage"]
 Noise = Literal["scaled", "stated"]

@@ -11,22 +11,18 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from receptance import _checks
 from receptance.errors import ReceptanceError, ReceptanceWarning
-from receptance.fit.problem import COST_TOLERANCE
+from receptance.fit.problem import COST_TOLERANCE, End
+from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import amount, amount_interval
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.problem import End
-    from receptance.fit.result import Identification
 
 _BETTER = 0.01
 """Decrease of the cost, in residual variances, from which on the fit was not the global optimum."""

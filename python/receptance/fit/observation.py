@@ -7,25 +7,22 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.fit.frf_entry import NO_FLOOR, Floor, LineVariance, as_floor, one_entry, variance_of, weigh
 from receptance.fit.parameters import FACTORS, Site
+from receptance.frf import FRF
 from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.frf.validation import check_form
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import EQUAL_LINES, nearest_lines
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from receptance.frf import FRF
-    from receptance.units import Form
+from receptance.units import Form
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""

@@ -17,17 +17,14 @@ import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, as_unknowns, covered, error_of
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.model.assembly import Assembly
+from receptance.model.assembly import Assembly
 
 LOG_GAIN = "observation.log_gain"
 """Natural logarithm of measured over true magnitude."""

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._peaks import local_maxima
 from receptance.fit.covariance import NORMAL_QUARTILE, confidence_multiplier, is_uninformative
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Observation
+from receptance.fit.observation import Observation
 
 _PROMINENCE = 1.0
 """Least prominence of a peak, as natural logarithm of the magnitude."""

@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.peaks import PredictedMode
 from receptance.model.coordinates import Coordinate
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 DECIBEL = 20.0 / math.log(10.0)
 """Decibels of a factor of e."""

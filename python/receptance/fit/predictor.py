@@ -17,9 +17,10 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import square_root
@@ -30,13 +31,9 @@ from receptance.fit.prediction import PredictedFrequencies, PredictedFRF, Scatte
 from receptance.fit.problem import End, Observed, Problem
 from receptance.fit.unknowns import Tolerance, Variables, error_of
 from receptance.model.addresses import MovingCoordinate
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from receptance.model.assembly import Assembly
 
 _Value = TypeVar("_Value")
 

@@ -11,26 +11,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters
-from receptance.fit.peaks import find_bands, within
+from receptance.fit.peaks import Bands, find_bands, within
 from receptance.fit.unknowns import Law, Unknown, Variables
 from receptance.model.addresses import Tied
+from receptance.model.assembly import Assembly
 from receptance.model.joints import PointJoint
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-    from receptance.fit.peaks import Bands
-    from receptance.model.assembly import Assembly
-
-    _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 COST_TOLERANCE = 1e-6
 """Decrease of the cost at which a fit has converged whose cost is compared with that of another fit."""

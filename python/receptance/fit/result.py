@@ -5,27 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._text import first_of
 from receptance.fit.covariance import confidence_multiplier
+from receptance.fit.observation import Unit
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import Scatter
 from receptance.fit.predictor import PredictedAssembly, Predictor
+from receptance.fit.problem import Task
 from receptance.fit.search import Start
-from receptance.fit.unknowns import Law, Unknown
+from receptance.fit.unknowns import Law, Tolerance, Unknown
+from receptance.model.assembly import Assembly
 from receptance.report import Column, Provenance, Result, Results, Table
 from receptance.report.table import Cell, amount, amount_interval, number
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Unit
-    from receptance.fit.problem import Task
-    from receptance.fit.unknowns import Tolerance
-    from receptance.model.assembly import Assembly
 
 _CORRELATED = 0.9
 """Least magnitude of a correlation that is listed in the summary."""

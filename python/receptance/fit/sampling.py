@@ -9,21 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._extras import require
 from receptance.errors import ReceptanceError
 from receptance.fit.likelihood import require_likelihood, residual_variance
+from receptance.fit.problem import Problem
+from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Table
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.problem import Problem
-    from receptance.fit.result import Identification
 
 _MIN_LENGTH = 50
 """Least length of a chain in autocorrelation times, for a reliable estimate of that time."""

@@ -13,21 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import units
 from receptance.fit.observation import Observation, altered
 from receptance.fit.peaks import peak_indices
-from receptance.fit.problem import COST_TOLERANCE, End
+from receptance.fit.problem import COST_TOLERANCE, End, Problem, Task
 from receptance.model.addresses import QUANTITIES
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Observation
-    from receptance.fit.problem import Problem, Task
 
 START_LOSS_FACTOR = 0.02
 """Loss factor of dampings before they are fitted."""

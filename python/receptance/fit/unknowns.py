@@ -7,18 +7,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from receptance import _checks, units
 from receptance.model.addresses import QUANTITIES
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.model.assembly import Assembly
+from receptance.model.assembly import Assembly
 
 _LARGEST_SHARE = 1.0 - 2.0**-53
 """Largest share whose normal quantile is finite."""

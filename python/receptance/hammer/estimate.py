@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, get_args
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
+from receptance.frf import FRF
 from receptance.hammer.hits import Hits, find_hits
 from receptance.hammer.records import HammerRecords, Quantity
 from receptance.hammer.spectra import (
@@ -26,9 +27,6 @@ from receptance.hammer.spectra import (
 )
 from receptance.report.table import percent
 from receptance.units import FORMS
-
-if TYPE_CHECKING:
-    from receptance.frf import FRF
 
 _WARNING_SHARE = 0.01
 """Share of excluded lines in the band of the force above which a warning is issued."""

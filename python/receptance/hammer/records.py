@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-from receptance.model.coordinates import Coordinate, measured_coordinates
+from receptance.io.measurements import TimeSeries
+from receptance.model.coordinates import Coordinate, Side, measured_coordinates
 from receptance.units import ROTATIONS, channel_factor
-
-if TYPE_CHECKING:
-    from receptance.io.measurements import TimeSeries
-    from receptance.model.coordinates import Side
 
 Quantity = Literal["displacement", "velocity", "acceleration"]
 """Quantity of the response channels."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,7 @@ from scipy import special
 
 from receptance import _checks
 from receptance.frf.variance import pool_variance
-from receptance.hammer.hits import CLEAR
-
-if TYPE_CHECKING:
-    from receptance.hammer.hits import Hits
+from receptance.hammer.hits import CLEAR, Hits
 
 ExponentialOn = Literal["both", "response"]
 _PLATEAU = 1.0

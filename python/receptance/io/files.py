@@ -6,8 +6,9 @@ import gzip
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, Unpack
+from typing import Any, TypeVar, Unpack
 
 import numpy as np
 
@@ -27,9 +28,6 @@ from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysi
 from receptance.io.uff.datasets import is_uff
 from receptance.io.uff.read import read_uff
 from receptance.io.uff.write import uff_bytes
-
-if TYPE_CHECKING:
-    from os import PathLike
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
+from receptance.frf import FRF
 from receptance.frf.variance import additive_share, resolution
 from receptance.units import FORMS
-
-if TYPE_CHECKING:
-    from receptance.frf import FRF
 
 
 @dataclass(frozen=True)

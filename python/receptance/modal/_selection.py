@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
-
-if TYPE_CHECKING:
-    from receptance.modal._lines import Lines
+from receptance.modal._lines import Lines
 
 Scatter = Literal["absolute", "relative"]
 

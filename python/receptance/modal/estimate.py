@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance.frf.variance import interval_factor
-
-if TYPE_CHECKING:
-    from receptance.modal._least_squares import PoleFit
+from receptance.modal._least_squares import PoleFit
 
 Method = Literal["peak", "half-power", "circle", "global"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance._peaks import local_maxima
 from receptance.errors import warn_user
+from receptance.frf import FRF
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal._selection import ModeSearch, Scatter, refine, weights_of
 from receptance.modal.modal_fit import ModalFit, make_modal_fit
-
-if TYPE_CHECKING:
-    from receptance.frf import FRF
 
 Background = Literal["both", "above", "below", "none"]
 _TERMS: dict[Background, tuple[int, ...]] = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +11,11 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance._peaks import local_maxima
 from receptance.errors import warn_user
+from receptance.frf import FRF
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
 from receptance.modal._lines import Lines, select_lines
 from receptance.modal.estimate import ModeEstimate, constants, joint_with_residue, modal_values, scaled
 from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from receptance.frf import FRF
 
 _BACKGROUND = (-1,)
 """Background of one mode: a constant mobility, which represents the other modes."""

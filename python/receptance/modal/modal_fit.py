@@ -11,7 +11,9 @@ from scipy import special
 
 from receptance import _checks
 from receptance._text import first_of
-from receptance.frf import form_factor
+from receptance.frf import FRF, form_factor
+from receptance.modal._least_squares import PoleFit
+from receptance.modal._lines import Lines
 from receptance.modal._selection import EXACT, Scatter, search_range, weights_of
 from receptance.modal.estimate import ModeEstimate, constants, intervals, joint_with_residue, modal_values, scaled
 from receptance.report import Column, Provenance, Result, Table
@@ -20,10 +22,6 @@ from receptance.report.table import percent
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from receptance.frf import FRF
-    from receptance.modal._least_squares import PoleFit
-    from receptance.modal._lines import Lines
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks, _core
 from receptance.errors import GrossSlipError, SingularInterfaceError
 from receptance.model.beams import Material, Part, Segment, SpreadJoint
+from receptance.model.coordinates import Coordinate
 from receptance.model.joints import WIDTHS, ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 
 if TYPE_CHECKING:
     from receptance.model.assembly import Assembly
-    from receptance.model.coordinates import Coordinate
 
 ChainElement = Part | PointJoint | SpreadJoint | ColletJoint | MicroslipJoint | MeasuredPart | ModalPart
 Attachment = PointMass | GroundSpring | Resonator

@@ -11,18 +11,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import tau
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.model.addresses import edges_of, listed
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Result, Table
-
-if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
 
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
+from receptance.frf import FRF
 from receptance.model.fields import Element, Field, Number
 from receptance.report.table import percent
 
 if TYPE_CHECKING:
-    from receptance.frf import FRF
     from receptance.model.addresses import Flat
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._text import first_of
@@ -15,16 +16,11 @@ from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.likelihood import Profile, profile_likelihoods, require_likelihood
 from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import PredictedData, Predictor
+from receptance.fit.result import Identification
+from receptance.fit.unknowns import Tolerance
 from receptance.predict.candidate import Candidate
 from receptance.report import Column, Provenance, Result, Table
-from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.result import Identification
-    from receptance.fit.unknowns import Tolerance
-    from receptance.report.table import Cell, Interval
+from receptance.report.table import Cell, Interval, percent
 
 Target = str | Candidate
 """A parameter by name, or a prediction."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._threads import one_blas_thread
@@ -15,19 +16,14 @@ from receptance.errors import ReceptanceError
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.identification import FitKeywords, identify
 from receptance.fit.observation import Observation, altered, as_observations
+from receptance.fit.parameters import Site
 from receptance.fit.peaks import PredictedMode
 from receptance.fit.prediction import PredictedFRF
 from receptance.fit.predictor import PredictedAssembly
+from receptance.fit.result import Identification
 from receptance.fit.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
 from receptance.report import Column, Provenance, Result, Table
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.fit.observation import Observation
-    from receptance.fit.parameters import Site
-    from receptance.fit.result import Identification
-    from receptance.report.table import Cell
+from receptance.report.table import Cell
 
 Splits = Literal["leave-one-out", "one-for-all"]
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")

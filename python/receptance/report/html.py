@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from collections.abc import Iterable, Sequence
 from datetime import date
 from html import escape
 from importlib import resources
@@ -11,15 +12,11 @@ from typing import TYPE_CHECKING
 
 from receptance import report
 from receptance._text import printable
-from receptance.report.table import REJECTED
+from receptance.report.result import PageSection, Renderable, Result
+from receptance.report.table import REJECTED, Fact, Table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from matplotlib.figure import Figure
-
-    from receptance.report.result import PageSection, Renderable, Result
-    from receptance.report.table import Fact, Table
 
 _CODE = re.compile("`([^`]+)`")
 

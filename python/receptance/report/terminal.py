@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import rich.table
 from rich import box
@@ -19,11 +19,8 @@ from rich.padding import Padding
 from rich.text import Text
 
 from receptance._text import printable
-from receptance.report.table import REJECTED, Fact
-
-if TYPE_CHECKING:
-    from receptance.report.result import Renderable
-    from receptance.report.table import Table
+from receptance.report.result import Renderable
+from receptance.report.table import REJECTED, Fact, Table
 
 LEAST_WIDTH = 40
 """Smallest width in characters that fits every interval with its name."""

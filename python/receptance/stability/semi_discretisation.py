@@ -8,8 +8,8 @@ leaves the cut, so halving them reduces the error by the factor 4, and Richardso
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.stability.cutting import Milling
 from receptance.stability.lobes import Lobes, ensemble, with_draws
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from receptance.stability.tip import TipModes
+from receptance.stability.tip import TipModes
 
 _STEPS_PER_WAVE = 20
 """Steps per period of the highest mode, for errors of the multipliers of about 1e-5."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,11 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.frf import FRF
 from receptance.frf.plausibility import check_drive_point, low_frequency_rise
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from receptance.modal import ModeEstimate
+from receptance.modal import ModeEstimate
 
 _HALF_POWER = 0.5**0.5
 _SMOOTH = 0.1

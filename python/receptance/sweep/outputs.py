@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,13 +17,11 @@ from receptance.fit.observation import Unit, as_observations
 from receptance.fit.parameters import ParameterMap
 from receptance.fit.problem import Observed, residuals_at
 from receptance.fit.unknowns import covered
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.stability import Milling, Turning, critical_depths
 from receptance.stability.lobes import checked_lines, checked_speeds, limit_over_speed
 from receptance.sweep.parametric_receptance import ParametricReceptance, parametric_receptance
-
-if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
 
 _LINE_S, _MODES_S = 5e-9, 2e-4
 """Approximate time in s for one line of a joint, and for the natural frequencies of a model."""

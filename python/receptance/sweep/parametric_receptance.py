@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import tau
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
-from receptance.model.coordinates import as_coordinates
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.model.joints import PointJoint
-
-if TYPE_CHECKING:
-    from receptance.model.assembly import Assembly
-    from receptance.model.coordinates import Coordinate
 
 Residual = Literal["logarithm", "complex"]
 """Residual on each line: weight ln(measured / H), as in fits, or weight (measured - H)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import pickle
 import time
 from collections import deque
@@ -15,17 +16,14 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance._extras import require
+from receptance.model.assembly import Assembly
+from receptance.sweep.candidates import Candidates
 from receptance.sweep.definition import Block, Definition, SweepError
+from receptance.sweep.outputs import Output
 from receptance.sweep.store import Memory, Store
 
 if TYPE_CHECKING:
-    import os
-
     import xarray as xr
-
-    from receptance.model.assembly import Assembly
-    from receptance.sweep.candidates import Candidates
-    from receptance.sweep.outputs import Output
 
 
 def sweep(

@@ -19,11 +19,10 @@ from receptance._extras import require
 from receptance.errors import warn_user
 from receptance.sweep.candidates import MOST_BYTES
 from receptance.sweep.definition import CANDIDATE, Definition, SweepError
+from receptance.sweep.outputs import Variable
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from receptance.sweep.outputs import Variable
 
 _RECORD = "receptance_sweep"
 _FORMAT = 4

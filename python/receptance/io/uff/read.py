@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from receptance.units import (
     CHANNEL_UNITS,
     FORM_NAMES,
     ROTATIONS,
+    Form,
     FRFKind,
     Unit,
     UnitError,
@@ -41,9 +42,6 @@ from receptance.units import (
     frf_unit,
     parse_unit,
 )
-
-if TYPE_CHECKING:
-    from receptance.units import Form
 
 _TIME, _FRF, _COHERENCE = 1, 4, 6
 _FUNCTIONS = {
