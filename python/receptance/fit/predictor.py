@@ -178,21 +178,14 @@ class Predictor:
 
 
 class LinearFRF(NamedTuple):
-    """A receptance with its first-order errors.
-
-    Attributes
-    ----------
-    receptance : ndarray
-        `(n,)` with the identified values.
-    slope : ndarray
-        `(n, m)` its derivatives by the uncertain parameters.
-    variance : ndarray
-        `(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines.
-    """
+    """A receptance with its first-order errors."""
 
     receptance: NDArray[np.complex128]
+    """`(n,)` with the identified values."""
     slope: NDArray[np.complex128]
+    """`(n, m)` its derivatives by the uncertain parameters."""
     variance: NDArray[np.float64]
+    """`(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines."""
 
 
 class PredictedAssembly:

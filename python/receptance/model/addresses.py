@@ -218,42 +218,28 @@ _COLUMNS = {
 
 @dataclass
 class Flat:
-    """Tables of an assembly that are being built, and the entries of each address.
-
-    Attributes
-    ----------
-    motion : int
-        The core's number of the motion.
-    rows : dict
-        Rows of each table of `Tables`.
-    positions : dict
-        Positions along each part at which a node is needed, ascending.
-    tabled : list of (int, MeasuredPart)
-        Rows of `terminals` that have a table of receptances.
-    banded : list of ModalPart
-        Modal parts, whose bands limit the frequency lines.
-    titles : dict
-        Name of the joint in each row of "joint" and "overlap", for messages.
-    entries : dict
-        Table entries of each parameter by address.
-    values : dict
-        Value of each parameter by address.
-    nodes : dict
-        Node at each position of each part.
-    points : dict
-        Nodes and directions of coordinates that were requested before.
-    """
+    """Tables of an assembly that are being built, and the entries of each address."""
 
     motion: int
+    """The core's number of the motion."""
     rows: dict[str, list[list[float]]] = field(default_factory=lambda: {name: [] for name in Tables._fields})
+    """Rows of each table of `Tables`."""
     positions: dict[str, list[float]] = field(default_factory=dict)
+    """Positions along each part at which a node is needed, ascending."""
     tabled: list[tuple[int, MeasuredPart]] = field(default_factory=list)
+    """Rows of `terminals` that have a table of receptances."""
     banded: list[ModalPart] = field(default_factory=list)
+    """Modal parts, whose bands limit the frequency lines."""
     titles: dict[tuple[str, int], str] = field(default_factory=dict)
+    """Name of the joint in each row of "joint" and "overlap", for messages."""
     entries: dict[str, list[Entry]] = field(default_factory=dict)
+    """Table entries of each parameter by address."""
     values: dict[str, float] = field(default_factory=dict)
+    """Value of each parameter by address."""
     nodes: dict[tuple[str, float], int] = field(default_factory=dict)
+    """Node at each position of each part."""
     points: dict[tuple[Coordinate, ...], NDArray[np.float64]] = field(default_factory=dict)
+    """Nodes and directions of coordinates that were requested before."""
     count: int = 1
 
     @cached_property
