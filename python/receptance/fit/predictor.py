@@ -361,7 +361,7 @@ class PredictedAssembly:
         stated one; draws are those of `receptance`.
         """
         places = (
-            MovingCoordinate(measured.assembly, place).on(self.assembly)
+            MovingCoordinate(measured.assembly.elements, place).on(self.assembly.elements)
             for place in (measured.response, measured.excitation)
         )
         predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)

@@ -21,7 +21,7 @@ from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters
 from receptance.fit.peaks import find_bands, within
 from receptance.fit.unknowns import Law, Unknown, Variables
-from receptance.model.addresses import Tied
+from receptance.model.core_tables import Tied
 from receptance.model.joints import PointJoint
 
 if TYPE_CHECKING:

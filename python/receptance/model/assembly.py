@@ -13,25 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
-    MOTIONS,
     Attachment,
     ChainElement,
-    Flat,
-    Motion,
-    Tied,
     check_chain,
-    distinct,
     edges_of,
-    flatten,
-    force_amplitudes,
     listed,
     names_of,
     points_of,
-    rows_of,
     segment_fields,
 )
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate, as_coordinates
+from receptance.model.core_tables import MOTIONS, Flat, Motion, Tied, distinct, flatten, force_amplitudes, rows_of
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import MeasuredPart
 from receptance.report import Column, Renderable, Table
@@ -39,8 +32,6 @@ from receptance.report import Column, Renderable, Table
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from receptance.model.modes import ModeShapes
 
 
 @lru_cache(maxsize=256)
@@ -181,22 +172,6 @@ class Assembly(Renderable):
         from receptance.model.figure import Drawing, draw_assemblies
 
         return draw_assemblies([Drawing(self)], ax)
-
-    def mode_shapes(self, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
-        """Return the shapes of the modes with damping up to a frequency; see `receptance.model.modes`.
-
-        Parameters
-        ----------
-        upper_hz : float
-            Limit of the natural frequencies in Hz.
-        points : int, optional
-            Number of points along the assembly, ends of segments in addition.
-        threads : int, optional
-            As in `receptance`.
-        """
-        from receptance.model.modes import mode_shapes
-
-        return mode_shapes(self, upper_hz, points=points, threads=threads)
 
     @property
     def title(self) -> str:

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.model.addresses import edges_of, listed
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.report import Column, Provenance, Result, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from receptance.model.assembly import Assembly
 
 _STEP = 1e-6
 """Relative distance of the points between which a slope is taken."""
@@ -223,9 +222,9 @@ class ModeShapes(Result):
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Part, Segment
+    >>> from receptance import STEEL, Assembly, Part, Segment, mode_shapes
     >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
-    >>> shapes = bar.mode_shapes(12e3)
+    >>> shapes = mode_shapes(bar, 12e3)
     >>> f"{shapes.frequency_hz[0]:.0f} Hz, {shapes.y[0, 0].real:.2f} 1/kg^(1/2) at {shapes.distance[0]:.1f} m"
     '8389 Hz, 3.77 1/kg^(1/2) at 0.0 m'
     """
@@ -295,10 +294,28 @@ class ModeShapes(Result):
 
 
 def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
-    """Return the shapes of the modes of an assembly with its damping up to a frequency; see `Assembly.mode_shapes`.
+    """Return the shapes of the modes of an assembly with its damping up to a frequency.
 
     The residues of the receptances at the poles are means over small circles around them, as in `damped_modes`. Of the
     ends of all parts the load acts where a mode responds most.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        In bending.
+    upper_hz : float
+        Limit of the natural frequencies in Hz.
+    points : int, optional
+        Number of points along the assembly, ends of segments in addition.
+    threads : int, optional
+        As in `Assembly.receptance`.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Part, Segment, mode_shapes
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> mode_shapes(bar, 12e3, points=11).y.shape
+    (1, 11)
     """
     _checks.whole_number("mode_shapes", "points", points, least=2)
     names, positions, distances = _points(assembly, points)
