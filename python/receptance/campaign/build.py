@@ -5,14 +5,24 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.keys import ElementOf, ElementTable
-from receptance.campaign.problems import CampaignError, path_text
-from receptance.campaign.schema import ATTACHMENTS, JOINTS
+from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
+from receptance.campaign.schema import (
+    ATTACHMENTS,
+    JOINTS,
+    AssemblyTable,
+    CampaignTable,
+    CandidateTable,
+    CoordinateTable,
+    MeasurementTable,
+    UnknownTable,
+)
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.errors import ReceptanceError
+from receptance.fit.observation import Observation
 from receptance.fit.parameters import FACTORS
 from receptance.fit.unknowns import Law, Move, Power, Unknown, covered
 from receptance.model.assembly import Assembly
@@ -21,18 +31,6 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Member, Number
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode
-
-if TYPE_CHECKING:
-    from receptance.campaign.problems import KeyPath, Problems
-    from receptance.campaign.schema import (
-        AssemblyTable,
-        CampaignTable,
-        CandidateTable,
-        CoordinateTable,
-        MeasurementTable,
-        UnknownTable,
-    )
-    from receptance.fit.observation import Observation
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (

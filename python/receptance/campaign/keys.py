@@ -171,7 +171,6 @@ class Flag(Field[bool]):
     doc: str
 
     def read(self, written: Any, place: Place) -> bool:
-        """Return whether it is true."""
         if not isinstance(written, bool):
             raise ValueError(f"is {shown(written)}, expected true or false")
         return written
@@ -650,9 +649,8 @@ class ElementOf(Keys[ElementTable]):
         return getattr(self.element, key, MISSING)
 
     def made(self, values: Mapping[str, Any]) -> ElementTable:
-        return ElementTable(
-            self.element, frozenset(values), {key: values.get(key, self.default_of(key)) for key in self.declared}
-        )
+        every = {key: values.get(key, self.default_of(key)) for key in self.declared}
+        return ElementTable(self.element, frozenset(values), every)
 
 
 def _key(of: Field[Any]) -> Field[Any]:

@@ -7,44 +7,38 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance import units
 from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import shown
+from receptance.campaign.build import Builder
 from receptance.campaign.csv_rows import read_rows
-from receptance.campaign.problems import CampaignError, Issue
+from receptance.campaign.problems import CampaignError, Issue, KeyPath
+from receptance.campaign.schema import (
+    CampaignTable,
+    CandidateFrequenciesTable,
+    CandidateFRFTable,
+    CandidateTable,
+    FileFields,
+    FrequenciesTable,
+    FRFTable,
+    HammerTable,
+    MeasurementTable,
+)
 from receptance.campaign.tolerances import with_attachments
 from receptance.campaign.values import Deviation, parse_deviation, parse_share
-from receptance.fit import Observation
+from receptance.fit import Observation, Tolerance
 from receptance.fit.observation import altered
+from receptance.frf import FRF
+from receptance.hammer import HammerRecords
+from receptance.model.assembly import Assembly
+from receptance.model.coordinates import Coordinate
 from receptance.predict import Candidate
 from receptance.units import FORMS
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from receptance.campaign.build import Builder
-    from receptance.campaign.problems import KeyPath
-    from receptance.campaign.schema import (
-        CampaignTable,
-        CandidateFrequenciesTable,
-        CandidateFRFTable,
-        CandidateTable,
-        FileFields,
-        FrequenciesTable,
-        FRFTable,
-        HammerTable,
-        MeasurementTable,
-    )
-    from receptance.fit import Tolerance
-    from receptance.frf import FRF
-    from receptance.hammer import HammerRecords
-    from receptance.model.assembly import Assembly
-    from receptance.model.coordinates import Coordinate
-
 
 _MOST_LINES = 100_000
 """Largest number of lines of a candidate."""

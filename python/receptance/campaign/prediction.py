@@ -8,24 +8,24 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance.campaign.problems import CampaignError, Issue, errors_about
+from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import PredictedFrequencies, PredictedFRF
 from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import covered
+from receptance.model.assembly import Assembly
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.table import Cell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from receptance.campaign.run import Campaign
-    from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
-    from receptance.model.assembly import Assembly
-    from receptance.report.table import Cell
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receptance.campaign.schema import SeriesTable
 from receptance.campaign.values import kind_of, parse_condition
 from receptance.coupling import ForceSeries
 from receptance.coupling.force_series import draw_with_law
 from receptance.errors import ReceptanceError
-from receptance.fit import identify
+from receptance.fit import Identification, identify
+from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law, Unknown, covered
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.figure import finished, panels, surface, title_left
+from receptance.report.table import Cell
 from receptance.units import split
 
 if TYPE_CHECKING:
@@ -24,10 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import SeriesTable
-    from receptance.fit import Identification
-    from receptance.fit.observation import Observation
-    from receptance.report.table import Cell
 
 LEAST_LEVELS = 6
 """Smallest number of levels to which laws are fitted."""

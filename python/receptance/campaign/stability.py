@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receptance._text import did_you_mean
-from receptance.campaign.measurements import read_entry, restrict_to_bands
+from receptance.campaign.measurements import MeasurementReader, read_entry, restrict_to_bands
 from receptance.campaign.prediction import predict_assembly, prediction_lines
-from receptance.campaign.problems import CampaignError, errors_about
-from receptance.fit import Observation
+from receptance.campaign.problems import CampaignError, KeyPath, errors_about
+from receptance.campaign.schema import TipTable
+from receptance.diagnosis import HeldOut, Metric
+from receptance.fit import Identification, Observation
+from receptance.fit.predictor import PredictedAssembly
 from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import with_variance
+from receptance.modal import ModeEstimate
+from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
 from receptance.stability import (
     Lobes,
@@ -36,19 +42,7 @@ from receptance.stability.lobes import without_limits
 from receptance.stability.tip import beyond_lines, require_drive_point
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from receptance.campaign.measurements import MeasurementReader
-    from receptance.campaign.problems import KeyPath
     from receptance.campaign.run import Campaign
-    from receptance.campaign.schema import TipTable
-    from receptance.diagnosis import HeldOut, Metric
-    from receptance.fit import Identification
-    from receptance.fit.predictor import PredictedAssembly
-    from receptance.modal import ModeEstimate
-    from receptance.model.assembly import Assembly
 
 _Value = TypeVar("_Value")
 

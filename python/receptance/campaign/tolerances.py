@@ -7,23 +7,17 @@ that variable. Tolerances with the same name are one error.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from receptance.campaign.build import addresses_of, unknown_address
-from receptance.campaign.problems import path_text
+from receptance.campaign.build import Builder, Built, addresses_of, unknown_address
+from receptance.campaign.keys import ElementTable
+from receptance.campaign.problems import KeyPath, path_text
+from receptance.campaign.schema import CampaignTable
 from receptance.campaign.values import Deviation
 from receptance.fit.unknowns import Tolerance, covered
+from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-
-    from receptance.campaign.build import Builder, Built
-    from receptance.campaign.keys import ElementTable
-    from receptance.campaign.problems import KeyPath
-    from receptance.campaign.schema import CampaignTable
-    from receptance.model.assembly import Assembly
 
 Errors = dict[tuple[str, bool], dict[str, float]]
 """Standard deviations while they are collected, by name of the error, by whether they are of the logarithm (else in SI
@@ -32,7 +26,7 @@ _LARGE = 0.2
 """Relative standard deviation above which it is that of the logarithm: the value then keeps its sign."""
 Deviations = dict[str, Deviation]
 """Standard deviations by address."""
-_Inherited = tuple[str, "KeyPath", Deviation]
+_Inherited = tuple[str, KeyPath, Deviation]
 """Address, place in the file and standard deviation."""
 
 

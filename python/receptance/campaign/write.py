@@ -19,11 +19,15 @@ from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
+from receptance.diagnosis import Verdict
+from receptance.diagnosis.explanation import Explanation
+from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation, altered
-from receptance.fit.unknowns import Law, Move, Prior, Unknown, covered
+from receptance.fit.unknowns import Law, Move, Prior, Tolerance, Unknown, covered
+from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Element, Member
@@ -33,11 +37,6 @@ from receptance.units import Quantity
 
 if TYPE_CHECKING:
     from receptance.campaign.run import Campaign
-    from receptance.diagnosis import Verdict
-    from receptance.diagnosis.explanation import Explanation
-    from receptance.diagnosis.fitting import Fit
-    from receptance.fit.unknowns import Tolerance
-    from receptance.model.assembly import Assembly
 
 
 class _Materials:
