@@ -32,10 +32,12 @@ default_role = "name"
 myst_enable_extensions = ["colon_fence", "tasklist"]
 myst_heading_anchors = 4
 
-# The names of a package's `__all__`, in that order. Docstrings state types and units; signatures would repeat them.
+# The names of a package's `__all__`, in that order. Docstrings of functions state types and units; signatures would
+# repeat them. Fields of classes have the types of their annotations.
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
 autodoc_preserve_defaults = True
 # Of the two readers of numpydoc's sections this one knows several names before one type.
 numpydoc_show_class_members = False

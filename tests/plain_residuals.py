@@ -28,7 +28,9 @@ def residual_and_jacobian(one: Observed, values: np.ndarray) -> tuple[np.ndarray
 
 def of_receptance(one: Observed, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     frf: Any = one.observation
-    places = [MovingCoordinate(frf.assembly, place).on(assembly) for place in (frf.response, frf.excitation)]
+    places = [
+        MovingCoordinate(frf.assembly.elements, place).on(assembly.elements) for place in (frf.response, frf.excitation)
+    ]
     options = {"response": places[0], "excitation": places[1], "threads": 1}
     if frf.force is not None:
         options["force"] = frf.force

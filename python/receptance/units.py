@@ -481,29 +481,20 @@ _COMMON = ("mm", "cm", "m", "µm", "um", "GPa", "MPa", "Pa", "kg", "g", "N", "kN
 
 @dataclass(frozen=True)
 class Quantity:
-    """A physical quantity: name, SI unit, an example and bounds.
-
-    Parameters
-    ----------
-    name : str
-        Name with article, such as "a length".
-    unit : str
-        Unit of its values; empty for a plain number.
-    example : str
-        Example of a value as text.
-    above, least, most : float, optional
-        Bounds: values are more than `above`, at least `least` and at most `most`.
-    written : tuple of float, optional
-        Smallest and largest magnitude other than zero in a text; beyond them number and unit do not belong together.
-    """
+    """A physical quantity: name, SI unit, an example and bounds."""
 
     name: str
+    """Name with article, such as "a length"."""
     unit: str
+    """Unit of its values; empty for a plain number."""
     example: str
+    """Example of a value as text."""
     above: float = -math.inf
+    """Bound: values are more than this."""
     least: float = -math.inf
     most: float = math.inf
     written: tuple[float, float] = (0.0, math.inf)
+    """Smallest and largest magnitude other than zero in a text; beyond them number and unit do not belong together."""
 
     @property
     def expected(self) -> str:
@@ -527,6 +518,10 @@ class Quantity:
     def holds(self, value: float) -> bool:
         """Return whether a value is within the bounds."""
         return value > self.above and self.least <= value <= self.most
+
+    def text(self, value: float) -> str | float:
+        """Return a value in SI units as a file states it, with all digits; a plain number without a unit."""
+        return f"{float(value)!r} {self.unit}" if self.unit else float(value)
 
 
 LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0, written=(1e-6, 1e3))

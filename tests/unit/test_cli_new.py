@@ -144,7 +144,7 @@ def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest
         *("48 mm x 50 mm, 90x44/16 mm", "steel", "400 mm", "48 mm", "laser", "spindle"),
     ]
     monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", "bare.csv") == 0
+    assert call("new", "made", "tool_60mm.csv", "bare.csv") == 0
     text = capsys.readouterr().out
     for words in ('this is "none", expected a whole number', 'this is "80", without a unit', "did you mean", "400 mm"):
         assert words in text
@@ -161,7 +161,7 @@ def test_the_end_of_the_input_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stdin", Terminal("60 mm\n20 mm\n"))
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv") == 130
+    assert call("new", "made", "tool_60mm.csv") == 130
     assert "interrupted, no file was left incomplete" in capsys.readouterr().err
     assert left() == BEFORE
 
@@ -172,7 +172,7 @@ def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None
             raise KeyboardInterrupt
 
     monkeypatch.setattr("sys.stdin", Interrupted())
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv") == 130
+    assert call("new", "made", "tool_60mm.csv") == 130
     assert left() == BEFORE
 
 
@@ -305,7 +305,7 @@ def test_ends_of_low_coherence_are_left_out() -> None:
 
 def test_pieces_with_other_units(monkeypatch: pytest.MonkeyPatch) -> None:
     pieces = options(tool="30x9.6 mm, 0.5 in", holder="40 mm x 50/12.7 mm, 6 cm x 40 mm", insertion="55 mm")
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *pieces) == 0
+    assert call("new", "made", "tool_60mm.csv", *pieces) == 0
     parts = tomllib.loads(Path("made/campaign.toml").read_text())["parts"]
     sizes = [
         (row["length"], row["outer_diameter"], row.get("inner_diameter"), row.get("core"))
@@ -323,14 +323,14 @@ def test_pieces_with_other_units(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("text", ["", "mm", "50/60 mm", "10 mm x 5 mm x 3 mm", "10 kg", "-5 mm", "1 mm/"])
 def test_wrong_pieces(text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *options(tool=text)) == 2
+    assert call("new", "made", "tool_60mm.csv", *options(tool=text)) == 2
     assert f'--tool is "{text}"' in capsys.readouterr().err
     assert left() == BEFORE
 
 
 def test_another_material(monkeypatch: pytest.MonkeyPatch) -> None:
     given = options(material="aluminium = 70 GPa, 2.7 g/cm^3, 0.33", holder_material="aluminium", insertion="none")
-    assert call(monkeypatch, "new", "made", "tool_60mm.csv", *given) == 0
+    assert call("new", "made", "tool_60mm.csv", *given) == 0
     holder = campaign.load("made").assemblies["tool_60mm"]
     assert holder.get("holder.segment[0].youngs_modulus") == 70e9
     assert holder.get("holder.segment[0].density") == pytest.approx(2700.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import MISSING, replace
 from typing import Any
 
 import pytest
@@ -104,4 +104,4 @@ def test_a_campaign_has_the_same_keys(element: Element) -> None:
         if isinstance(field, Member) or name == "name":
             continue
         assert table.declared[name].doc == field.doc
-        assert table.needs(name) == (not hasattr(type(element), name))
+        assert (table.default_of(name) is MISSING) == (not hasattr(type(element), name))

@@ -19,7 +19,7 @@ from machine_spindle import (
     with_spindle,
 )
 from receptance import Assembly, Coordinate, GroundSpring, Observation, PointMass, ReceptanceWarning
-from receptance.coupling import fit_spindle, identify_spindle, rotations
+from receptance.coupling import fit_spindle, identify_spindle, rotations, spindle_of
 
 SPARSE = LINES[::6]
 TRUE = seen_at_the_plane(make_spindle(), SPARSE)
@@ -77,11 +77,10 @@ def test_lines_of_an_exponential_window() -> None:
 
 def test_spindle_files_round_trip(tmp_path: Any) -> None:
     from receptance.io import read_frf, write
-    from receptance.model.terminals import MeasuredPart
 
     found = identify_spindle(at_two_places(make_blank(), 0.07, sd=1e-3, lines=SPARSE))
     write(tmp_path / "spindle.npz", found.as_frf())
-    part = MeasuredPart.from_frf(read_frf(tmp_path / "spindle.npz"), name="spindle")
+    part = spindle_of(read_frf(tmp_path / "spindle.npz"), name="spindle")
     np.testing.assert_allclose(part.matrix, found.part().matrix, rtol=1e-12)
     assert pickle.loads(pickle.dumps(found)).usable.sum() == found.usable.sum() > 120
     assert found.to_dict()["limit"] == 0.2

@@ -29,6 +29,7 @@ from receptance import (
     Unknown,
     identify,
 )
+from receptance.coupling import spindle_of
 
 LOSSY = replace(STEEL, loss_factor=0.002)
 TOOL = Part([Segment(length=0.0623, outer_diameter=0.0127, material=CARBIDE)], name="tool")
@@ -230,9 +231,9 @@ def test_from_a_file_s_frf() -> None:
         responses=["y", "theta"],
         excitations=["y", "theta"],
     )
-    np.testing.assert_allclose(MeasuredPart.from_frf(frf.to("accelerance"), name="spindle").matrix, spindle.matrix)
+    np.testing.assert_allclose(spindle_of(frf.to("accelerance"), name="spindle").matrix, spindle.matrix)
     with pytest.raises(ValueError, match="the responses y and the excitations y, theta, expected y, theta"):
-        MeasuredPart.from_frf(frf.select(responses=0))
+        spindle_of(frf.select(responses=0))
 
 
 @pytest.mark.parametrize(

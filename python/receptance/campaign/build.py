@@ -69,8 +69,8 @@ class Builder:
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
         self.built = Built()
-        self.numbers: dict[str, float] = {}
-        """Numbers that the tables of joints and modal parts have, by address."""
+        self.numbers: dict[str, float | None] = {}
+        """Numbers by address that the tables of joints and modal parts have, and starts of unknowns without one."""
         self.notes: list[str] = []
         self.warnings: list[str] = []
 
@@ -116,9 +116,11 @@ class Builder:
 
                     made = as_rigid(made)
                 built.parts[name] = made
-        self.numbers = _written_numbers(campaign)
+        self.numbers = {**_written_numbers(campaign)}
         for address, unknown in campaign.unknowns.items():
             _store(built.unknowns, address, self._unknown(address, unknown, campaign))
+            if address in built.unknowns:
+                self.numbers.setdefault(address, built.unknowns[address].start)
         for name in campaign.modal_parts:
             _store(built.modal_parts, name, self._modal_part(name, campaign))
         for name, joint in campaign.joints.items():
@@ -136,7 +138,7 @@ class Builder:
     def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
         """Return the element at an address from its table, or None after its mistakes are added.
 
-        A missing number that is unknown has its start, see `_unknown`; fields in `given` are not read from the table.
+        A missing number has the start of its unknown; fields in `given` are not read from the table.
         """
         values = dict(given)
         for name, declared in table.element.declared.items():
@@ -151,8 +153,7 @@ class Builder:
                 if value is None:
                     return None
             elif isinstance(declared, Number) and name not in table.written:
-                unknown = self.built.unknowns.get(f"{address}.{name}")
-                value = value if unknown is None else unknown.start
+                value = self.numbers.get(f"{address}.{name}", value)
             values[name] = tuple(value) if isinstance(value, list) else value
         return self.make(path, table.element, **values)
 
@@ -187,7 +188,7 @@ class Builder:
     # Unknowns --------------------------------------------------------------------------------------------------------
 
     def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown | None:
-        """Return an unknown; its start is the one of its table, else the number of the element, else the middle."""
+        """Return an unknown; without a start in its table it has that of `numbers`, else the middle of its bounds."""
         path: KeyPath = ("unknowns", address)
         if self.problems.at(path):
             return None

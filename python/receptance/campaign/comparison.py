@@ -33,34 +33,20 @@ _BEST = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Result):
-    """Candidates of a campaign and their misfits to its measurements.
-
-    Attributes
-    ----------
-    candidates : xarray.Dataset
-        All candidates, as `receptance.sweep.sweep` returns them, with the variable `misfit`.
-    addresses : tuple of str
-        Addresses of the parameters that vary.
-    fit : Identification or None
-        The fit of all unknowns without a given value; None if all of them vary.
-    given : dict of str to float
-        Given values of other parameters in SI units.
-    expected_misfit : float or None
-        Misfit of the true model that is expected from noise; None if a measurement has no standard deviation.
-    limit : float or None
-        Largest misfit that noise explains.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Campaign and versions of the software.
-    """
+    """Candidates of a campaign and their misfits to its measurements."""
 
     candidates: xr.Dataset = field(repr=False)
+    """All candidates, as `receptance.sweep.sweep` returns them, with the variable `misfit`."""
     addresses: tuple[str, ...]
+    """Addresses of the parameters that vary."""
     fit: Identification | None = field(repr=False)
+    """The fit of all unknowns without a given value; None if all of them vary."""
     given: dict[str, float]
+    """Given values of other parameters in SI units."""
     expected_misfit: float | None
+    """Misfit of the true model that is expected from noise; None if a measurement has no standard deviation."""
     limit: float | None
+    """Largest misfit that noise explains."""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

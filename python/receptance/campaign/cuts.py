@@ -22,47 +22,31 @@ from receptance.stability.tip import require_drive_point
 
 @dataclass(frozen=True, kw_only=True)
 class Tip:
-    """Source of the receptance of a tool tip in one direction.
-
-    Attributes
-    ----------
-    name : str
-        Free-text label.
-    assembly : str
-        Name of the assembly that is predicted; empty for a measured tip.
-    frf : FRF or None
-        Measured FRF.
-    file : str
-        File of the FRF; empty for a measurement of the campaign and for a predicted tip.
-    """
+    """Source of the receptance of a tool tip in one direction."""
 
     name: str
+    """Free-text label."""
     assembly: str = ""
+    """Name of the assembly that is predicted; empty for a measured tip."""
     frf: FRF | None = None
+    """Measured FRF."""
     file: str = ""
+    """File of the FRF; empty for a measurement of the campaign and for a predicted tip."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignCut:
-    """A cut of a campaign.
-
-    Attributes
-    ----------
-    name : str
-        Name in the file.
-    cut : Milling or Turning
-        The cut.
-    spread : dict of str to float
-        Standard deviations of the logarithms of the coefficients.
-    x, y : Tip
-        Tip in the direction of feed (in turning, of the chip thickness) and across it; y is None if it is rigid.
-    """
+    """A cut of a campaign."""
 
     name: str
+    """Name in the file."""
     cut: Milling | Turning
+    """The cut."""
     x: Tip
+    """Tip in the direction of feed (in turning, of the chip thickness) and across it; y is None if it is rigid."""
     y: Tip | None = None
     spread: dict[str, float] = field(default_factory=dict)
+    """Standard deviations of the logarithms of the coefficients."""
 
     def label(self, lobes: Lobes) -> Lobes:
         """Return lobes with the name, the tips and the coefficients of this cut."""

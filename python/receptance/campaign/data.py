@@ -41,63 +41,42 @@ _SPEEDS = {"mean force": 400, "semi-discretisation": 30}
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignData(Renderable):
-    """What a campaign file contains, with its data; `Campaign` has the analyses.
-
-    Attributes
-    ----------
-    file : Path
-        The campaign file.
-    table : CampaignTable
-        Contents of the file, checked; numbers in SI units.
-    contents : dict
-        Contents of the file as they are written, with a table for each level of a series.
-    assemblies : dict of str to Assembly
-        Configurations by name, without sensors. Unknown parameters have their start values.
-    measurements : dict of str to Observation
-        Measurements by name, with the assembly including the sensor; their configuration is the assembly's name.
-    errors : dict of str to tuple of Tolerance
-        Errors of each measurement: of its assembly and of what is attached to it.
-    unknowns : tuple of Unknown
-        Parameters to identify.
-    tolerances : dict of str to tuple of Tolerance
-        Errors of each assembly. Errors with the same name are one error.
-    places : dict of str to tuple of Coordinate
-        Response and excitation at which assemblies without measurements are predicted.
-    candidates : dict of str to Candidate
-        Candidates for the next measurement.
-    cuts : dict of str to CampaignCut
-        Cuts whose stable depth is computed.
-    built : Built
-        Materials, parts, joints and attachments, for assemblies that are not in the file.
-    templates : dict of str to str
-        Measurements of a series, and the names of their tables in the file, such as "axial {level}".
-    notes : tuple of str
-        Notes for the user.
-    threads : int or None
-        As in `Assembly.receptance`, for all analyses.
-    progress : callable
-        Called with a line of text before each step of an analysis.
-    """
+    """What a campaign file contains, with its data; `Campaign` has the analyses."""
 
     plotted_by = "receptance.campaign.figure:draw_campaign"
     drawn_in_notebooks = True
 
     file: Path
+    """The campaign file."""
     table: CampaignTable
+    """Contents of the file, checked; numbers in SI units."""
     assemblies: dict[str, Assembly]
+    """Configurations by name, without sensors. Unknown parameters have their start values."""
     measurements: dict[str, Observation]
+    """Measurements by name, with the assembly including the sensor; their configuration is the assembly's name."""
     unknowns: tuple[Unknown, ...]
+    """Parameters to identify."""
     tolerances: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
+    """Errors of each assembly. Errors with the same name are one error."""
     errors: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
+    """Errors of each measurement: of its assembly and of what is attached to it."""
     places: dict[str, tuple[Coordinate, Coordinate]] = field(default_factory=dict)
+    """Response and excitation at which assemblies without measurements are predicted."""
     candidates: dict[str, Candidate] = field(default_factory=dict)
+    """Candidates for the next measurement."""
     cuts: dict[str, CampaignCut] = field(default_factory=dict)
+    """Cuts whose stable depth is computed."""
     built: Built = field(default_factory=Built, repr=False)
+    """Materials, parts, joints and attachments, for assemblies that are not in the file."""
     contents: dict[str, Any] = field(default_factory=dict, repr=False)
+    """Contents of the file as they are written, with a table for each level of a series."""
     templates: dict[str, str] = field(default_factory=dict)
+    """Measurements of a series, and the names of their tables in the file, such as "axial {level}"."""
     notes: tuple[str, ...] = ()
     threads: int | None = field(default=None, compare=False)
+    """As in `Assembly.receptance`, for all analyses."""
     progress: Callable[[str], None] = field(default=silent, compare=False, repr=False)
+    """Called with a line of text before each step of an analysis."""
 
     @classmethod
     def load(

@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, MISSING, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Self, TypeVar
 
 from receptance._text import did_you_mean, instead_of, nearest, one_of, shown
 from receptance.campaign.problems import KeyPath, Problems
-from receptance.campaign.values import PLAIN_NUMBER, kind_of, parse_deviation, small_deviation
+from receptance.campaign.values import PLAIN_NUMBER, Deviation, kind_of, parse_deviation, small_deviation
 from receptance.fit.parameters import FACTORS
 from receptance.model.beams import Material
-from receptance.model.fields import AttachedTo, Element, Field, Key, Member, Number, Numbers
+from receptance.model.fields import AttachedTo, Element, Field, Key, Member, Number, Numbers, T
 from receptance.units import NUMBER, Quantity, parse
 
 OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
@@ -68,18 +68,16 @@ class Place:
         """Add a mistake at this place, or some steps above it."""
         self.problems.add(self.path[: len(self.path) - up], text)
 
-    def read(self, declared: Field, written: Any) -> Any:
+    def read(self, declared: Field[Any], written: Any) -> Any:
         try:
             return declared.read(written, self)
         except ValueError as error:
             self.mistake(str(error))
             return WRONG
 
-    def keys(
-        self, declared: Mapping[str, Field], needed: Callable[[str], bool], written: Mapping[str, Any]
-    ) -> dict[str, Any]:
+    def keys(self, of: Keys[Any], written: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of the keys of a table, `WRONG` for those with mistakes."""
-        misspelt = set()
+        declared, misspelt = of.declared, set()
         unknown = [key for key in written if key not in declared]
         for key in unknown:
             expected = [name for name in declared if name not in written]
@@ -88,10 +86,10 @@ class Place:
             hint = f'; did you mean "{near}"?' if near else f"; expected {one_of(declared)}"
             self.at(key).mistake(f"is not a known key{hint}")
         values: dict[str, Any] = dict.fromkeys(unknown, WRONG)
-        for name, of in declared.items():
+        for name, declaration in declared.items():
             if name in written:
-                values[name] = self.at(name, written).read(of, written[name])
-            elif needed(name):
+                values[name] = self.at(name, written).read(declaration, written[name])
+            elif of.default_of(name) is MISSING:
                 values[name] = WRONG
                 if name not in misspelt:
                     tables = "" if self.path else f", expected tables such as [{name}.NAME]"
@@ -136,7 +134,7 @@ def table_of(written: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Text(Field):
+class Text(Field[str]):
     """A text."""
 
     doc: str = ""
@@ -149,8 +147,13 @@ class Text(Field):
 
 
 @dataclass(frozen=True)
-class Word(Text):
+class Word(Field[Any]):
     """The value of the key `kind`, which selects the table."""
+
+    doc: str
+
+    def read(self, written: Any, place: Place) -> str:
+        return text_of(written)
 
     @property
     def word(self) -> str:
@@ -162,13 +165,12 @@ class Word(Text):
 
 
 @dataclass(frozen=True)
-class Flag(Field):
+class Flag(Field[bool]):
     """True or false."""
 
     doc: str
 
     def read(self, written: Any, place: Place) -> bool:
-        """Return whether it is true."""
         if not isinstance(written, bool):
             raise ValueError(f"is {shown(written)}, expected true or false")
         return written
@@ -178,7 +180,7 @@ class Flag(Field):
 
 
 @dataclass(frozen=True)
-class Real(Field):
+class Real(Field[float]):
     """A number without a unit, within bounds: more than `above`, at least `least`, less than `below`."""
 
     doc: str = ""
@@ -204,7 +206,7 @@ class Real(Field):
 
 
 @dataclass(frozen=True)
-class Written(Field):
+class Written(Field[Any]):
     """A value of one of several types, which is read where more is known: a text with a unit or a number."""
 
     doc: str = ""
@@ -227,11 +229,11 @@ class Written(Field):
 
 
 @dataclass(frozen=True)
-class Parsed(Field):
+class Parsed(Field[T]):
     """A value that a function returns from the written one."""
 
     doc: str
-    parse: Callable[[Any], Any]
+    parse: Callable[[Any], T]
     form: dict[str, Any] = field(default_factory=lambda: {"type": "string"})
 
     def read(self, written: Any, place: Place) -> Any:
@@ -289,7 +291,7 @@ class DataFile(Text):
 
 
 @dataclass(frozen=True)
-class DataFiles(Field):
+class DataFiles(Field[str | list[str]]):
     """The path of a data file, or a list of them."""
 
     doc: str
@@ -306,7 +308,7 @@ class DataFiles(Field):
 
 
 @dataclass(frozen=True)
-class Deviated(Field):
+class Deviated(Field[Deviation]):
     """The standard deviation of a quantity, a `Deviation`."""
 
     quantity: Quantity
@@ -330,7 +332,7 @@ class Deviated(Field):
 
 
 @dataclass(frozen=True)
-class ValueOfUnknown(Field):
+class ValueOfUnknown(Field[float]):
     """A bound or a start of an unknown, with the quantity of the address that is the name of its table."""
 
     doc: str
@@ -352,7 +354,7 @@ class ValueOfUnknown(Field):
 
 
 @dataclass(frozen=True)
-class ValueAtAddress(Field):
+class ValueAtAddress(Field[Any]):
     """The value of the parameter whose address is the key, or, if `deviation`, its standard deviation."""
 
     deviation: bool = False
@@ -373,11 +375,11 @@ class ValueAtAddress(Field):
 
 
 @dataclass(frozen=True)
-class ListOf(Field):
+class ListOf(Field[list[T]]):
     """A list of values, at least `least`."""
 
     doc: str
-    item: Field
+    item: Field[T]
     least: int = 0
     most: int = 1_000_000
 
@@ -400,12 +402,12 @@ class ListOf(Field):
 
 
 @dataclass(frozen=True)
-class MapOf(Field):
+class MapOf(Field[Mapping[str, T]]):
     """A table whose keys are names, conditions or addresses; `check_key` raises for a wrong one."""
 
     doc: str
-    item: Field
-    check_key: Callable[[str, Place], None] = lambda key, place: None
+    item: Field[T]
+    check_key: Callable[[Place, str], None] = lambda place, key: None
     pattern: str = ""
 
     def read(self, written: Any, place: Place) -> Any:
@@ -417,7 +419,7 @@ class MapOf(Field):
         for key, value in written.items():
             at = place.at(key)
             try:
-                self.check_key(key, at)
+                self.check_key(at, key)
             except ValueError as error:
                 at.mistake(str(error))
                 values[key] = WRONG
@@ -436,7 +438,7 @@ class MapOf(Field):
 
 
 @dataclass(frozen=True)
-class NamedTables(MapOf):
+class NamedTables(MapOf[T]):
     """A table of the file with tables by name; those with mistakes are left out."""
 
     def read(self, written: Any, place: Place) -> dict[str, Any]:
@@ -449,7 +451,7 @@ class NamedTables(MapOf):
 class KeyTable:
     """A table of the file, whose attributes are its keys; one that the file does not have has its default."""
 
-    declared: ClassVar[dict[str, Field]] = {}
+    declared: ClassVar[dict[str, Field[Any]]] = {}
     """Declarations of the keys by name."""
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -480,51 +482,84 @@ class KeyTable:
         """Return the table with other values."""
         return type(self)(**{**vars(self), **values})
 
-    @classmethod
-    def needs(cls, key: str) -> bool:
-        """Return whether a key has no default."""
-        return not hasattr(cls, key)
 
-    @classmethod
-    def definition(cls) -> dict[str, Any]:
+class Keys(Field[T]):
+    """The keys of a table with their defaults; `made` returns the table from the values of the written keys."""
+
+    declared: Mapping[str, Field[Any]]
+
+    @property
+    def title(self) -> str:
+        """Name of its definition in the JSON Schema."""
+        raise NotImplementedError
+
+    @property
+    def text(self) -> str:
+        """Description of the table."""
+        raise NotImplementedError
+
+    def default_of(self, key: str) -> Any:
+        """Return the default of a key; `MISSING` if it is needed."""
+        raise NotImplementedError
+
+    def made(self, values: dict[str, Any]) -> T:
+        """Return the table with some values, and with defaults."""
+        raise NotImplementedError
+
+    def read(self, written: Any, place: Place) -> Any:
+        values = place.keys(self, table_of(written))
+        return WRONG if WRONG in values.values() else self.made(values)
+
+    def schema(self) -> dict[str, Any]:
+        return {"$ref": f"#/$defs/{self.title}"}
+
+    def definition(self) -> dict[str, Any]:
         """Return the JSON Schema of the table."""
-        defaults = {key: getattr(cls, key, None) for key in cls.declared}
-        return _definition(cls.__doc__ or "", cls.declared, cls.needs, defaults)
+        properties = {}
+        for key, of in self.declared.items():
+            schema, default = of.schema(), self.default_of(key)
+            # Of a quantity, which is text, the default is a number in SI units.
+            typed = isinstance(default, str) or schema.get("type") != "string"
+            shown_default = {"default": default} if isinstance(default, (bool, int, float, str)) and typed else {}
+            properties[key] = {**schema, **({} if default == "" else shown_default), "description": of.doc}
+        required = [key for key in self.declared if self.default_of(key) is MISSING]
+        return {
+            "type": "object",
+            "description": self.text.strip().splitlines()[0],
+            "properties": properties,
+            "additionalProperties": False,
+            **({"required": required} if required else {}),
+        }
 
 
-def _definition(
-    doc: str, declared: Mapping[str, Field], needed: Callable[[str], bool], defaults: Mapping[str, Any]
-) -> dict[str, Any]:
-    properties = {}
-    for key, of in declared.items():
-        schema, default = of.schema(), defaults.get(key)
-        # Of a quantity, which is text, the default is a number in SI units.
-        typed = isinstance(default, str) or schema.get("type") != "string"
-        shown_default = {"default": default} if isinstance(default, (bool, int, float, str)) and typed else {}
-        properties[key] = {**schema, **({} if default == "" else shown_default), "description": of.doc}
-    required = [key for key in declared if needed(key)]
-    return {
-        "type": "object",
-        "description": doc.strip().splitlines()[0],
-        "properties": properties,
-        "additionalProperties": False,
-        **({"required": required} if required else {}),
-    }
+K = TypeVar("K", bound=KeyTable)
 
 
 @dataclass(frozen=True)
-class TableOf(Field):
+class TableOf(Keys[K]):
     """A table of a class."""
 
-    table: type[KeyTable]
+    table: type[K]
     doc: str = ""
 
-    def read(self, written: Any, place: Place) -> Any:
-        values = place.keys(self.table.declared, self.table.needs, table_of(written))
-        return WRONG if WRONG in values.values() else self.table(**values)
+    @property
+    def declared(self) -> Mapping[str, Field[Any]]:  # type: ignore[override]
+        """Declarations of the keys by name."""
+        return self.table.declared
 
-    def schema(self) -> dict[str, Any]:
-        return {"$ref": f"#/$defs/{self.table.__name__}"}
+    @property
+    def title(self) -> str:
+        return self.table.__name__
+
+    @property
+    def text(self) -> str:
+        return self.table.__doc__ or ""
+
+    def default_of(self, key: str) -> Any:
+        return getattr(self.table, key, MISSING)
+
+    def made(self, values: dict[str, Any]) -> K:
+        return self.table(**values)
 
 
 class ElementTable:
@@ -539,73 +574,69 @@ class ElementTable:
 
 
 @dataclass(frozen=True)
-class Tolerances(Field):
+class Tolerances(Keys[dict[str, Deviation]]):
     """The standard deviations of an element's own numbers by name."""
 
     element: type[Element]
     doc: str = "standard deviations of the numbers above, by the same keys"
 
     @cached_property
-    def declared(self) -> dict[str, Field]:
+    def declared(self) -> Mapping[str, Field[Any]]:  # type: ignore[override]
         """Declarations of the keys."""
         numbers = {name: of for name, of in self.element.declared.items() if isinstance(of, Number) and of.parameter}
         return {name: Deviated(of.quantity, f"of the {of.doc.partition(';')[0]}") for name, of in numbers.items()}
 
-    def read(self, written: Any, place: Place) -> Any:
-        values = place.keys(self.declared, lambda _: False, table_of(written))
-        return WRONG if WRONG in values.values() else values
+    @property
+    def text(self) -> str:
+        return f"Standard deviations of the numbers of a table of {self.element.__name__}."
+
+    def default_of(self, key: str) -> Any:
+        return None
+
+    def made(self, values: dict[str, Any]) -> dict[str, Deviation]:
+        return values
 
     def schema(self) -> dict[str, Any]:
-        doc = f"Standard deviations of the numbers of a table of {self.element.__name__}."
-        return _definition(doc, self.declared, lambda _: False, {})
+        return self.definition()
 
 
 @dataclass(frozen=True)
-class ElementOf(Field):
-    """The table of an element, whose keys are the fields of the element.
-
-    Parameters
-    ----------
-    element : type
-        Class of the element.
-    kind : str, optional
-        Value of the key `kind`; "point" is its default.
-    keys : type, optional
-        A table with additional or other keys.
-    without : tuple of str, optional
-        Fields of the element that are not keys.
-    defaults : mapping, optional
-        Defaults of keys where they differ from those of the element.
-    name : str, optional
-        Name of its definition in the JSON Schema.
-    """
+class ElementOf(Keys[ElementTable]):
+    """The table of an element, whose keys are the fields of the element."""
 
     element: type[Element]
     doc: str = ""
     _: KW_ONLY
     kind: str = ""
+    """Value of the key `kind`; "point" is its default."""
     keys: type[KeyTable] = KeyTable
+    """A table with additional or other keys."""
     without: tuple[str, ...] = ()
+    """Fields of the element that are not keys."""
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    """Defaults of keys where they differ from those of the element."""
     name: str = ""
+    """Name of its definition in the JSON Schema, by default from that of the element."""
 
     @property
     def title(self) -> str:
-        """Name of its definition in the JSON Schema."""
         return self.name or f"{self.element.__name__}Table"
 
+    @property
+    def text(self) -> str:
+        return (self.keys if self.keys.declared and self.keys.__doc__ else self.element).__doc__ or ""
+
     @cached_property
-    def declared(self) -> dict[str, Field]:
+    def declared(self) -> Mapping[str, Field[Any]]:  # type: ignore[override]
         """Declarations of the keys by name."""
-        declared: dict[str, Field] = {"kind": Word(f'`"{self.kind}"`')} if self.kind else {}
+        declared: dict[str, Field[Any]] = {"kind": Word(f'`"{self.kind}"`')} if self.kind else {}
         declared |= self.keys.declared
         for name, of in self.element.declared.items():
             if name not in ("name", *self.without, *self.keys.declared):
                 declared[name] = _key(of)
         return {**declared, **({"tolerance": Tolerances(self.element)} if self.element.toleranced else {})}
 
-    def default(self, key: str) -> Any:
-        """Return the default of a key; `MISSING` if it is needed."""
+    def default_of(self, key: str) -> Any:
         if key == "kind":
             return self.kind if self.kind == "point" else MISSING
         if key in self.defaults or key in self.keys.declared:
@@ -614,33 +645,15 @@ class ElementOf(Field):
             return {}
         of = self.declared[key]
         if isinstance(of, ElementOf):
-            return of.made({}) if not any(map(of.needs, of.declared)) else MISSING
+            return MISSING if MISSING in map(of.default_of, of.declared) else of.made({})
         return getattr(self.element, key, MISSING)
 
-    def needs(self, key: str) -> bool:
-        """Return whether a key has no default."""
-        return self.default(key) is MISSING
-
     def made(self, values: Mapping[str, Any]) -> ElementTable:
-        """Return the table with some values, and with defaults."""
-        return ElementTable(
-            self.element, frozenset(values), {key: values.get(key, self.default(key)) for key in self.declared}
-        )
-
-    def read(self, written: Any, place: Place) -> Any:
-        values = place.keys(self.declared, self.needs, table_of(written))
-        return WRONG if WRONG in values.values() else self.made(values)
-
-    def schema(self) -> dict[str, Any]:
-        return {"$ref": f"#/$defs/{self.title}"}
-
-    def definition(self) -> dict[str, Any]:
-        """Return the JSON Schema of the table."""
-        doc = (self.keys if self.keys.declared and self.keys.__doc__ else self.element).__doc__ or ""
-        return _definition(doc, self.declared, self.needs, {key: self.default(key) for key in self.declared})
+        every = {key: values.get(key, self.default_of(key)) for key in self.declared}
+        return ElementTable(self.element, frozenset(values), every)
 
 
-def _key(of: Field) -> Field:
+def _key(of: Field[Any]) -> Field[Any]:
     """Return the declaration of the key of a field that refers to other tables."""
     if isinstance(of, Member) and of.kind is Material:
         return NameOf(f"name of the {of.doc}", "materials")
@@ -652,22 +665,19 @@ def _key(of: Field) -> Field:
 
 
 @dataclass(frozen=True, init=False)
-class OneKind(Field):
+class OneKind(Field[Any]):
     """One of several tables, selected by the key `kind`."""
 
-    choices: tuple[TableOf | ElementOf, ...]
+    choices: tuple[TableOf[Any] | ElementOf, ...]
     doc: str = ""
 
-    def __init__(self, *choices: TableOf | ElementOf) -> None:
+    def __init__(self, *choices: TableOf[Any] | ElementOf) -> None:
         vars(self).update(choices=choices)
 
     @cached_property
-    def by_word(self) -> dict[str, TableOf | ElementOf]:
+    def by_word(self) -> dict[str, TableOf[Any] | ElementOf]:
         """The tables by the value of `kind`."""
-        return {
-            of.kind if isinstance(of, ElementOf) else of.table.declared["kind"].word: of  # type: ignore[attr-defined]
-            for of in self.choices
-        }
+        return {of.kind if isinstance(of, ElementOf) else of.table.declared["kind"].word: of for of in self.choices}
 
     def kind_of(self, element: Element) -> str | None:
         """Return the value of `kind` of an element; None if it is of none of these classes."""

@@ -26,31 +26,18 @@ from receptance.report.table import Cell
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction(Result):
-    """Predictions of a campaign with their intervals.
-
-    Attributes
-    ----------
-    identified : Identification or None
-        The fit; None without unknowns.
-    frequencies : tuple of PredictedFrequencies
-        Natural frequencies; those of held-out measurements first.
-    frfs : tuple of PredictedFRF
-        Frequency responses; those of held-out measurements first.
-    level : float
-        Level of the intervals.
-    not_predicted : dict of str to str
-        Reasons why measurements or assemblies could not be predicted, by name.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Campaign and versions of the software.
-    """
+    """Predictions of a campaign with their intervals."""
 
     identified: Identification | None
+    """The fit; None without unknowns."""
     frequencies: tuple[PredictedFrequencies, ...]
+    """Natural frequencies; those of held-out measurements first."""
     frfs: tuple[PredictedFRF, ...]
+    """Frequency responses; those of held-out measurements first."""
     level: float
+    """Level of the intervals."""
     not_predicted: dict[str, str]
+    """Reasons why measurements or assemblies could not be predicted, by name."""
     notes: tuple[str, ...]
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

@@ -130,21 +130,14 @@ def _unquoted(quoted: str) -> str:
 
 @dataclass(frozen=True)
 class Issue:
-    """A mistake in a file.
-
-    Attributes
-    ----------
-    path : tuple of str and int
-        Keys and list indices from the top of the file.
-    text : str
-        Value that was found, and values that are expected.
-    line : int or None
-        Line of the file, counted from 1, if it is known.
-    """
+    """A mistake in a file."""
 
     path: KeyPath
+    """Keys and list indices from the top of the file."""
     text: str
+    """Value that was found, and values that are expected."""
     line: int | None = None
+    """Line of the file, counted from 1, if it is known."""
 
     def __str__(self) -> str:
         where = [f"line {self.line}"] if self.line else []

@@ -15,7 +15,7 @@ from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.cuts import CampaignCut, build_cut
-from receptance.campaign.keys import OWNERS, WRONG, Names, Place
+from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Names, Place, TableOf
 from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable
@@ -28,19 +28,7 @@ from receptance.units import parse_any
 
 FILE = "campaign.toml"
 """Name of the campaign file in a folder."""
-_SECTIONS = (
-    "materials",
-    "parts",
-    "modal_parts",
-    "joints",
-    "sensors",
-    "attachments",
-    "assemblies",
-    "measurements",
-    "candidates",
-    "cuts",
-    "unknowns",
-)
+_SECTIONS = tuple(key for key, of in CampaignTable.declared.items() if isinstance(of, NamedTables))
 _MOST_SPEEDS = 20_000
 _DEEPEST = 20
 _TOO_DEEP = f"tables and lists are nested more than {_DEEPEST} deep, expected a campaign"
@@ -225,7 +213,7 @@ def _tables(data: dict[str, Any], problems: Problems, folder: Path | None) -> Ca
     empty: dict[str, Any] = {section: {} for section in _REQUIRED}
     place = Place(problems, Names(named, frozenset(broken), folder))
     written = {**empty, **data} if "cuts" in data else data
-    values = place.keys(CampaignTable.declared, CampaignTable.needs, written)
+    values = place.keys(TableOf(CampaignTable), written)
     usable = {key: value for key, value in values.items() if value is not WRONG and key in CampaignTable.declared}
     return CampaignTable(**{**empty, **usable})
 

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from receptance.campaign import schema as tables
-from receptance.campaign.keys import ElementOf, KeyTable
+from receptance.campaign.keys import ElementOf, KeyTable, TableOf
 from receptance.model.beams import Section
 from receptance.model.joints import PointJoint
 
@@ -62,7 +62,7 @@ def json_schema() -> dict[str, Any]:
     >>> json_schema()["anyOf"]
     [{'required': ['materials', 'parts', 'assemblies']}, {'required': ['cuts']}]
     """
-    schema = tables.CampaignTable.definition()
+    schema = TableOf(tables.CampaignTable).definition()
     needed = schema.pop("required")
     return {
         "$schema": _DIALECT,
@@ -70,12 +70,12 @@ def json_schema() -> dict[str, Any]:
         # A file with cuts and measured tips needs no other section.
         "anyOf": [{"required": needed}, {"required": ["cuts"]}],
         **schema,
-        "$defs": {_name(table): table.definition() for table, _ in _SECTIONS[1:]},
+        "$defs": {keys.title: keys.definition() for keys in (_keys(table) for table, _ in _SECTIONS[1:])},
     }
 
 
-def _name(table: type[KeyTable] | ElementOf) -> str:
-    return table.title if isinstance(table, ElementOf) else table.__name__
+def _keys(table: type[KeyTable] | ElementOf) -> ElementOf | TableOf[Any]:
+    return table if isinstance(table, ElementOf) else TableOf(table)
 
 
 def field_tables() -> str:
@@ -87,7 +87,7 @@ def field_tables() -> str:
     >>> field_tables().splitlines()[0]
     '## The file'
     """
-    return "\n\n".join(_block(heading, table.definition()) for table, heading in _SECTIONS) + "\n"
+    return "\n\n".join(_block(heading, _keys(table).definition()) for table, heading in _SECTIONS) + "\n"
 
 
 def _block(heading: str, table: dict[str, Any]) -> str:

@@ -26,7 +26,7 @@ _LARGE = 0.2
 """Relative standard deviation above which it is that of the logarithm: the value then keeps its sign."""
 Deviations = dict[str, Deviation]
 """Standard deviations by address."""
-_Inherited = tuple[str, "KeyPath", Deviation]
+_Inherited = tuple[str, KeyPath, Deviation]
 """Address, place in the file and standard deviation."""
 
 

@@ -19,21 +19,14 @@ _LARGEST_PERCENTAGE = 1000.0
 
 @dataclass(frozen=True)
 class Deviation:
-    """A standard deviation.
-
-    Attributes
-    ----------
-    amount : float
-        Value in SI units, or relative to the value of the parameter.
-    relative : bool
-        Whether it is relative.
-    name : str
-        Name of the error; deviations with the same name are one error. Empty for an independent error.
-    """
+    """A standard deviation."""
 
     amount: float
+    """Value in SI units, or relative to the value of the parameter."""
     relative: bool
+    """Whether it is relative."""
     name: str = ""
+    """Name of the error; deviations with the same name are one error. Empty for an independent error."""
 
     def of(self, value: float) -> float:
         """Return the standard deviation for a value of the parameter, in SI units."""

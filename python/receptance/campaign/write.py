@@ -32,20 +32,10 @@ from receptance.fit.unknowns import Law, Move, Prior, Tolerance, Unknown, covere
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
-from receptance.model.fields import Choice, Count, Element, Member, Number
+from receptance.model.fields import Element, Member
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.model.terminals import ModalPart
 from receptance.units import Quantity
-
-
-def _quantity(value: float, kind: Quantity) -> str | float:
-    """Return the text of a quantity in SI units, with all digits."""
-    return f"{float(value)!r} {kind.unit}" if kind.unit else float(value)
-
-
-def _quantity_at(address: str, value: float) -> str | float:
-    """Return the text of the value of a parameter."""
-    return _quantity(value, kind_of(address))
 
 
 class _Materials:
@@ -97,28 +87,21 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     """
     if isinstance(point, GroundSpring) and point.length:
         raise ValueError(f"{point!r} is distributed along a part and cannot be written as a table of a campaign")
-    place = {"kind": ATTACHMENTS.kind_of(point), "part": point.part, "position": _position(point.position)}
+    place = {"kind": ATTACHMENTS.kind_of(point), "part": point.part, "position": _POSITION.write(point.position)}
     return {**place, **_field_table(point, _Materials())}
 
 
-def _position(position: float | str) -> str | float:
-    return position if isinstance(position, str) else _quantity(position, units.LENGTH)
-
-
 def _field_table(element: Element, materials: _Materials) -> dict[str, Any]:
-    """Return the fields of an element that differ from their defaults."""
+    """Return the fields of an element that differ from their defaults; new materials are added."""
     table: dict[str, Any] = {}
-    for name, field in element.declared.items():
+    for name, of in element.declared.items():
         value = getattr(element, name)
-        if value == getattr(type(element), name, MISSING):
+        if name == "name" or value == getattr(type(element), name, MISSING):
             continue
-        if isinstance(field, Number):
-            table[name] = _quantity(value, field.quantity)
-        elif isinstance(field, Member):
-            inner = field.kind is Material
-            table[name] = materials.name_of(value) if inner else _field_table(value, materials)
-        elif isinstance(field, (Choice, Count)):
-            table[name] = value
+        if not isinstance(of, Member):
+            table[name] = of.write(value)
+        else:
+            table[name] = materials.name_of(value) if of.kind is Material else _field_table(value, materials)
     return table
 
 
@@ -129,10 +112,8 @@ def _unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
     kind = PLAIN_NUMBER if plain else kind_of(unknown.address)
     start = min(max(start, unknown.lower), unknown.upper)
-    table: dict[str, Any] = {
-        key: _quantity(value, kind) for key, value in (("lower", unknown.lower), ("upper", unknown.upper))
-    }
-    table |= {"start": _quantity(start, kind), "scale": unknown.scale}
+    table: dict[str, Any] = {"lower": kind.text(unknown.lower), "upper": kind.text(unknown.upper)}
+    table |= {"start": kind.text(start), "scale": unknown.scale}
     if unknown.prior is not None:
         table["prior"] = _prior(unknown.prior, unknown.scale == "log", kind)
     if unknown.configurations is not None:
@@ -148,12 +129,13 @@ def _unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
 
 
 def _prior(prior: Prior, logarithmic: bool, kind: Quantity) -> dict[str, Any]:
-    spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else _quantity(prior.standard_deviation, kind)
-    return {"value": _quantity(prior.mean, kind), "spread": spread}
+    spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else kind.text(prior.standard_deviation)
+    return {"value": kind.text(prior.mean), "spread": spread}
 
 
 _SAME = 1e-6
 """Relative difference of chi-square up to which the file and the diagnosed model are the same."""
+_POSITION = PointMass.declared["position"]
 _ORDERS = (1, 2, -1, -2)
 _OTHER = {"sensors": "attachments", "attachments": "sensors"}
 
@@ -228,7 +210,7 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
         if end is not None and measurement.given.is_receptance and measurement.given.force is None:
-            data["measurements"][name]["ends"] = _quantity(end, units.TIME)
+            data["measurements"][name]["ends"] = units.TIME.text(end)
     _write_unknowns(data, base, explanation)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "starts": 1}
@@ -343,12 +325,12 @@ def _write_assembly(
             raise ValueError(f"{owner} has other parameters in {title}, which a campaign file cannot describe")
         value = assembly.get(address)
         if value != bases[owner].get(address):
-            table["set"][address] = _quantity_at(address, value)
+            table["set"][address] = kind_of(address).text(value)
     for error in one.tolerances:
         for address, deviation in error.moves.items():
             if address.split(".", 1)[0] in owners and address not in identified:
                 share = f"{100.0 * abs(deviation):.15g} %"
-                written = share if error.relative else _quantity_at(address, abs(deviation))
+                written = share if error.relative else kind_of(address).text(abs(deviation))
                 table["tolerance"][address] = {"value": written, "name": error.name}
     fresh = {k: v for k, v in one.found.conditions.items() if k not in one.given.conditions}
     if fresh:
@@ -378,7 +360,7 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
     for side in ("response", "excitation"):
         old, new = getattr(given, side), getattr(found, side)
         if (old.part, old.position) != (new.part, new.position):
-            table[side] = {**table.get(side, {}), "part": new.part, "position": _position(new.position)}
+            table[side] = {**table.get(side, {}), "part": new.part, "position": _POSITION.write(new.position)}
     if np.array_equal(found.receptance, -given.receptance):
         own = table.get("response", {})
         direction = own.get("direction", "+y")
@@ -488,7 +470,7 @@ def _restarted(raw: dict[str, Any], unknown: Unknown, values: Mapping[str, float
     plain = isinstance(unknown, Move) or unknown.multiple != 1.0
     if isinstance(unknown, Law) and unknown.follows:
         raw = {**raw, "follows": dict(unknown.follows)}
-    return {**raw, "start": start if plain else _quantity_at(unknown.address, start)}
+    return {**raw, "start": start if plain else kind_of(unknown.address).text(start)}
 
 
 def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:

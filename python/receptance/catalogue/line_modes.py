@@ -31,22 +31,15 @@ _ITERATIONS, _TOLERANCE = 30, 1e-9
 
 @dataclass(frozen=True)
 class LineModes:
-    """Modes that are peaks of a receptance, in ascending order.
-
-    Attributes
-    ----------
-    values : ndarray
-        `(k, 3)`: natural frequency in Hz, damping ratio, dynamic stiffness 1 / |G| at the damped natural frequency.
-    weights : tuple of ndarray
-        For each mode `(3, m)` complex: a small change dG of its lines changes the logarithms of the values by
-        Re(w dG).
-    lines : tuple of slice
-        Lines of each mode.
-    """
+    """Modes that are peaks of a receptance, in ascending order."""
 
     values: NDArray[np.float64]
+    """`(k, 3)`: natural frequency in Hz, damping ratio, dynamic stiffness 1 / |G| at the damped natural frequency."""
     weights: tuple[NDArray[np.complex128], ...]
+    """For each mode `(3, m)` complex: a small change dG of its lines changes the logarithms of the values by Re(w
+    dG)."""
     lines: tuple[slice, ...]
+    """Lines of each mode."""
 
     def __len__(self) -> int:
         return len(self.values)

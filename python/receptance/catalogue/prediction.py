@@ -32,36 +32,23 @@ _SUBMITTED = 4
 
 @dataclass(frozen=True, kw_only=True)
 class ToolPrediction:
-    """The predicted tip of one tool.
-
-    Attributes
-    ----------
-    row : ToolRow
-        The tool.
-    assembly : Assembly
-        The tool in the machine, with the identified values.
-    tip : PredictedFRF
-        The receptance of the tip with its band. The band to first order is valid as long as no resonance moves by more
-        than about half its width; the intervals of modes are valid beyond that.
-    modes : ndarray
-        `(k, 3)` of the modes with a distinct peak: natural frequency in Hz, damping ratio, dynamic stiffness in N/m.
-    modes_deviation : ndarray
-        `(k, 3)` standard deviations of their logarithms.
-    level : float
-        Level of the intervals.
-    rejection : tuple of str
-        Rejection of the fit; empty if it is accepted or there is none.
-    notes : tuple of str
-        Notes for the user.
-    """
+    """The predicted tip of one tool."""
 
     row: ToolRow
+    """The tool."""
     assembly: Assembly
+    """The tool in the machine, with the identified values."""
     tip: PredictedFRF = field(repr=False)
+    """The receptance of the tip with its band. The band to first order is valid as long as no resonance moves by more
+    than about half its width; the intervals of modes are valid beyond that."""
     modes: NDArray[np.float64]
+    """`(k, 3)` of the modes with a distinct peak: natural frequency in Hz, damping ratio, dynamic stiffness in N/m."""
     modes_deviation: NDArray[np.float64]
+    """`(k, 3)` standard deviations of their logarithms."""
     level: float
+    """Level of the intervals."""
     rejection: tuple[str, ...] = ()
+    """Rejection of the fit; empty if it is accepted or there is none."""
     notes: tuple[str, ...] = ()
 
     @property

@@ -51,30 +51,21 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNOREC
 
 @dataclass(frozen=True)
 class ToolSummary:
-    """The most flexible mode of a tool.
-
-    Attributes
-    ----------
-    name, holder : str
-        The tool and its holder.
-    modes : int
-        Number of modes that were found.
-    values, interval : ndarray or None
-        `(3,)` natural frequency in Hz, damping ratio and dynamic stiffness in N/m of the most flexible mode, and
-        `(3, 2)` its interval; None without a mode.
-    notes : tuple of str
-        Notes for the user.
-    rejection : tuple of str
-        As in `ToolPrediction`.
-    """
+    """The most flexible mode of a tool."""
 
     name: str
+    """The tool."""
     holder: str
     modes: int
+    """Number of modes that were found."""
     values: NDArray[np.float64] | None
+    """`(3,)` natural frequency in Hz, damping ratio and dynamic stiffness in N/m of the most flexible mode, None
+    without one."""
     interval: NDArray[np.float64] | None
+    """`(3, 2)` their intervals."""
     notes: tuple[str, ...]
     rejection: tuple[str, ...] = ()
+    """As in `ToolPrediction`."""
 
 
 def summaries(predictions: Iterable[ToolPrediction]) -> Iterator[ToolSummary]:
@@ -88,22 +79,12 @@ def summaries(predictions: Iterable[ToolPrediction]) -> Iterator[ToolSummary]:
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogueSummary(Result):
-    """The most flexible mode of every tool of a catalogue.
-
-    Attributes
-    ----------
-    tools : tuple of ToolSummary
-        The tools in the order of the catalogue.
-    level : float
-        Level of the intervals.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Campaign and versions of the software.
-    """
+    """The most flexible mode of every tool of a catalogue."""
 
     tools: tuple[ToolSummary, ...]
+    """The tools in the order of the catalogue."""
     level: float
+    """Level of the intervals."""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

@@ -13,63 +13,49 @@ from receptance.campaign.csv_rows import ShareOf, read_rows
 
 @dataclass(frozen=True, kw_only=True)
 class ToolRow:
-    """A tool in its holder; lengths in m.
-
-    Attributes
-    ----------
-    name : str
-        Name, unique in the catalogue.
-    line : int
-        Line of the file.
-    holder, joint, material : str
-        Names; the joint is empty if the row names none.
-    overhang, diameter, bore : float
-        Length from the holder's face to the tip, diameter of the shank, and diameter of a coolant bore.
-    flute_length, effective_diameter : float
-        Length of the fluted part, and diameter of the round bar with the same bending stiffness; zero without flutes.
-    teeth : int or None
-        Number of teeth.
-    conditions : dict of str to float
-        Other columns with numbers, in SI units, for laws of joints.
-    """
+    """A tool in its holder; lengths in m."""
 
     name: str
+    """Name, unique in the catalogue."""
     line: int
+    """Line of the file."""
     holder: str
+    """Name of the holder."""
     material: str
+    """Name of the material."""
     overhang: Annotated[float, units.LENGTH]
+    """Length from the holder's face to the tip."""
     diameter: Annotated[float, units.LENGTH]
+    """Diameter of the shank."""
     joint: str = ""
+    """Name of the joint; empty if the row names none."""
     bore: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
+    """Diameter of a coolant bore."""
     flute_length: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
+    """Length of the fluted part; zero without flutes."""
     effective_diameter: Annotated[float, units.LENGTH, ShareOf("diameter")] = 0.0
+    """Diameter of the round bar with the same bending stiffness; zero without flutes."""
     teeth: int | None = None
+    """Number of teeth."""
     conditions: dict[str, float] = field(default_factory=dict)
+    """Other columns with numbers, in SI units, for laws of joints."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HolderRow:
-    """A segment of a holder; lengths in m.
-
-    Attributes
-    ----------
-    holder : str
-        Name of the holder.
-    line : int
-        Line of the file.
-    length, outer_diameter, inner_diameter : float
-        Dimensions.
-    material, core : str
-        Names; the core fills the bore and is empty if there is none.
-    """
+    """A segment of a holder; lengths in m."""
 
     holder: str
+    """Name of the holder."""
     line: int
+    """Line of the file."""
     length: Annotated[float, units.LENGTH]
     outer_diameter: Annotated[float, units.LENGTH]
     material: str
+    """Name of the material."""
     inner_diameter: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
     core: str = ""
+    """Name of the material that fills the bore; empty if there is none."""
 
 
 def read_tools(path: str | Path) -> list[ToolRow]:

@@ -20,6 +20,7 @@ from .rigid_holder import axial_from_mode as axial_from_mode
 from .rigid_holder import body_of as body_of
 from .rigid_holder import radial_from_modes as radial_from_modes
 from .spindle_files import read_spindle as read_spindle
+from .spindle_files import spindle_of as spindle_of
 from .spindle_files import write_spindle as write_spindle
 from .spindle_modes import SpindleModes as SpindleModes
 from .spindle_modes import fit_spindle as fit_spindle

@@ -25,30 +25,20 @@ _ENTRIES = {
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CrossedSpindle:
-    """Receptances of a spindle in both planes and between them, line by line.
-
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        `(n,)` lines in Hz, complex if the responses have an exponential window.
-    matrix : ndarray
-        `(n, 4, 4)` symmetric receptance over (x, theta_x, y, theta_y); theta_x is the slope dx/dz in the plane of x.
-    reaction : ndarray
-        `(n, 4, 4, m)` change of each entry for one standard deviation of each of the m responses.
-    condition : ndarray
-        `(n,)` condition number: largest amplification of a relative error of the responses.
-    usable : ndarray
-        `(n,)` lines on which the standard deviation of each entry is below `limit` times sqrt(|G_ii G_jj|).
-    limit : float
-        Largest relative standard deviation of usable lines.
-    """
+    """Receptances of a spindle in both planes and between them, line by line."""
 
     frequency_hz: NDArray[np.inexact]
+    """`(n,)` lines in Hz, complex if the responses have an exponential window."""
     matrix: NDArray[np.complex128]
+    """`(n, 4, 4)` symmetric receptance over (x, theta_x, y, theta_y); theta_x is the slope dx/dz in the plane of x."""
     reaction: NDArray[np.complex128]
+    """`(n, 4, 4, m)` change of each entry for one standard deviation of each of the m responses."""
     condition: NDArray[np.float64]
+    """`(n,)` condition number: largest amplification of a relative error of the responses."""
     usable: NDArray[np.bool_]
+    """`(n,)` lines on which the standard deviation of each entry is below `limit` times sqrt(|G_ii G_jj|)."""
     limit: float
+    """Largest relative standard deviation of usable lines."""
 
     @property
     def standard_deviation(self) -> NDArray[np.float64]:

@@ -27,33 +27,22 @@ _GRID = 400
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLaw:
-    """A law of a parameter over force: constant K0, linear K0 + a F, or power K0 + a F^n.
-
-    Attributes
-    ----------
-    name : {"constant", "linear", "power"}
-        Name of the law.
-    start : float
-        K0, the value without force.
-    change : float
-        Difference between the values at the highest force and without force.
-    exponent : float
-        n: 0 for the constant, 1 for the linear law.
-    reference : float
-        The highest force, in the unit of the forces.
-    chi_squared : float
-        Weighted sum of squared residuals.
-    criterion : float
-        Corrected Akaike information criterion; the smallest is best.
-    """
+    """A law of a parameter over force: constant K0, linear K0 + a F, or power K0 + a F^n."""
 
     name: LawName
+    """Name of the law."""
     start: float
+    """K0, the value without force."""
     change: float
+    """Difference between the values at the highest force and without force."""
     exponent: float
+    """n: 0 for the constant, 1 for the linear law."""
     reference: float
+    """The highest force, in the unit of the forces."""
     chi_squared: float
+    """Weighted sum of squared residuals."""
     criterion: float
+    """Corrected Akaike information criterion; the smallest is best."""
 
     def at(self, force: ArrayLike) -> NDArray[np.float64]:
         """Return the values of the law at forces in the unit of `reference`."""
@@ -65,24 +54,16 @@ class ForceLaw:
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """Direction of a change, with its interval and significance.
-
-    Attributes
-    ----------
-    direction : {"rises", "falls", "not determined"}
-        Direction, if the interval excludes zero.
-    change : float
-        Change of the value, or of the slope, over the whole range of force.
-    interval : (float, float)
-        Confidence interval of the change.
-    p_value : float
-        Probability of a change of at least this size by chance.
-    """
+    """Direction of a change, with its interval and significance."""
 
     direction: Direction
+    """Direction, if the interval excludes zero."""
     change: float
+    """Change of the value, or of the slope, over the whole range of force."""
     interval: tuple[float, float]
+    """Confidence interval of the change."""
     p_value: float
+    """Probability of a change of at least this size by chance."""
 
     @property
     def significance(self) -> str:

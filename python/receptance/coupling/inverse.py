@@ -40,64 +40,42 @@ _DEFAULT_TERMS = (("k_theta",), ("k_y", "k_theta"), ("k_y", "k_theta", "k_ytheta
 
 @dataclass(frozen=True, kw_only=True)
 class InverseCoupling(Result):
-    """The complex stiffness of a joint on each line, with its uncertainty.
-
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        `(n,)` lines, complex where an exponential window was used.
-    joint : str
-        Name of the joint.
-    terms : tuple of str
-        Terms that were solved for, of "k_y", "k_theta" and "k_ytheta"; the others have the values of the assembly.
-    stiffness : ndarray
-        `(n, 2, 2)` complex, over (y, theta); k + i w c if the joint is a spring with a dashpot.
-    standard_deviation : ndarray
-        `(n, 2, 2)` of the real and of the imaginary part, each, from the variance of the receptances, to first order.
-    model_deviation : ndarray
-        `(n, 2, 2)` standard deviation of the magnitude from the tolerances of the modelled parts. It is one error on
-        all lines, so averaging does not reduce it. Zero without tolerances.
-    condition : ndarray
-        `(n,)` largest ratio of a relative error of the stiffness to a relative error of the receptances. Errors of
-        the coupling term are relative to sqrt(k_y k_theta).
-    usable : ndarray
-        `(n, 2, 2)` whether both deviations together are below `limit` times the term, times sqrt(k_y k_theta) for the
-        coupling. They are evaluated at the constant joint that fits all lines: at the stiffness of the line itself,
-        lines on which noise makes the joint too soft would appear precise.
-    limit : float
-        Largest relative standard deviation of a usable line.
-    ambiguous : ndarray
-        `(n,)` whether several stiffnesses fit; the one closest to those of the other lines was selected.
-    rms : float
-        Root mean square of the residuals of the constant joint, in standard deviations: about 1 if the joint is
-        k + i w c and the parts are as modelled.
-    labels : tuple of str
-        Labels of the measurements.
-    typical : dict of str to (float, float)
-        Stiffness and dashpot of each term of the constant joint that fits all lines.
-    notes : tuple of str
-        Notes for the user.
-    name : str
-        Name in tables: the joint, and the assembly where the joint changes between assemblies.
-    provenance : Provenance
-        Campaign and versions of the software.
-    """
+    """The complex stiffness of a joint on each line, with its uncertainty."""
 
     frequency_hz: NDArray[np.inexact]
+    """`(n,)` lines, complex where an exponential window was used."""
     joint: str
+    """Name of the joint."""
     terms: tuple[str, ...]
+    """Terms that were solved for, of "k_y", "k_theta" and "k_ytheta"; the others have the values of the assembly."""
     stiffness: NDArray[np.complex128]
+    """`(n, 2, 2)` complex, over (y, theta); k + i w c if the joint is a spring with a dashpot."""
     standard_deviation: NDArray[np.float64]
+    """`(n, 2, 2)` of the real and of the imaginary part, each, from the variance of the receptances, to first order."""
     model_deviation: NDArray[np.float64]
+    """`(n, 2, 2)` standard deviation of the magnitude from the tolerances of the modelled parts. It is one error on all
+    lines, so averaging does not reduce it. Zero without tolerances."""
     condition: NDArray[np.float64]
+    """`(n,)` largest ratio of a relative error of the stiffness to a relative error of the receptances. Errors of the
+    coupling term are relative to sqrt(k_y k_theta)."""
     usable: NDArray[np.bool_]
+    """`(n, 2, 2)` whether both deviations together are below `limit` times the term, times sqrt(k_y k_theta) for the
+    coupling. They are evaluated at the constant joint that fits all lines: at the stiffness of the line itself, lines
+    on which noise makes the joint too soft would appear precise."""
     limit: float
+    """Largest relative standard deviation of a usable line."""
     ambiguous: NDArray[np.bool_]
+    """`(n,)` whether several stiffnesses fit; the one closest to those of the other lines was selected."""
     labels: tuple[str, ...]
+    """Labels of the measurements."""
     typical: dict[str, tuple[float, float]]
+    """Stiffness and dashpot of each term of the constant joint that fits all lines."""
     rms: float
+    """Root mean square of the residuals of the constant joint, in standard deviations: about 1 if the joint is k + i w
+    c and the parts are as modelled."""
     notes: tuple[str, ...] = field(default=())
     name: str = ""
+    """Name in tables: the joint, and the assembly where the joint changes between assemblies."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Inverse coupling"

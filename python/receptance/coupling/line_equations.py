@@ -46,35 +46,26 @@ _CONSTANT_TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class Equations:
-    """One equation for each pair of coordinates on each line.
-
-    Attributes
-    ----------
-    rigid, measured : ndarray
-        `(n, p)` receptance with the joint rigid, and measured receptance.
-    response, excitation : ndarray
-        `(n, p, 2)` force in the rigid joint under a unit load at either coordinate.
-    surroundings : ndarray
-        `(n, p, 2, 2)` force in the joint per gap imposed in it: the dynamic stiffness of the adjoining structure.
-    deviation : ndarray
-        `(n, p)` standard deviation of the real and of the imaginary part of the logarithm.
-    known : ndarray
-        `(n, 2, 2)` known part of the joint's stiffness.
-    angular_frequency : ndarray
-        `(n,)`.
-    terms : tuple of str
-        The `m` unknown terms.
-    """
+    """One equation for each pair of coordinates on each line."""
 
     rigid: NDArray[np.complex128]
+    """`(n, p)` receptance with the joint rigid."""
     measured: NDArray[np.complex128]
+    """`(n, p)` measured receptance."""
     response: NDArray[np.complex128]
+    """`(n, p, 2)` force in the rigid joint under a unit load at the response."""
     excitation: NDArray[np.complex128]
+    """The same for the excitation."""
     surroundings: NDArray[np.complex128]
+    """`(n, p, 2, 2)` force in the joint per gap imposed in it: the dynamic stiffness of the adjoining structure."""
     deviation: NDArray[np.float64]
+    """`(n, p)` standard deviation of the real and of the imaginary part of the logarithm."""
     known: NDArray[np.complex128]
+    """`(n, 2, 2)` known part of the joint's stiffness."""
     angular_frequency: NDArray[np.complex128]
+    """`(n,)`."""
     terms: tuple[str, ...]
+    """The `m` unknown terms."""
 
     @property
     def one_structure(self) -> bool:

@@ -22,22 +22,15 @@ from receptance.model.beams import Part
 
 @dataclass(frozen=True, eq=False)
 class RigidModes:
-    """Modes of a rigid holder, in ascending frequency.
-
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        `(n,)` natural frequencies |lambda| / (2 pi) in Hz.
-    damping_ratio : ndarray
-        `(n,)` -Re(lambda) / |lambda|.
-    shapes : ndarray
-        `(2, n)` displacement of the centre of gravity in m and rotation in rad of each mode, complex if damping couples
-        the modes.
-    """
+    """Modes of a rigid holder, in ascending frequency."""
 
     frequency_hz: NDArray[np.float64]
+    """`(n,)` natural frequencies |lambda| / (2 pi) in Hz."""
     damping_ratio: NDArray[np.float64]
+    """`(n,)` -Re(lambda) / |lambda|."""
     shapes: NDArray[np.complex128]
+    """`(2, n)` displacement of the centre of gravity in m and rotation in rad of each mode, complex if damping couples
+    the modes."""
 
     def ratio(self, first: float, second: float) -> NDArray[np.complex128]:
         """Ratio `(n,)` of the motions at two points, given as z in m."""
@@ -245,55 +238,36 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class RadialSolution:
-    """A joint with the two given frequencies.
-
-    Attributes
-    ----------
-    joint : RadialJoint
-        Stiffnesses from the undamped equations; dampings from phi^T C phi = 2 zeta w m, to first order in zeta.
-    exact : RadialJoint or None
-        Stiffnesses and dampings from the complex eigenvalues; None if Newton's method from `joint` does not converge.
-    intervals : dict of str to (float, float)
-        Intervals of k_x1 and k_x2 (and of c_x1 and c_x2, to first order) if standard errors are given.
-    notes : tuple of str
-        Notes for the user.
-    """
+    """A joint with the two given frequencies."""
 
     joint: RadialJoint
+    """Stiffnesses from the undamped equations; dampings from phi^T C phi = 2 zeta w m, to first order in zeta."""
     exact: RadialJoint | None
+    """Stiffnesses and dampings from the complex eigenvalues; None if Newton's method from `joint` does not converge."""
     intervals: dict[str, Interval]
+    """Intervals of k_x1 and k_x2 (and of c_x1 and c_x2, to first order) if standard errors are given."""
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class RadialSolutions:
-    """Solutions for the stiffnesses of two springs from two natural frequencies.
-
-    Attributes
-    ----------
-    solutions : tuple of RadialSolution
-        Two solutions; one if a mode shape decides; none if no real joint has these frequencies.
-    discriminant, discriminant_standard_error : float
-        Discriminant of the quadratic over (w1^2 + w2^2)^2, negative if no real joint has these frequencies; its error
-        is NaN without standard errors.
-    within_noise : dict of str to (float, float)
-        Without a solution: ranges of the stiffnesses of joints whose frequencies are within the noise.
-    nearest : int or None
-        Index of the solution whose mode shape is nearest to the measured one, even if the choice is uncertain; None
-        without a solution, or with two solutions and no shape.
-    statement : str
-        The result in a sentence.
-    of_neither : bool
-        Whether the measured mode shape agrees with neither solution.
-    """
+    """Solutions for the stiffnesses of two springs from two natural frequencies."""
 
     solutions: tuple[RadialSolution, ...]
+    """Two solutions; one if a mode shape decides; none if no real joint has these frequencies."""
     discriminant: float
+    """Discriminant of the quadratic over (w1^2 + w2^2)^2, negative if no real joint has these frequencies."""
     discriminant_standard_error: float
+    """NaN without standard errors of the frequencies."""
     within_noise: dict[str, Interval]
+    """Without a solution: ranges of the stiffnesses of joints whose frequencies are within the noise."""
     nearest: int | None
+    """Index of the solution whose mode shape is nearest to the measured one, even if the choice is uncertain; None
+    without a solution, or with two solutions and no shape."""
     statement: str
+    """The result in a sentence."""
     of_neither: bool = False
+    """Whether the measured mode shape agrees with neither solution."""
 
 
 def radial_from_modes(

@@ -110,19 +110,39 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
         content = read(source)
         if not isinstance(content, FRF):
             raise ValueError(f"the file contains a {type(content).__name__}, expected an FRF matrix over y and theta")
-        return replace(_with_variance(content, name), source=str(source))
+        return replace(spindle_of(content, name=name), source=str(source))
     except (ValueError, TypeError, KeyError) as error:
         message = str(error)
         raise ValueError(message if source.name in message else f"{source}: {message}") from error
 
 
-def _with_variance(frf: FRF, name: str) -> MeasuredPart:
-    part = MeasuredPart.from_frf(frf, name=name)
-    kept = frf.to("receptance").masked()
-    if kept.log_variance is None:
-        return part
-    variance = np.asarray(kept.log_variance) * np.abs(kept.values) ** 2
-    covariance = np.zeros((len(part.frequency_hz), 3, 3), dtype=np.complex128)
-    for column, (i, j) in enumerate(ENTRIES):
-        covariance[:, column, column] = 0.5 * (variance[:, i, j] + variance[:, j, i])
-    return replace(part, covariance=covariance)
+def spindle_of(frf: FRF, *, name: str = "") -> MeasuredPart:
+    """Return the spindle of an FRF with the responses y and theta and the excitations force and moment in this order.
+
+    Lines outside the usable band are omitted. The errors of the entries are taken as independent.
+
+    Raises
+    ------
+    ValueError
+        Other responses or excitations.
+    """
+    directions = tuple(tuple(point.direction for point in side) for side in (frf.responses, frf.excitations))
+    if directions != (("y", "theta"), ("y", "theta")):
+        raise ValueError(
+            f"spindle{f' {name!r}' if name else ''}: the FRF has the responses {', '.join(directions[0])} and the "
+            f"excitations {', '.join(directions[1])}, expected y, theta and y, theta: a full receptance matrix"
+        )
+    usable = frf.to("receptance").masked()
+    covariance = None
+    if usable.log_variance is not None:
+        variance = np.asarray(usable.log_variance) * np.abs(usable.values) ** 2
+        covariance = np.zeros((len(usable.frequency_hz), 3, 3), dtype=np.complex128)
+        for column, (i, j) in enumerate(ENTRIES):
+            covariance[:, column, column] = 0.5 * (variance[:, i, j] + variance[:, j, i])
+    return MeasuredPart(
+        frequency_hz=usable.frequency_hz,
+        matrix=0.5 * (usable.values + usable.values.transpose(0, 2, 1)),
+        decay_rate=usable.decay_rate,
+        covariance=covariance,
+        name=name,
+    )

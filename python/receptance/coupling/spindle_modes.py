@@ -40,22 +40,15 @@ _FREQUENCY_CHANGE = 0.25
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SpindleModes:
-    """Modes of a spindle as identified by `fit_spindle`.
-
-    Attributes
-    ----------
-    part : ModalPart
-        The spindle as the end of an assembly; its band is that of the responses.
-    identification : Identification
-        The fit: values and their covariance by address, residuals, notes.
-    discrepancy : float
-        Relative standard deviation of the model error of y/F, theta/M and y/M, which a few modes with viscous damping
-        cannot represent. It is estimated from the residuals of the fit, and zero if these contain noise only.
-    """
+    """Modes of a spindle as identified by `fit_spindle`."""
 
     part: ModalPart
+    """The spindle as the end of an assembly; its band is that of the responses."""
     identification: Identification
+    """The fit: values and their covariance by address, residuals, notes."""
     discrepancy: float
+    """Relative standard deviation of the model error of y/F, theta/M and y/M, which a few modes with viscous damping
+    cannot represent. It is estimated from the residuals of the fit, and zero if these contain noise only."""
 
     @property
     def addresses(self) -> tuple[str, ...]:

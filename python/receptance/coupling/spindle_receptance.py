@@ -29,45 +29,28 @@ from receptance.report import Column, Provenance, Result, Table
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SpindleReceptance(Result):
-    """Receptances of a spindle at its connection plane, as identified by `identify_spindle`.
-
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        `(n,)` lines in Hz, complex if the responses have an exponential window.
-    matrix : ndarray
-        `(n, 2, 2)` receptance over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
-    covariance : ndarray
-        `(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M, for the real and for the imaginary
-        parts; first order in the noise of the responses.
-    condition : ndarray
-        `(n,)` condition number: largest amplification of a relative error of the responses.
-    usable : ndarray
-        `(n,)` lines on which the relative standard deviation of each term is below `limit` and which are not
-        ambiguous.
-    limit : float
-        Largest relative standard deviation of usable lines.
-    ambiguous : ndarray
-        `(n,)` lines on which two spindles explain the responses and the other lines do not decide between them.
-    rms : float
-        Root mean square of the residuals of several blanks, in standard deviations; NaN for three responses.
-    labels : tuple of str
-        Labels of the measurements.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Versions of the software.
-    """
+    """Receptances of a spindle at its connection plane, as identified by `identify_spindle`."""
 
     frequency_hz: NDArray[np.inexact]
+    """`(n,)` lines in Hz, complex if the responses have an exponential window."""
     matrix: NDArray[np.complex128]
+    """`(n, 2, 2)` receptance over (y, theta): y/F, y/M, theta/F and theta/M, SI units."""
     covariance: NDArray[np.complex128]
+    """`(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M, for the real and for the imaginary parts;
+    first order in the noise of the responses."""
     condition: NDArray[np.float64]
+    """`(n,)` condition number: largest amplification of a relative error of the responses."""
     usable: NDArray[np.bool_]
+    """`(n,)` lines on which the relative standard deviation of each term is below `limit` and which are not
+    ambiguous."""
     limit: float
+    """Largest relative standard deviation of usable lines."""
     ambiguous: NDArray[np.bool_]
+    """`(n,)` lines on which two spindles explain the responses and the other lines do not decide between them."""
     rms: float
+    """Root mean square of the residuals of several blanks, in standard deviations; NaN for three responses."""
     labels: tuple[str, ...]
+    """Labels of the measurements."""
     notes: tuple[str, ...] = field(default=())
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

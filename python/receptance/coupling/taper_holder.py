@@ -189,31 +189,20 @@ _BOUNDS = {"k": (1e6, 1e13), "c": (1e-1, 1e7)}
 
 @dataclass(frozen=True, kw_only=True)
 class TaperFit:
-    """Stiffnesses and dampings of the taper, fitted to FRFs.
-
-    Attributes
-    ----------
-    values : dict of str to float
-        Stiffnesses k_z1, or k_x1 and k_x2, in N/m and dampings c_z1, or c_x1 and c_x2, in N s/m.
-    standard_errors : dict of str to float
-        Standard errors of the values, to first order.
-    intervals : dict of str to (float, float)
-        95 % intervals.
-    rms : float
-        Root mean square of the residuals, in standard deviations if the FRFs have a variance; about one for a correct
-        model.
-    assembly : Assembly
-        The model with these values.
-    identification : Identification
-        The fit itself.
-    """
+    """Stiffnesses and dampings of the taper, fitted to FRFs."""
 
     values: dict[str, float]
+    """Stiffnesses k_z1, or k_x1 and k_x2, in N/m and dampings c_z1, or c_x1 and c_x2, in N s/m."""
     standard_errors: dict[str, float]
+    """Standard errors of the values, to first order."""
     intervals: dict[str, tuple[float, float]]
     rms: float
+    """Root mean square of the residuals, in standard deviations if the FRFs have a variance; about one for a correct
+    model."""
     assembly: Assembly
+    """The model with these values."""
     identification: Identification
+    """The fit itself."""
 
 
 def fit_taper(

@@ -25,22 +25,15 @@ from receptance.fit.problem import Task, prior_table
 
 @dataclass(frozen=True)
 class MisfitBand:
-    """The frequency band with the largest misfit of an observation.
-
-    Attributes
-    ----------
-    label : str
-        The observation.
-    low_hz, high_hz : float
-        The band in Hz; equal for a natural frequency.
-    misfit : float
-        Mean squared residual divided by its expectation.
-    """
+    """The frequency band with the largest misfit of an observation."""
 
     label: str
+    """The observation."""
     low_hz: float
     high_hz: float
+    """End of the band; equal to its beginning for a natural frequency."""
     misfit: float
+    """Mean squared residual divided by its expectation."""
 
     def __str__(self) -> str:
         if self.low_hz == self.high_hz:
@@ -54,26 +47,18 @@ class Strain:
 
     They can absorb an error of the model, so that no line shows it. An error z with a standard normal prior and the
     posterior variance v has the standard deviation sqrt(1 - v) in an adequate model.
-
-    Attributes
-    ----------
-    worst : tuple of (str, float)
-        The largest errors in these standard deviations, the largest first.
-    limit : float
-        Limit of the largest one.
-    together : float
-        Sum of squares of all errors that the data show, divided by its expectation.
-    together_limit : float
-        Its limit.
-    chance : float
-        Probability of such errors in an adequate model: of the largest one or of all together, whichever is smaller.
     """
 
     worst: tuple[tuple[str, float], ...] = ()
+    """The largest errors in these standard deviations, the largest first."""
     limit: float = np.inf
+    """Limit of the largest one."""
     together: float = 1.0
+    """Sum of squares of all errors that the data show, divided by its expectation."""
     together_limit: float = np.inf
+    """Its limit."""
     chance: float = 1.0
+    """Probability of such errors in an adequate model: of the largest one or of all together, whichever is smaller."""
 
     @property
     def passed(self) -> bool:
@@ -83,31 +68,20 @@ class Strain:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """Agreement of a fit with its data.
-
-    Attributes
-    ----------
-    misfit : float
-        Chi-square, priors included, divided by its expectation.
-    limit : float
-        Its limit.
-    smooth : float
-        The same for sums over neighbouring lines, in which noise averages out and an error of the model does not. The
-        expectation includes the floor, which may be common to all lines. 1 where there are no lines.
-    smooth_limit : float
-        Its limit.
-    worst : tuple of MisfitBand
-        The largest misfit of each observation, the largest first.
-    strain : Strain
-        Strain of the tolerances.
-    """
+    """Agreement of a fit with its data."""
 
     misfit: float
+    """Chi-square, priors included, divided by its expectation."""
     limit: float
     smooth: float
+    """The same for sums over neighbouring lines, in which noise averages out and an error of the model does not. The
+    expectation includes the floor, which may be common to all lines. 1 where there are no lines."""
     smooth_limit: float
+    """Its limit."""
     worst: tuple[MisfitBand, ...]
+    """The largest misfit of each observation, the largest first."""
     strain: Strain = Strain()
+    """Strain of the tolerances."""
 
     @property
     def passed(self) -> bool:

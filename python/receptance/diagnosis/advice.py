@@ -52,18 +52,12 @@ _NEW = "measured next"
 
 
 class Hypothetical(NamedTuple):
-    """A hypothetical measurement in the view of an explanation.
-
-    Attributes
-    ----------
-    candidate : Candidate
-        The measurement.
-    steps : tuple of Step
-        Causes that act on it and are not part of its assembly.
-    """
+    """A hypothetical measurement in the view of an explanation."""
 
     candidate: Candidate
+    """The measurement."""
     steps: tuple[Step, ...]
+    """Causes that act on it and are not part of its assembly."""
 
     def extend(self, base: Model, data: NDArray[Any] | None = None) -> Model:
         """Return it with its causes as the only observation of a model, on few lines where it has data."""
@@ -129,34 +123,23 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class MenuItem:
-    """A measurement that can be advised: of the sizes of causes, or one that is simulated.
-
-    Attributes
-    ----------
-    action : str
-        Instruction to the user.
-    cost : float
-        Effort, about that of so many hits on the machine.
-    accuracy : dict of str to float
-        Standard deviation of a direct measurement of sizes in SI units, by parameter ("sensor_mass.mass").
-    presence : frozenset of str
-        Ids of causes without a size that it shows as well.
-    describe : callable or None
-        Gets the base model and the causes that act on a simulated measurement, and returns it; None where the model
-        does not have it.
-    without : frozenset of str
-        Ids of the causes that the measurement excludes, and for which it is made.
-    elsewhere : frozenset of str
-        Ids of causes that act only at the places that were hit before.
-    """
+    """A measurement that can be advised: of the sizes of causes, or one that is simulated."""
 
     action: str
+    """Instruction to the user."""
     cost: float
+    """Effort, about that of so many hits on the machine."""
     accuracy: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviation of a direct measurement of sizes in SI units, by parameter ("sensor_mass.mass")."""
     presence: frozenset[str] = frozenset()
+    """Ids of causes without a size that it shows as well."""
     describe: Callable[[Model, tuple[Step, ...]], Hypothetical | None] | None = None
+    """Gets the base model and the causes that act on a simulated measurement, and returns it; None where the model does
+    not have it."""
     without: frozenset[str] = frozenset()
+    """Ids of the causes that the measurement excludes, and for which it is made."""
     elsewhere: frozenset[str] = frozenset()
+    """Ids of causes that act only at the places that were hit before."""
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
         """Return the expected increase of chi-square of another hypothesis if one is true.
@@ -358,27 +341,18 @@ MENU = (
 
 @dataclass(frozen=True)
 class _Valued:
-    """A measurement, or two, with its value for the decision between the remaining explanations.
-
-    Attributes
-    ----------
-    action : str
-        Instruction to the user.
-    cost : float
-        Effort.
-    increases : dict of (int, int) to float
-        Increase of chi-square of the second explanation if the first one is true.
-    separates : tuple of str
-        Ids of the causes that it confirms or refutes in any case.
-    resolves : float
-        Share of the explanations that are found if they are true.
-    """
+    """A measurement, or two, with its value for the decision between the remaining explanations."""
 
     action: str
+    """Instruction to the user."""
     cost: float
+    """Effort."""
     increases: Mapping[tuple[int, int], float]
+    """Increase of chi-square of the second explanation if the first one is true."""
     separates: tuple[str, ...]
+    """Ids of the causes that it confirms or refutes in any case."""
     resolves: float
+    """Share of the explanations that are found if they are true."""
 
     @property
     def worth(self) -> float:

@@ -105,24 +105,16 @@ def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
 
 @dataclass(frozen=True)
 class _Pieces:
-    """The pieces of a divided spring.
-
-    Attributes
-    ----------
-    name : str
-        Name of the spring; the first piece keeps it.
-    springs : tuple of GroundSpring
-        The pieces.
-    shares : tuple of float
-        Their shares of the whole.
-    places : tuple of float
-        Normalised positions of their middles.
-    """
+    """The pieces of a divided spring."""
 
     name: str
+    """Name of the spring; the first piece keeps it."""
     springs: tuple[GroundSpring, ...]
+    """The pieces."""
     shares: tuple[float, ...]
+    """Their shares of the whole."""
     places: tuple[float, ...]
+    """Normalised positions of their middles."""
 
 
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

@@ -33,57 +33,42 @@ from receptance.modal import ModeEstimate, circle_fit, find_peaks
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One observation, measured and modelled.
-
-    Attributes
-    ----------
-    label, configuration : str
-        The observation's.
-    frequency_hz : ndarray
-        `(n,)` lines, or measured natural frequencies, in Hz.
-    measured, modelled : ndarray
-        `(n,)` complex receptances, or natural frequencies in Hz.
-    residual : ndarray
-        In standard deviations: `(2, n)` real and imaginary part of the logarithm, or `(1, n)`.
-    damping_ratio : ndarray or None
-        `(n,)` modelled damping ratios of natural frequencies; NaN where none was measured.
-    """
+    """One observation, measured and modelled."""
 
     label: str
     configuration: str
     frequency_hz: NDArray[np.float64]
+    """`(n,)` lines, or measured natural frequencies, in Hz."""
     measured: NDArray[np.complex128] | NDArray[np.float64]
+    """`(n,)` complex receptances, or natural frequencies in Hz."""
     modelled: NDArray[np.complex128] | NDArray[np.float64]
+    """The same of the model."""
     residual: NDArray[np.float64]
+    """In standard deviations: `(2, n)` real and imaginary part of the logarithm, or `(1, n)`."""
     damping_ratio: NDArray[np.float64] | None = None
+    """`(n,)` modelled damping ratios of natural frequencies; NaN where none was measured."""
 
 
 @dataclass(frozen=True)
 class ModeResidual:
-    """Error of one mode of one observation: modelled less measured, as everywhere in results.
-
-    Attributes
-    ----------
-    label, configuration : str
-        The observation's.
-    mode : int
-        Number of the elastic mode where natural frequencies were measured, else of the peak in the band.
-    measured_hz : float
-        The measured natural frequency.
-    frequency_percent, damping_percent : float
-        In percent of the measured frequency and damping ratio; NaN where the lines do not show it.
-    level_db, phase_deg : float
-        At the peaks of both; NaN for natural frequencies.
-    """
+    """Error of one mode of one observation: modelled less measured, as everywhere in results."""
 
     label: str
+    """Label of the observation."""
     configuration: str
+    """Configuration of the observation."""
     mode: int
+    """Number of the elastic mode where natural frequencies were measured, else of the peak in the band."""
     measured_hz: float
+    """The measured natural frequency."""
     frequency_percent: float = math.nan
+    """In percent of the measured frequency; NaN where the lines do not show it."""
     damping_percent: float = math.nan
+    """In percent of the measured damping ratio; NaN where the lines do not show it."""
     level_db: float = math.nan
+    """At the peaks of both; NaN for natural frequencies."""
     phase_deg: float = math.nan
+    """At the peaks of both; NaN for natural frequencies."""
 
 
 def curves(fit: Fit) -> list[Curve]:
@@ -258,27 +243,18 @@ def _highest(
 
 @dataclass(frozen=True)
 class Bias:
-    """A common sign of the errors of one natural frequency in a group of tools.
-
-    Attributes
-    ----------
-    mode : int
-        Number of the mode.
-    slenderness : (float, float)
-        Smallest and largest ratio of overhang and diameter in the group.
-    configurations : tuple of str
-        The group.
-    mean_percent : float
-        Mean of modelled less measured, in percent of measured.
-    deviation_percent : float
-        Standard deviation of a single error.
-    """
+    """A common sign of the errors of one natural frequency in a group of tools."""
 
     mode: int
+    """Number of the mode."""
     slenderness: tuple[float, float]
+    """Smallest and largest ratio of overhang and diameter in the group."""
     configurations: tuple[str, ...]
+    """The group."""
     mean_percent: float
+    """Mean of modelled less measured, in percent of measured."""
     deviation_percent: float
+    """Standard deviation of a single error."""
 
     def __str__(self) -> str:
         low, high = self.slenderness

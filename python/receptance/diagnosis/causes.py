@@ -183,33 +183,24 @@ def parameters_of(unknowns: Iterable[Unknown]) -> dict[str, Parameter]:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One way in which a cause can act on a model.
-
-    Attributes
-    ----------
-    name : str
-        Identifies it among the variants of its cause.
-    model : Model
-        The model with the cause, its parameters among the unknowns.
-    local : bool
-        Whether it acts only at the place in its name.
-    far : bool
-        Whether it differs from the model without it even where its parameters are null, so that the joint has to change
-        first.
-    scan : dict of str to sequence of float
-        Values of a parameter at which chi-square has many local minima, by the name of its unknown. A fit starts at the
-        best of them.
-    meaning, remedy : str
-        Replace those of the cause for this variant.
-    """
+    """One way in which a cause can act on a model."""
 
     name: str
+    """Identifies it among the variants of its cause."""
     model: Model
+    """The model with the cause, its parameters among the unknowns."""
     local: bool = False
+    """Whether it acts only at the place in its name."""
     far: bool = False
+    """Whether it differs from the model without it even where its parameters are null, so that the joint has to change
+    first."""
     scan: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Values of a parameter at which chi-square has many local minima, by the name of its unknown. A fit starts at the
+    best of them."""
     meaning: str = ""
+    """Replaces that of the cause for this variant."""
     remedy: str = ""
+    """Replaces that of the cause for this variant."""
 
     def describe(self, cause: Cause) -> Cause:
         """Return the cause with the meaning and the remedy of this variant."""

@@ -65,21 +65,14 @@ FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """Standard deviations of the error of a model.
-
-    Attributes
-    ----------
-    frequency : float
-        Of natural frequencies, relative.
-    relative : float or None
-        Of the real and of the imaginary part of the logarithm of receptances; None without receptances.
-    damping : float or None
-        Of damping ratios, relative; None where none was measured.
-    """
+    """Standard deviations of the error of a model."""
 
     frequency: float
+    """Of natural frequencies, relative."""
     relative: float | None
+    """Of the real and of the imaginary part of the logarithm of receptances; None without receptances."""
     damping: float | None = None
+    """Of damping ratios, relative; None where none was measured."""
 
     def __str__(self) -> str:
         level = "" if self.relative is None else f" and {percent(self.relative)} in level"
@@ -171,28 +164,18 @@ def in_antiresonance(lines: NDArray[np.float64], size: NDArray[np.float64]) -> N
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancyFit:
-    """A fit that allows for the discrepancy of its model.
-
-    Attributes
-    ----------
-    model : Model
-        The model, with the standard deviations of the noise.
-    discrepancy : Discrepancy
-        The discrepancy, estimated with the fit.
-    fit : Fit
-        The fit.
-    deviance : float
-        Minus twice the logarithm of the likelihood of the errors of modes and of their noise, up to a constant that
-        models of the same data share. Lines do not count: neighbouring ones have the same error.
-    errors : int
-        Number of these errors.
-    """
+    """A fit that allows for the discrepancy of its model."""
 
     model: Model
+    """The model, with the standard deviations of the noise."""
     discrepancy: Discrepancy
+    """The discrepancy, estimated with the fit."""
     fit: Fit
     deviance: float
+    """Minus twice the logarithm of the likelihood of the errors of modes and of their noise, up to a constant that
+    models of the same data share. Lines do not count: neighbouring ones have the same error."""
     errors: int
+    """Number of these errors."""
 
 
 def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
@@ -233,38 +216,26 @@ class _Errors:
 
     The errors of a group have multiples of one effect in common, and of an error of frequency. Several groups share
     an error of frequency, and no group has two, so that the effects are correlated in pairs only.
-
-    Attributes
-    ----------
-    values : ndarray
-        `(n,)` errors, of real and imaginary parts of logarithms, or relative ones.
-    noise : ndarray
-        `(n,)` variances of the noise, and of the part that is not linear in the effects.
-    slopes : ndarray
-        `(n,)` errors by a unit of the error of frequency.
-    factors : ndarray
-        `(n,)` errors by a unit of the effect of the group.
-    sizes : ndarray
-        `(g,)` number of errors of each group.
-    kinds : ndarray
-        `(g,)` kind of the effect of each group.
-    modes : ndarray
-        `(g,)` number of the error of frequency of each group; that after the last one has no effect.
-    count : int
-        Number of errors of frequency that groups share.
-    has_remainder : ndarray
-        `(g,)` whether each error has a part of its own beside the effects and the noise.
     """
 
     values: NDArray[np.float64]
+    """`(n,)` errors, of real and imaginary parts of logarithms, or relative ones."""
     noise: NDArray[np.float64]
+    """`(n,)` variances of the noise, and of the part that is not linear in the effects."""
     slopes: NDArray[np.float64]
+    """`(n,)` errors by a unit of the error of frequency."""
     factors: NDArray[np.float64]
+    """`(n,)` errors by a unit of the effect of the group."""
     sizes: NDArray[np.intp]
+    """`(g,)` number of errors of each group."""
     kinds: NDArray[np.intp]
+    """`(g,)` kind of the effect of each group."""
     modes: NDArray[np.intp]
+    """`(g,)` number of the error of frequency of each group; that after the last one has no effect."""
     count: int
+    """Number of errors of frequency that groups share."""
     has_remainder: NDArray[np.bool_]
+    """`(g,)` whether each error has a part of its own beside the effects and the noise."""
 
 
 def _most_likely(model: Model, fit: Fit, shift: float) -> tuple[Discrepancy, float, int]:

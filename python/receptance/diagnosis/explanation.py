@@ -18,30 +18,20 @@ from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_O
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Causes that act together, and the fit that includes them.
-
-    Attributes
-    ----------
-    steps : tuple of Step
-        The causes in the order in which they were added, each with its variant.
-    fit : Fit
-        The extended model at its best point.
-    gain : float
-        Decrease of chi-square relative to the base.
-    evidence : float
-        The gain less the penalty of its unknowns; about twice the logarithm of the odds.
-    expected : float
-        The part of the gain that is predicted to first order and not fitted.
-    has_discrepancy : bool
-        Whether the fit allows for a discrepancy. Tolerances absorb a part of it, so their strain is no objection.
-    """
+    """Causes that act together, and the fit that includes them."""
 
     steps: tuple[Step, ...]
+    """The causes in the order in which they were added, each with its variant."""
     fit: Fit
+    """The extended model at its best point."""
     gain: float
+    """Decrease of chi-square relative to the base."""
     evidence: float
+    """The gain less the penalty of its unknowns; about twice the logarithm of the odds."""
     expected: float = 0.0
+    """The part of the gain that is predicted to first order and not fitted."""
     has_discrepancy: bool = False
+    """Whether the fit allows for a discrepancy. Tolerances absorb a part of it, so their strain is no objection."""
 
     def with_gain(self, gain: float) -> Explanation:
         """Return it with another gain; the penalty is the same."""
@@ -142,57 +132,39 @@ class Selection:
     """All fits of a diagnosis.
 
     The evidence of every explanation is relative to `base`. The methods `add` and `replace_base` keep it so.
-
-    Attributes
-    ----------
-    base : Fit
-        The model without causes.
-    penalty : float
-        Penalty of each unknown in evidence: the logarithm of the number of independent measured values, or of errors of
-        modes beside a discrepancy.
-    threshold : float
-        Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model.
-    directions : list of Direction
-        Linear effects of the causes on the base.
-    undecidable : dict of str to UndecidableError
-        Causes that the data cannot show, and the reasons.
-    explanations : list of Explanation
-        The best explanation by each set of causes, the highest evidence first.
-    tried : list of Explanation
-        All explanations by several causes that were fitted, including those that are not better than one cause.
-    alternatives : list of Explanation
-        Changes that are not causes, see `receptance.diagnosis.alternatives`.
-    evaluations : int
-        Number of evaluations of all observations with derivatives, on few lines or on all.
-    seconds : float
-        Duration in s.
-    interrupted : bool
-        Whether a KeyboardInterrupt ended it: later steps are missing, and not all fits have converged.
-    workers : int
-        Number of fits that run at the same time.
-    discrepancy : Discrepancy or None
-        The discrepancy that all fits allow for.
-    beside : DiscrepancyFit or None
-        With `discrepancy`: the fit of the base with a discrepancy of its own.
-    fast : bool
-        Whether the alternatives are not fitted.
     """
 
     base: Fit
+    """The model without causes."""
     penalty: float
+    """Penalty of each unknown in evidence: the logarithm of the number of independent measured values, or of errors of
+    modes beside a discrepancy."""
     threshold: float = 0.0
+    """Evidence that the best cause reaches by chance in one of a thousand diagnoses of an adequate model."""
     directions: list[Direction] = field(default_factory=list)
+    """Linear effects of the causes on the base."""
     undecidable: dict[str, UndecidableError] = field(default_factory=dict)
+    """Causes that the data cannot show, and the reasons."""
     explanations: list[Explanation] = field(default_factory=list)
+    """The best explanation by each set of causes, the highest evidence first."""
     tried: list[Explanation] = field(default_factory=list)
+    """All explanations by several causes that were fitted, including those that are not better than one cause."""
     alternatives: list[Explanation] = field(default_factory=list)
+    """Changes that are not causes, see `receptance.diagnosis.alternatives`."""
     evaluations: int = 0
+    """Number of evaluations of all observations with derivatives, on few lines or on all."""
     seconds: float = 0.0
+    """Duration in s."""
     interrupted: bool = False
+    """Whether a KeyboardInterrupt ended it: later steps are missing, and not all fits have converged."""
     workers: int = 1
+    """Number of fits that run at the same time."""
     discrepancy: Discrepancy | None = None
+    """The discrepancy that all fits allow for."""
     beside: DiscrepancyFit | None = None
+    """With `discrepancy`: the fit of the base with a discrepancy of its own."""
     fast: bool = False
+    """Whether the alternatives are not fitted."""
 
     @property
     def absorbed(self) -> tuple[str, ...]:

@@ -29,52 +29,36 @@ from receptance.report import Provenance
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateCause:
-    """A fitted cause.
-
-    Attributes
-    ----------
-    id, group, meaning, remedy : str
-        The cause.
-    variant : str
-        The variant in which it acts.
-    explanation : Explanation
-        The fit with the cause.
-    gain : float
-        Decrease of chi-square, of all causes together where several act.
-    evidence : float
-        The gain less the logarithm of the number of observed numbers for each unknown: a difference of 10 is strong.
-    misfit : float
-        Chi-square with it, divided by its expectation from noise and floor.
-    plausible, converged : bool
-        Whether the sizes are plausible, and whether the fit has converged.
-    together_with : tuple of str
-        Other causes in the same fit.
-    look_alikes : dict of str to float
-        Causes with a similar effect on these data, and the cosine of the effects, up to 1.
-    vetoed : str
-        The sizes outside their plausible range, as text; empty where there is none.
-    held_out : float or None
-        First metric of the gains on held-out data with this cause alone, whatever the verdict.
-    declared : dict of str to Parameter
-        Declaration of each parameter, by the names in `parameters`.
-    """
+    """A fitted cause."""
 
     id: str
+    """The cause."""
     group: str
     variant: str
+    """The variant in which it acts."""
     explanation: Explanation = field(repr=False)
+    """The fit with the cause."""
     gain: float
+    """Decrease of chi-square, of all causes together where several act."""
     evidence: float
+    """The gain less the logarithm of the number of observed numbers for each unknown: a difference of 10 is strong."""
     misfit: float
+    """Chi-square with it, divided by its expectation from noise and floor."""
     plausible: bool
+    """Whether the sizes are plausible, and whether the fit has converged."""
     converged: bool
     together_with: tuple[str, ...]
+    """Other causes in the same fit."""
     look_alikes: dict[str, float]
+    """Causes with a similar effect on these data, and the cosine of the effects, up to 1."""
     meaning: str
     remedy: str
     vetoed: str = ""
+    """The sizes outside their plausible range, as text; empty where there is none."""
     held_out: float | None = None
+    """First metric of the gains on held-out data with this cause alone, whatever the verdict."""
     declared: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
+    """Declaration of each parameter, by the names in `parameters`."""
 
     @cached_property
     def parameters(self) -> dict[str, tuple[float, float, float]]:
@@ -96,115 +80,77 @@ class CandidateCause:
 
 @dataclass(frozen=True, kw_only=True)
 class ProposedMeasurement:
-    """The measurement that is proposed next.
-
-    Attributes
-    ----------
-    action, reason : str
-        The measurement, and the result of its simulation.
-    separates : tuple of str
-        Ids of the causes whose presence it is expected to decide, whichever reported explanation is true.
-    resolves : float
-        Share of the reported explanations that it distinguishes from all others, if they are true.
-    cost : float
-        Effort, in hits on the machine.
-    """
+    """The measurement that is proposed next."""
 
     action: str
+    """The measurement, and the result of its simulation."""
     reason: str
     separates: tuple[str, ...] = ()
+    """Ids of the causes whose presence it is expected to decide, whichever reported explanation is true."""
     resolves: float = 0.0
+    """Share of the reported explanations that it distinguishes from all others, if they are true."""
     cost: float = 0.0
+    """Effort, in hits on the machine."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """Whether the model is adequate, and the causes that explain the data if it is not; shown as a `Verdict`.
-
-    Attributes
-    ----------
-    verdict : {"adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"}
-        The answer. "partly explained" is a cause that takes at least half of the misfit.
-    causes : tuple of CandidateCause
-        The reported causes, the highest evidence first; none where the model is adequate or unexplained.
-    candidates : tuple of CandidateCause
-        Every cause alone, the highest evidence first.
-    ambiguous_between : tuple of str
-        Ids of the causes between which the data do not decide.
-    vetoed : tuple of CandidateCause
-        Causes with at least the evidence of all plausible ones that are not reported because their sizes are outside
-        the plausible range: another effect may act in their place.
-    alternatives : tuple of CandidateCause
-        Changes that are not causes, fitted where a cause may be reported, the highest evidence first; see
-        `receptance.diagnosis.alternatives`.
-    alternative : CandidateCause or None
-        The alternative because of which no cause is reported; it shows where the model is wrong.
-    selection : Selection
-        All fits. Where the data are partly explained these allow for the discrepancy.
-    adequacy : Adequacy
-        Adequacy of the base, without a discrepancy.
-    base_fit : Fit
-        The base; it allows for the discrepancy, if there is one.
-    without_discrepancy : Findings or None
-        Where the data are partly explained: the answer of the fits to the noise, which is given if held-out data
-        contradict the cause.
-    discrepancy, discrepancy_after : Discrepancy or None
-        Error of the base, and of the extended model, beside the noise, where no cause explains the data to the noise.
-    explanation : Explanation or None
-        The best of the reported explanations.
-    gains : tuple of Gain
-        Improvement on held-out data, if requested: in the distance of the spectra, in natural frequencies, in the
-        predictive log score, and in user-defined metrics.
-    bias : Bias or None
-        Held-out natural frequencies in which the errors of the base have a common sign.
-    held_out_modes, held_out_modes_after : tuple of ModeResidual
-        Held-out modes, predicted less measured.
-    next_measurement : ProposedMeasurement or None
-        The measurement that is proposed next.
-    held_out : Model or None
-        Held-out measurements with their tolerances, if separate ones are used; then the fits do not include them.
-    campaign_lines : tuple of str
-        Lines that add the best of the reported explanations to the campaign file; empty without a campaign, or where a
-        campaign file cannot describe it.
-    campaign_path : str
-        The campaign as it was named on the command line, for the commands of the next step; empty elsewhere.
-    final : bool
-        False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
-        none is "named".
-    notes : tuple of str
-        Notes for the user.
-    settings : dict
-        Settings that reproduce the run.
-    provenance : Provenance
-        Campaign and versions of the software.
-    """
+    """Whether the model is adequate, and the causes that explain the data if it is not; shown as a `Verdict`."""
 
     verdict: Answer
+    """The answer. "partly explained" is a cause that takes at least half of the misfit."""
     causes: tuple[CandidateCause, ...]
+    """The reported causes, the highest evidence first; none where the model is adequate or unexplained."""
     candidates: tuple[CandidateCause, ...]
+    """Every cause alone, the highest evidence first."""
     ambiguous_between: tuple[str, ...]
+    """Ids of the causes between which the data do not decide."""
     next_measurement: ProposedMeasurement | None
+    """The measurement that is proposed next."""
     notes: tuple[str, ...]
     settings: dict[str, Any]
+    """Settings that reproduce the run."""
     selection: Selection = field(repr=False)
+    """All fits. Where the data are partly explained these allow for the discrepancy."""
     adequacy: Adequacy = field(repr=False)
+    """Adequacy of the base, without a discrepancy."""
     base_fit: Fit = field(repr=False)
+    """The base; it allows for the discrepancy, if there is one."""
     discrepancy: Discrepancy | None = None
+    """Error of the base, and of the extended model, beside the noise, where no cause explains the data to the noise."""
     discrepancy_after: Discrepancy | None = None
     gains: tuple[Gain, ...] = ()
+    """Improvement on held-out data, if requested: in the distance of the spectra, in natural frequencies, in the
+    predictive log score, and in user-defined metrics."""
     final: bool = True
+    """False after an interruption; `notes` and `settings["interrupted"]` state the step. If not all causes were tried,
+    none is "named"."""
     vetoed: tuple[CandidateCause, ...] = ()
+    """Causes with at least the evidence of all plausible ones that are not reported because their sizes are outside the
+    plausible range: another effect may act in their place."""
     alternatives: tuple[CandidateCause, ...] = ()
+    """Changes that are not causes, fitted where a cause may be reported, the highest evidence first; see
+    `receptance.diagnosis.alternatives`."""
     alternative: CandidateCause | None = None
+    """The alternative because of which no cause is reported; it shows where the model is wrong."""
     bias: Bias | None = None
+    """Held-out natural frequencies in which the errors of the base have a common sign."""
     held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
+    """Held-out modes, predicted less measured."""
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
     explanation: Explanation | None = field(default=None, repr=False)
+    """The best of the reported explanations."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
     without_discrepancy: Self | None = field(default=None, repr=False)
+    """Where the data are partly explained: the answer of the fits to the noise, which is given if held-out data
+    contradict the cause."""
     held_out: Model | None = field(default=None, repr=False)
+    """Held-out measurements with their tolerances, if separate ones are used; then the fits do not include them."""
     campaign_lines: tuple[str, ...] = field(default=(), repr=False)
+    """Lines that add the best of the reported explanations to the campaign file; empty without a campaign, or where a
+    campaign file cannot describe it."""
     campaign_path: str = field(default="", repr=False)
+    """The campaign as it was named on the command line, for the commands of the next step; empty elsewhere."""
 
     @property
     def adequacy_after(self) -> Adequacy | None:

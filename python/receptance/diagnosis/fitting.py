@@ -45,30 +45,20 @@ _MODE = re.compile(r".+\.mode\[\d+\]\.frequency_hz")
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model at its best point.
-
-    Attributes
-    ----------
-    model : Model
-        The fitted model.
-    x : ndarray
-        The fitted variables.
-    chi_square : float
-        Sum of the squared residuals, priors included.
-    converged : bool
-        Whether the fit has converged.
-    evaluations : int
-        Number of evaluations of all observations.
-    regained : float
-        Decrease of chi-square on all lines from the end point on few lines: the loss by the selection of lines.
-    """
+    """A model at its best point."""
 
     model: Model
+    """The fitted model."""
     x: NDArray[np.float64]
+    """The fitted variables."""
     chi_square: float
+    """Sum of the squared residuals, priors included."""
     converged: bool
+    """Whether the fit has converged."""
     evaluations: int = 0
+    """Number of evaluations of all observations."""
     regained: float = 0.0
+    """Decrease of chi-square on all lines from the end point on few lines: the loss by the selection of lines."""
 
     @property
     def task(self) -> Task:
@@ -248,24 +238,14 @@ def with_null(model: Model, fit: Fit) -> Fit:
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """Ends of fits of a model to few lines, the best one first.
-
-    Attributes
-    ----------
-    model : Model
-        The model.
-    problem : Problem
-        Its residuals on few lines.
-    ends : tuple of End
-        The ends.
-    evaluations : int
-        Number of evaluations of all observations.
-    """
+    """Ends of fits of a model to few lines, the best one first."""
 
     model: Model
     problem: Problem
+    """Its residuals on few lines."""
     ends: tuple[End, ...]
     evaluations: int
+    """Number of evaluations of all observations."""
 
     @property
     def chi_square(self) -> float:

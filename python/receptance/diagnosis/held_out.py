@@ -34,84 +34,58 @@ SCORE = "predictive log score in nats"
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """Improvement by the extended model on held-out data.
-
-    Attributes
-    ----------
-    metric : str
-        Name of the metric.
-    held_out_before, held_out_after : float
-        The metric over all folds: root mean square of errors, mean of scores and user-defined metrics.
-    interval : (float, float)
-        95 % interval of the improvement, positive where the extended model is better; infinite where one configuration
-        was held out, zero where no cause was added.
-    folds : tuple of dict
-        By configuration: verdict and causes without it, and the metric before and after.
-    better : int
-        Number of folds in which it improves the prediction.
-    units : int
-        Number of units that the interval rests on.
-    unit : str
-        What they are: modes, records, or whole folds.
-    correlation : float
-        Correlation of their improvements within a fold, from 0 to 1.
-    """
+    """Improvement by the extended model on held-out data."""
 
     metric: str
+    """Name of the metric."""
     held_out_before: float
+    """The metric over all folds: root mean square of errors, mean of scores and user-defined metrics."""
     held_out_after: float
+    """The same of the extended model."""
     interval: tuple[float, float]
+    """95 % interval of the improvement, positive where the extended model is better; infinite where one configuration
+    was held out, zero where no cause was added."""
     folds: tuple[dict[str, Any], ...] = ()
+    """By configuration: verdict and causes without it, and the metric before and after."""
     better: int = 0
+    """Number of folds in which it improves the prediction."""
     units: int = 0
+    """Number of units that the interval rests on."""
     unit: str = "folds"
+    """What they are: modes, records, or whole folds."""
     correlation: float = 0.0
+    """Correlation of their improvements within a fold, from 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Improvement:
-    """Improvement by the extended model on held-out data, in all metrics.
-
-    Attributes
-    ----------
-    gains : tuple of Gain
-        By metric, that of the quantity that was measured most first.
-    singles : dict of str to float
-        First metric with one cause alone, by id, whatever the verdict; of natural frequencies that the model without
-        and that with this cause have.
-    modes, modes_after : tuple of ModeResidual
-        Held-out modes, predicted less measured, before and after.
-    bias : Bias or None
-        Held-out natural frequencies in which the errors before have a common sign.
-    complete : bool
-        Whether all folds were completed.
-    """
+    """Improvement by the extended model on held-out data, in all metrics."""
 
     gains: tuple[Gain, ...] = ()
+    """By metric, that of the quantity that was measured most first."""
     singles: Mapping[str, float] = field(default_factory=dict)
+    """First metric with one cause alone, by id, whatever the verdict; of natural frequencies that the model without and
+    that with this cause have."""
     modes: tuple[ModeResidual, ...] = ()
+    """Held-out modes before, predicted less measured."""
     modes_after: tuple[ModeResidual, ...] = ()
+    """The same of the extended model."""
     bias: Bias | None = None
+    """Held-out natural frequencies in which the errors before have a common sign."""
     complete: bool = True
+    """Whether all folds were completed."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A held-out observation and its prediction: the argument of a user-defined metric.
-
-    Attributes
-    ----------
-    observation : Observation
-        The measurement.
-    assembly : Assembly
-        The predicted structure as measured, a sensor's mass included.
-    receptance : ndarray or None
-        `(n,)` prediction on the lines of an observation, measuring chain included; None for natural frequencies.
-    """
+    """A held-out observation and its prediction: the argument of a user-defined metric."""
 
     observation: Observation
+    """The measurement."""
     assembly: Assembly
+    """The predicted structure as measured, a sensor's mass included."""
     receptance: NDArray[np.complex128] | None
+    """`(n,)` prediction on the lines of an observation, measuring chain included; None for natural frequencies."""
 
 
 Metric = Callable[[HeldOut], float]

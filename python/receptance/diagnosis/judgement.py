@@ -25,27 +25,18 @@ Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "pa
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """The answer and its reasons.
-
-    Attributes
-    ----------
-    answer : str
-        One of the seven answers of `Verdict`.
-    reported : tuple of Explanation
-        Explanations that are reported, the highest evidence first.
-    ambiguous_between : tuple of str
-        Ids of causes between which the data do not decide.
-    notes : tuple of str
-        Reasons.
-    alternative : Explanation or None
-        The alternative because of which no cause is reported.
-    """
+    """The answer and its reasons."""
 
     answer: Answer
+    """One of the seven answers of `Verdict`."""
     reported: tuple[Explanation, ...] = ()
+    """Explanations that are reported, the highest evidence first."""
     ambiguous_between: tuple[str, ...] = ()
+    """Ids of causes between which the data do not decide."""
     notes: tuple[str, ...] = ()
+    """Reasons."""
     alternative: Explanation | None = None
+    """The alternative because of which no cause is reported."""
 
 
 def conclude(selection: Selection) -> Judgement:

@@ -45,23 +45,17 @@ class IndescribableError(UndecidableError, ValueError):
 
 @dataclass(frozen=True)
 class Anatomy:
-    """The parts of an assembly before the joint that is identified, the joint, and the parts behind it.
-
-    Attributes
-    ----------
-    tool, holder : tuple of str
-        Names of the parts before and behind the joint.
-    joint : str
-        Name of the joint; empty where there is none.
-    end : str
-        Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
-        holder, it describes all that is behind the joint.
-    """
+    """The parts of an assembly before the joint that is identified, the joint, and the parts behind it."""
 
     tool: tuple[str, ...]
+    """Names of the parts before the joint."""
     joint: str
+    """Name of the joint; empty where there is none."""
     holder: tuple[str, ...]
+    """Names of the parts behind it."""
     end: str = ""
+    """Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
+    holder, it describes all that is behind the joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,36 +63,24 @@ class Model:
     """Observations, unknowns and tolerances: the arguments of `identify`.
 
     It is immutable; methods return changed copies.
-
-    Attributes
-    ----------
-    observations : tuple of Observation
-        The measurements.
-    unknowns : tuple of Unknown
-        The unknowns.
-    tolerances : tuple of Tolerance
-        Errors of dimensions and materials.
-    witnesses : tuple of Observation
-        Observations that are changed with the others and never fitted. Their places decided where the parts of the
-        diagnosed model are divided; other observations with the same causes are divided at the same places.
-    truncation : float or None
-        Time in s after the hit at which the records were truncated, where all their lines show it.
-    seed : int
-        Seed of the random numbers of its fits.
-    threads : int or None
-        As in `Assembly.receptance`; it does not change results.
-    shorter : Model or None
-        The model to which `plus` has added the last unknowns; the parameters of both are prepared once.
     """
 
     observations: tuple[Observation, ...]
+    """The measurements."""
     unknowns: tuple[Unknown, ...]
     tolerances: tuple[Tolerance, ...] = ()
+    """Errors of dimensions and materials."""
     witnesses: tuple[Observation, ...] = ()
+    """Observations that are changed with the others and never fitted. Their places decided where the parts of the
+    diagnosed model are divided; other observations with the same causes are divided at the same places."""
     truncation: float | None = None
+    """Time in s after the hit at which the records were truncated, where all their lines show it."""
     seed: int = 0
+    """Seed of the random numbers of its fits."""
     threads: int | None = None
+    """As in `Assembly.receptance`; it does not change results."""
     shorter: Model | None = field(default=None, init=False)
+    """The model to which `plus` has added the last unknowns; the parameters of both are prepared once."""
 
     def with_shared_assemblies(self) -> Model:
         """Return the model in which observations of equal assemblies have the same one, so that it is prepared once."""

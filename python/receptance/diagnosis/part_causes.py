@@ -172,24 +172,19 @@ def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 @dataclass(frozen=True)
 class ToolMaterial:
-    """A class of materials: typical values and the scatter of its grades.
-
-    Attributes
-    ----------
-    name : str
-        Name in texts.
-    youngs_modulus, density, poisson_ratio : float
-        Typical values in Pa, kg/m3 and 1.
-    modulus_scatter, density_scatter : float
-        Standard deviations of the natural logarithms over the grades of the class.
-    """
+    """A class of materials: typical values and the scatter of its grades."""
 
     name: str
+    """Name in texts."""
     youngs_modulus: float
+    """Typical value in Pa."""
     density: float
+    """Typical value in kg/m3."""
     poisson_ratio: float
     modulus_scatter: float
+    """Standard deviation of the natural logarithm over the grades of the class."""
     density_scatter: float
+    """Standard deviation of the natural logarithm over the grades of the class."""
 
 
 TOOL_MATERIALS = (

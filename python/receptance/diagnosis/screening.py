@@ -33,32 +33,21 @@ from receptance.fit.covariance import square_root
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """The linear effect of a variant of a cause on the residuals of a fit without it.
-
-    Attributes
-    ----------
-    cause, variant : Cause, Variant
-        The cause and its variant.
-    parameters : dict of str to Parameter
-        Its parameters by the names of their unknowns.
-    slopes : ndarray
-        `(n, k)` derivatives of the residuals after a refit of all other unknowns; columns that are not zero. Or their
-        coordinates, see `in_common_basis`.
-    one_sided : bool
-        Whether it has one visible parameter, which can only move to one side of its null.
-    score : float
-        Predicted decrease of chi-square.
-    estimate : dict of str to float
-        Values of the visible parameters at that decrease.
-    """
+    """The linear effect of a variant of a cause on the residuals of a fit without it."""
 
     cause: Cause
     variant: Variant
     parameters: dict[str, Parameter]
+    """Its parameters by the names of their unknowns."""
     slopes: NDArray[np.float64]
+    """`(n, k)` derivatives of the residuals after a refit of all other unknowns; columns that are not zero. Or their
+    coordinates, see `in_common_basis`."""
     one_sided: bool
+    """Whether it has one visible parameter, which can only move to one side of its null."""
     score: float
+    """Predicted decrease of chi-square."""
     estimate: dict[str, float]
+    """Values of the visible parameters at that decrease."""
 
     @property
     def count(self) -> int:

@@ -55,21 +55,14 @@ def starts_from_singles(base: Fit, singles: Sequence[Fit], root: Fit) -> list[di
 
 @dataclass(frozen=True)
 class _Level:
-    """A configuration with free values of laws.
-
-    Attributes
-    ----------
-    name : str
-        Name of the configuration.
-    laws : tuple of Law
-        Laws with a free value in it.
-    model : Model
-        The model of its observations.
-    """
+    """A configuration with free values of laws."""
 
     name: str
+    """Name of the configuration."""
     laws: tuple[Law, ...]
+    """Laws with a free value in it."""
     model: Model
+    """The model of its observations."""
 
     @property
     def condition(self) -> tuple[float, ...]:

@@ -20,24 +20,16 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Example:
-    """A campaign that is part of the package.
-
-    Attributes
-    ----------
-    name : str
-        Name of the example.
-    title : str
-        Description in one line.
-    folder : str
-        Folder of its files in the package.
-    data : callable or None
-        Function that computes the data files; None without data files.
-    """
+    """A campaign that is part of the package."""
 
     name: str
+    """Name of the example."""
     title: str
+    """Description in one line."""
     folder: str
+    """Folder of its files in the package."""
     data: Callable[..., Mapping[str, bytes]] | None = None
+    """Function that computes the data files; None without data files."""
 
     @property
     def campaign(self) -> str:

@@ -45,29 +45,22 @@ _PRE_TRIGGER_S = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class VirtualRig:
-    """The rig in one motion at one drawbar force, as poles and residues, for `simulate_hits`.
-
-    Attributes
-    ----------
-    motion : {"axial", "radial"}
-        Along or across.
-    force_kn : float
-        Drawbar force.
-    hit, seen : Coordinate, tuple of Coordinate
-        Places of the hit and of the responses; no others are available.
-    poles, residues : ndarray
-        `(m,)` in rad/s and `(m, n_seen)`.
-    rest : ndarray
-        `(n_seen,)` receptance of the modes above.
-    """
+    """The rig in one motion at one drawbar force, as poles and residues, for `simulate_hits`."""
 
     motion: Motion
+    """Along or across."""
     force_kn: float
+    """Drawbar force."""
     hit: Coordinate
+    """Place of the hit."""
     seen: tuple[Coordinate, ...]
+    """Places of the responses; no others are available."""
     poles: NDArray[np.complex128]
+    """`(m,)` in rad/s."""
     residues: NDArray[np.complex128]
+    """`(m, n_seen)`."""
     rest: NDArray[np.complex128]
+    """`(n_seen,)` receptance of the modes above."""
 
     def receptance(
         self,

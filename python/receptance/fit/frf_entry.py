@@ -147,21 +147,14 @@ def as_floor(owner: str, floor: float | Floor) -> Floor:
 
 
 class LineVariance(NamedTuple):
-    """The measured variance of an entry of an FRF.
-
-    Attributes
-    ----------
-    variance : ndarray or None
-        `(n,)` variance of the logarithm of each line alone.
-    degrees_of_freedom : ndarray or None
-        Those of the variance.
-    owner : str
-        The FRF in messages.
-    """
+    """The measured variance of an entry of an FRF."""
 
     variance: NDArray[np.float64] | None
+    """`(n,)` variance of the logarithm of each line alone."""
     degrees_of_freedom: NDArray[np.float64] | None
+    """Those of the variance."""
     owner: str
+    """The FRF in messages."""
 
 
 def one_entry(

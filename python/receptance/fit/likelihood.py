@@ -60,25 +60,17 @@ def residual_variance(found: Identification, cost: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ConstrainedFit:
-    """The best fit with some parameters at given values.
-
-    Attributes
-    ----------
-    values : dict of str to float
-        The given values in SI units.
-    others : dict of str to float
-        The other parameters, fitted again.
-    rise : float
-        Increase of -2 log L over the unconstrained fit; infinite if the model has no value.
-    p_value : float
-        Probability of at least this increase if the given values are true (Wilks 1938); from the F distribution if the
-        scatter was estimated.
-    """
+    """The best fit with some parameters at given values."""
 
     values: dict[str, float]
+    """The given values in SI units."""
     others: dict[str, float]
+    """The other parameters, fitted again."""
     rise: float
+    """Increase of -2 log L over the unconstrained fit; infinite if the model has no value."""
     p_value: float
+    """Probability of at least this increase if the given values are true (Wilks 1938); from the F distribution if the
+    scatter was estimated."""
 
     def rejected(self, level: float = 0.95) -> bool:
         """Return whether the data reject the values at a level."""
@@ -283,54 +275,36 @@ def _percent(share: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Profile(Result):
-    """Profile likelihood of one parameter, and its confidence interval.
-
-    Attributes
-    ----------
-    name : str
-        Its name in the fit.
-    value : float
-        Most likely value in SI units.
-    lower, upper : float
-        Ends of the interval in SI units; zero or -infinity, and infinity, where that side is open.
-    lower_open, upper_open : bool
-        Whether the interval is open on that side: the rise stays below the threshold up to the bound of the fit.
-    unit : str
-        SI unit of the value; empty for a plain number.
-    level : float
-        Level of the interval.
-    values : ndarray
-        `(n,)` values at which the parameter was held, ascending, in SI units.
-    rise : ndarray
-        `(n,)` rise of -2 log L at these values.
-    paths : ndarray
-        `(n, p)` all fitted variables at these values.
-    threshold : float
-        Rise at the ends of the interval.
-    statement : str
-        Meaning of the interval as text.
-    evaluations : int
-        Evaluations of the model.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Versions of the software.
-    """
+    """Profile likelihood of one parameter, and its confidence interval."""
 
     name: str
+    """Its name in the fit."""
     value: float
+    """Most likely value in SI units."""
     lower: float
+    """Lower end of the interval in SI units; zero or -infinity where that side is open."""
     upper: float
+    """Upper end; infinity where that side is open."""
     lower_open: bool
+    """Whether the rise stays below the threshold down to the lower bound of the fit."""
     upper_open: bool
+    """Whether the rise stays below the threshold up to the upper bound of the fit."""
     level: float
+    """Level of the interval."""
     values: NDArray[np.float64]
+    """`(n,)` values at which the parameter was held, ascending, in SI units."""
     rise: NDArray[np.float64]
+    """`(n,)` rise of -2 log L at these values."""
     paths: NDArray[np.float64]
+    """`(n, p)` all fitted variables at these values."""
     threshold: float
+    """Rise at the ends of the interval."""
     statement: str
+    """Meaning of the interval as text."""
     evaluations: int
+    """Evaluations of the model."""
     unit: str = ""
+    """SI unit of the value; empty for a plain number."""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

@@ -93,33 +93,24 @@ class _Parts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ParameterMap:
-    """The parameters of one assembly as functions of all unknowns.
-
-    Attributes
-    ----------
-    addresses : tuple of str
-        The `m` variable parameters; `segment[*]` is expanded.
-    base : ndarray
-        `(m,)` index of the unknown in b; -1 for none.
-    scale : ndarray
-        `(m,)` factor of this unknown.
-    fixed : ndarray
-        `(m,)` value of b without an unknown.
-    exponents, shifts : ndarray
-        `(m, p)` E and S.
-    second, share : ndarray
-        `(m,)` index and factor of a second unknown that is added in b; -1 for none. It interpolates between two
-        configurations.
-    """
+    """The parameters of one assembly as functions of all unknowns."""
 
     addresses: tuple[str, ...]
+    """The `m` variable parameters; `segment[*]` is expanded."""
     base: NDArray[np.intp]
+    """`(m,)` index of the unknown in b; -1 for none."""
     scale: NDArray[np.float64]
+    """`(m,)` factor of this unknown."""
     fixed: NDArray[np.float64]
+    """`(m,)` value of b without an unknown."""
     exponents: NDArray[np.float64]
+    """`(m, p)` E."""
     shifts: NDArray[np.float64]
+    """`(m, p)` S."""
     second: NDArray[np.intp]
+    """`(m,)` index of a second unknown that is added in b, to interpolate between two configurations; -1 for none."""
     share: NDArray[np.float64]
+    """`(m,)` its factor."""
 
     @classmethod
     def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> ParameterMap:

@@ -111,34 +111,24 @@ def within(frf: Observation, bands: Bands) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedMode:
-    """A natural frequency or the peak of a response, predicted, measured or both.
-
-    Attributes
-    ----------
-    configuration, label : str
-        Of the measurement.
-    mode : int or None
-        Number of the predicted elastic mode from 1; None for a peak without one.
-    predicted_hz : float or None
-        None if no predicted peak is near the measured one.
-    deviation_hz : float or None
-        Standard deviation of the prediction; None if it is unknown.
-    measured_hz : float or None
-        The natural frequency, or the peak of a response; None if it was not measured.
-    measured_deviation_hz : float
-        Standard deviation of the measurement, for a peak from the noise of the lines around it; 0 if unknown.
-    degrees_of_freedom : int or None
-        Of the standard deviations, if the fit has estimated them; None if they are known.
-    """
+    """A natural frequency or the peak of a response, predicted, measured or both."""
 
     configuration: str = ""
+    """Configuration of the measurement."""
     label: str = ""
+    """Label of the measurement."""
     mode: int | None = None
+    """Number of the predicted elastic mode from 1; None for a peak without one."""
     predicted_hz: float | None = None
+    """None if no predicted peak is near the measured one."""
     deviation_hz: float | None = None
+    """Standard deviation of the prediction; None if it is unknown."""
     measured_hz: float | None = None
+    """The natural frequency, or the peak of a response; None if it was not measured."""
     measured_deviation_hz: float = 0.0
+    """Standard deviation of the measurement, for a peak from the noise of the lines around it; 0 if unknown."""
     degrees_of_freedom: int | None = None
+    """Of the standard deviations, if the fit has estimated them; None if they are known."""
 
     @property
     def error_percent(self) -> float | None:

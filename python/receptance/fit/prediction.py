@@ -25,22 +25,15 @@ _FACTOR = 10.0
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations of results, `(n,)` each, and the share of the tolerances in them.
-
-    Attributes
-    ----------
-    total : ndarray
-        By the posterior; infinite where the result depends on a parameter that is not determined.
-    data : ndarray
-        By the noise of the data alone, if every error of a dimension or material were known.
-    errors : dict of str to ndarray
-        By error: signed change of the result for one posterior standard deviation of the error, with the other
-        variables at their conditional means. Its square is the variance that would vanish if the error were known.
-    """
+    """Standard deviations of results, `(n,)` each, and the share of the tolerances in them."""
 
     total: NDArray[np.float64]
+    """By the posterior; infinite where the result depends on a parameter that is not determined."""
     data: NDArray[np.float64]
+    """By the noise of the data alone, if every error of a dimension or material were known."""
     errors: dict[str, NDArray[np.float64]]
+    """By error: signed change of the result for one posterior standard deviation of the error, with the other variables
+    at their conditional means. Its square is the variance that would vanish if the error were known."""
 
     def widened(self, deviation: NDArray[np.float64]) -> Scatter:
         """Return the scatter with further independent errors of these standard deviations, `(n,)`."""
@@ -55,22 +48,15 @@ class Scatter:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedFrequencies:
-    """Predicted natural frequencies of an assembly, with measured ones if there are any.
-
-    Attributes
-    ----------
-    name, assembly : str
-        Names of the measurement, or of the assembly without one, and of the assembly.
-    modes : tuple of PredictedMode
-        The natural frequencies.
-    scatter : Scatter
-        Of the predictions in Hz.
-    """
+    """Predicted natural frequencies of an assembly, with measured ones if there are any."""
 
     name: str = ""
+    """Name of the measurement, or of the assembly without one."""
     assembly: str = ""
     modes: tuple[PredictedMode, ...]
+    """The natural frequencies."""
     scatter: Scatter = field(repr=False)
+    """Of the predictions in Hz."""
 
     @property
     def predicted_hz(self) -> NDArray[np.float64]:
@@ -114,45 +100,34 @@ class PredictedFrequencies:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedFRF:
-    """A predicted frequency response with its band, and the measured one where there is one.
-
-    Attributes
-    ----------
-    name, assembly : str
-        Names of the measurement, or of the assembly where there is none, and of the assembly.
-    response, excitation : Coordinate
-        Coordinates of the motion and of the load.
-    frequency_hz : ndarray
-        `(n,)` lines, complex where both channels had an exponential window.
-    receptance : ndarray
-        `(n,)` complex, with the identified values.
-    scatter, phase_scatter : Scatter
-        Of the real and of the imaginary part of its logarithm, to first order; the latter is None if not computed.
-    drawn : ndarray
-        `(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws.
-    degrees_of_freedom : int or None
-        Of the scatter, where it was estimated; None where it was known.
-    measured : ndarray or None
-        `(n,)` complex.
-    measured_deviation : ndarray or None
-        `(n,)` standard deviation of the real and of the imaginary part of its logarithm.
-    peaks : tuple of PredictedMode
-        Peaks of measurement and prediction.
-    """
+    """A predicted frequency response with its band, and the measured one where there is one."""
 
     name: str = ""
+    """Name of the measurement, or of the assembly without one."""
     assembly: str = ""
+    """Name of the assembly."""
     response: Coordinate
+    """Coordinate of the motion."""
     excitation: Coordinate
+    """Coordinate of the load."""
     frequency_hz: NDArray[np.inexact]
+    """`(n,)` lines, complex where both channels had an exponential window."""
     receptance: NDArray[np.complex128] = field(repr=False)
+    """`(n,)` complex, with the identified values."""
     scatter: Scatter = field(repr=False)
+    """Of the real part of its logarithm, to first order."""
     phase_scatter: Scatter | None = field(repr=False)
+    """Of the imaginary part; None if not computed."""
     drawn: NDArray[np.complex128] = field(repr=False)
+    """`(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws."""
     degrees_of_freedom: int | None = None
+    """Of the scatter, where it was estimated; None where it was known."""
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
+    """`(n,)` complex."""
     measured_deviation: NDArray[np.float64] | None = field(default=None, repr=False)
+    """`(n,)` standard deviation of the real and of the imaginary part of its logarithm."""
     peaks: tuple[PredictedMode, ...] = ()
+    """Peaks of measurement and prediction."""
 
     def band(self, level: float = 0.95, noise: ArrayLike = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the lower and upper end of the interval of the magnitude on each line.

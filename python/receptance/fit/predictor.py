@@ -175,21 +175,14 @@ class Predictor:
 
 
 class LinearFRF(NamedTuple):
-    """A receptance with its first-order errors.
-
-    Attributes
-    ----------
-    receptance : ndarray
-        `(n,)` with the identified values.
-    slope : ndarray
-        `(n, m)` its derivatives by the uncertain parameters.
-    variance : ndarray
-        `(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines.
-    """
+    """A receptance with its first-order errors."""
 
     receptance: NDArray[np.complex128]
+    """`(n,)` with the identified values."""
     slope: NDArray[np.complex128]
+    """`(n, m)` its derivatives by the uncertain parameters."""
     variance: NDArray[np.float64]
+    """`(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines."""
 
 
 class PredictedAssembly:
@@ -365,7 +358,7 @@ class PredictedAssembly:
         stated one; draws are those of `receptance`.
         """
         places = (
-            MovingCoordinate(measured.assembly, place).on(self.assembly)
+            MovingCoordinate(measured.assembly.elements, place).on(self.assembly.elements)
             for place in (measured.response, measured.excitation)
         )
         predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)

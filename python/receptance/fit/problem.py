@@ -22,8 +22,8 @@ from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters
 from receptance.fit.peaks import Bands, find_bands, within
 from receptance.fit.unknowns import Law, Unknown, Variables
-from receptance.model.addresses import Tied
 from receptance.model.assembly import Assembly
+from receptance.model.core_tables import Tied
 from receptance.model.joints import PointJoint
 
 _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]

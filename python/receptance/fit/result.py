@@ -37,45 +37,6 @@ _NOT_DETERMINED = 1e3
 class Identification(Result):
     """Identified parameters, their uncertainty, residuals and advice.
 
-    Attributes
-    ----------
-    values : dict of str to float
-        Identified values in SI units by address.
-    standard_errors : dict of str to float
-        Standard error of each value in SI units, to first order; infinite if the data do not determine it.
-    covariance : ndarray
-        `(p, p)` of the fitted variables: log10 of the value if the scale is "log", else the value.
-    correlation : ndarray
-        `(p, p)` of the fitted variables.
-    residuals : list of ndarray
-        Residuals of each observation, in `units` ("standard deviations", "percent", "logarithm" or "relative"); of a
-        receptance first the real parts, then the imaginary parts.
-    converged : bool
-        Whether the best start converged.
-    rejection : tuple of str
-        Why the values must not be used: residuals far above the standard deviations, or no convergence; empty if the
-        fit is accepted. Results that are computed with the values repeat it.
-    advice : list of str
-        Problems of the fit and remedies, the rejection first; empty if there are none.
-    notes : list of str
-        Notes for the user.
-    starts : tuple of Start
-        Every start, in the order of running.
-    agreeing : int
-        Number of starts that reached the best optimum.
-    seed : int
-        Seed of the drawn starts.
-    task : Task
-        Observations and parameters of the fit, for later analyses.
-    profiled : Results or None
-        Profile likelihoods, if they were computed together with the fit.
-    series : Results or None
-        Parameters over the levels of a series by name, if the campaign has one.
-    groups : dict of str to str
-        Group of a measurement by label; the measurements of a group share a row in the table of residuals.
-    provenance : Provenance
-        Campaign, seed and versions of the software.
-
     Dictionaries by address use the name of an unknown that has one: exponents of laws, parts of single configurations,
     and errors of tolerances, which are in units of their standard deviations.
 
@@ -94,21 +55,38 @@ class Identification(Result):
     """
 
     values: dict[str, float]
+    """Identified values in SI units by address."""
     standard_errors: dict[str, float]
+    """Standard error of each value in SI units, to first order; infinite if the data do not determine it."""
     covariance: NDArray[np.float64]
+    """`(p, p)` of the fitted variables: log10 of the value if the scale is "log", else the value."""
     correlation: NDArray[np.float64]
+    """`(p, p)` of the fitted variables."""
     residuals: list[NDArray[np.float64]]
+    """Residuals of each observation, in `units` ("standard deviations", "percent", "logarithm" or "relative"); of a
+    receptance first the real parts, then the imaginary parts."""
     converged: bool
+    """Whether the best start converged."""
     advice: list[str]
+    """Problems of the fit and remedies, the rejection first; empty if there are none."""
     notes: list[str]
     starts: tuple[Start, ...]
+    """Every start, in the order of running."""
     agreeing: int
+    """Number of starts that reached the best optimum."""
     seed: int
+    """Seed of the drawn starts."""
     task: Task = field(repr=False)
+    """Observations and parameters of the fit, for later analyses."""
     rejection: tuple[str, ...] = ()
+    """Why the values must not be used: residuals far above the standard deviations, or no convergence; empty if the fit
+    is accepted. Results that are computed with the values repeat it."""
     profiled: Results[Any] | None = None
+    """Profile likelihoods, if they were computed together with the fit."""
     series: Results[Any] | None = None
+    """Parameters over the levels of a series by name, if the campaign has one."""
     groups: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """Group of a measurement by label; the measurements of a group share a row in the table of residuals."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Identified parameters"

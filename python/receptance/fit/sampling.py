@@ -36,42 +36,28 @@ _START_RANGE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Samples(Result):
-    """Draws from the posterior of all fitted parameters.
-
-    Attributes
-    ----------
-    names : tuple of str
-        As in `Identification.addresses`.
-    values : ndarray
-        `(n, p)` in SI units, errors in their standard deviations.
-    log_likelihood : ndarray
-        `(n,)` logarithm of likelihood times priors, up to a constant.
-    acceptance : float
-        Share of accepted moves; 0.2 to 0.5 is usual.
-    autocorrelation : ndarray
-        `(p,)` integrated autocorrelation time in steps.
-    effective : float
-        Effective number of independent draws, of the parameter with the longest autocorrelation time.
-    walkers, steps, burnt : int
-        Number of walkers, steps of each, and discarded steps at the beginning.
-    seed : int
-        Seed of the random numbers.
-    notes : tuple of str
-        Notes for the user; empty where there are none.
-    provenance : Provenance
-        Seed and versions of the software.
-    """
+    """Draws from the posterior of all fitted parameters."""
 
     names: tuple[str, ...]
+    """As in `Identification.addresses`."""
     values: NDArray[np.float64]
+    """`(n, p)` in SI units, errors in their standard deviations."""
     log_likelihood: NDArray[np.float64]
+    """`(n,)` logarithm of likelihood times priors, up to a constant."""
     acceptance: float
+    """Share of accepted moves; 0.2 to 0.5 is usual."""
     autocorrelation: NDArray[np.float64]
+    """`(p,)` integrated autocorrelation time in steps."""
     effective: float
+    """Effective number of independent draws, of the parameter with the longest autocorrelation time."""
     walkers: int
+    """Number of walkers."""
     steps: int
+    """Steps of each walker."""
     burnt: int
+    """Discarded steps at the beginning."""
     seed: int
+    """Seed of the random numbers."""
     notes: tuple[str, ...]
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

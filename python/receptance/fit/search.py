@@ -62,32 +62,22 @@ _MIN_LINES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """One start and its end.
-
-    Attributes
-    ----------
-    start, values : dict of str to float
-        Values at the start and at the end, in SI units by address.
-    variables : ndarray
-        Fitted variables at the end.
-    cost : float
-        Half the sum of the squared residuals, or of the smoothed absolute values; infinite if the model has no value at
-        the start.
-    evaluations : int
-        Evaluations of the model.
-    converged : bool
-        Whether cost or variables converged.
-    message : str
-        Why the fit ended.
-    """
+    """One start and its end."""
 
     start: dict[str, float]
+    """Values at the start and at the end, in SI units by address."""
     values: dict[str, float]
     variables: NDArray[np.float64]
+    """Fitted variables at the end."""
     cost: float
+    """Half the sum of the squared residuals, or of the smoothed absolute values; infinite if the model has no value at
+    the start."""
     evaluations: int
+    """Evaluations of the model."""
     converged: bool
+    """Whether cost or variables converged."""
     message: str
+    """Why the fit ended."""
 
 
 def fit_direct(

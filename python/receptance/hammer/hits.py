@@ -222,27 +222,17 @@ class Hit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hits(Renderable):
-    """Hits found in records, each kept or dropped for a reason.
-
-    Attributes
-    ----------
-    records : tuple of HammerRecords
-        The records.
-    hits : tuple of Hit
-        In order of time.
-    n_samples : int
-        Length of the block of every hit.
-    noise : float
-        Standard deviation of the force outside contacts, in its SI unit.
-    notes : tuple of str
-        Notes for the user, with the dropped hits and the reasons.
-    """
+    """Hits found in records, each kept or dropped for a reason."""
 
     records: tuple[HammerRecords, ...]
     hits: tuple[Hit, ...]
+    """In order of time."""
     n_samples: int
+    """Length of the block of every hit."""
     noise: float
+    """Standard deviation of the force outside contacts, in its SI unit."""
     notes: tuple[str, ...]
+    """Notes for the user, with the dropped hits and the reasons."""
 
     @property
     def kept(self) -> tuple[Hit, ...]:

@@ -57,13 +57,6 @@ class HammerRecords:
     notes : sequence of str, optional
         Notes for the user.
 
-    Attributes
-    ----------
-    force : ndarray
-        `(n_records, n)` in N, or N m for a moment.
-    response : ndarray
-        `(n_records, n, n_channels)` in m/s^2, m/s or m, or the same with rad for rotations.
-
     Raises
     ------
     TypeError, ValueError
@@ -85,7 +78,9 @@ class HammerRecords:
     """
 
     force: NDArray[np.float64]
+    """`(n_records, n)` in N, or N m for a moment."""
     response: NDArray[np.float64]
+    """`(n_records, n, n_channels)` in m/s^2, m/s or m, or the same with rad for rotations."""
     sample_rate_hz: float
     quantity: Quantity
     full_scale_force: float | None

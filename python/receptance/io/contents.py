@@ -19,19 +19,6 @@ MOST_DRAWN = 4
 class FileContents(Result):
     """Measurements of one file, as `receptance show` prints and draws them.
 
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    format : str
-        Format in words.
-    measurements : tuple of FRF, Coherence or TimeSeries
-        The contents.
-    warned : tuple of str
-        Warnings of the reader.
-    provenance : Provenance
-        Versions of the software.
-
     Examples
     --------
     >>> from receptance.io import Coherence
@@ -42,9 +29,13 @@ class FileContents(Result):
     """
 
     name: str
+    """Name of the file."""
     format: str
+    """Format in words."""
     measurements: tuple[Measurement, ...]
+    """The contents."""
     warned: tuple[str, ...] = ()
+    """Warnings of the reader."""
     provenance: Provenance = field(default_factory=Provenance)
 
     heading = "Contents of a file"

@@ -146,17 +146,6 @@ class TimeSeries(Renderable):
     notes : sequence of str, optional
         Notes for the user.
 
-    Attributes
-    ----------
-    values : ndarray
-        `(n_samples, n_channels)`, SI.
-    quantities : tuple of str
-        Per channel "force", "moment", "displacement", "velocity", "acceleration", "rotation", "angular velocity",
-        "angular acceleration", or "" for other quantities.
-    units : tuple of str
-        Unit of `values` per channel: "N", "N m", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", or as given for
-        other quantities.
-
     Raises
     ------
     TypeError, ValueError
@@ -181,10 +170,15 @@ class TimeSeries(Renderable):
     drawn_in_notebooks = True
 
     values: NDArray[np.float64]
+    """`(n_samples, n_channels)`, SI."""
     channels: tuple[str, ...]
     sample_rate_hz: float
     quantities: tuple[str, ...]
+    """Per channel "force", "moment", "displacement", "velocity", "acceleration", "rotation", "angular velocity",
+    "angular acceleration", or "" for other quantities."""
     units: tuple[str, ...]
+    """Unit of `values` per channel: "N", "N m", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", or as given for other
+    quantities."""
     start_s: float
     label: str
     source: str

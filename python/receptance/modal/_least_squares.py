@@ -21,46 +21,35 @@ _BLOCK = 64
 
 @dataclass(frozen=True)
 class PoleFit:
-    """Poles, residues and background with their covariance, of M poles, m entries with k coefficients and n lines.
-
-    Attributes
-    ----------
-    poles : ndarray
-        `(M,)` complex, s = -delta + i w_d.
-    coefficients : ndarray
-        `(m, k)` real: real parts of the M residues, their imaginary parts, then both parts of each background term.
-    residual, fitted : ndarray
-        `(n, m)` complex: measured minus fitted values times the weights, and fitted values in the form of the data.
-    inverse : ndarray
-        `(2M, 2M)` inverse of the information matrix of the real, then the imaginary parts of the poles.
-    pole_covariance : ndarray
-        `(2M, 2M)` their covariance, if the weights are the inverse standard deviations of real and imaginary part;
-        equal to `inverse` for independent lines.
-    coefficient_covariance, cross_covariance : ndarray
-        `(m, k, k)` covariance of the coefficients, including the uncertainty of the poles, and `(m, k, 2M)` with them.
-    scores, information_matrices : ndarray
-        `(m, 2M)` and `(m, 2M, 2M)`: contributions of each entry to the gradient of half the sum of squares, which is
-        zero in total, and to the information matrix.
-    degrees_of_freedom : float
-        Expectation of the sum of squared residuals for those weights: for independent lines, twice the number of values
-        minus the number of real parameters.
-    smooth_lines : float
-        Number of lines over which the errors were taken as smooth.
-    """
+    """Poles, residues and background with their covariance, of M poles, m entries with k coefficients and n lines."""
 
     poles: NDArray[np.complex128]
+    """`(M,)` complex, s = -delta + i w_d."""
     coefficients: NDArray[np.float64]
+    """`(m, k)` real: real parts of the M residues, their imaginary parts, then both parts of each background term."""
     residual: NDArray[np.complex128]
+    """`(n, m)` complex: measured minus fitted values times the weights."""
     fitted: NDArray[np.complex128]
+    """`(n, m)` fitted values in the form of the data."""
     inverse: NDArray[np.float64]
+    """`(2M, 2M)` inverse of the information matrix of the real, then the imaginary parts of the poles."""
     pole_covariance: NDArray[np.float64]
+    """`(2M, 2M)` their covariance, if the weights are the inverse standard deviations of real and imaginary part; equal
+    to `inverse` for independent lines."""
     coefficient_covariance: NDArray[np.float64]
+    """`(m, k, k)` covariance of the coefficients, including the uncertainty of the poles."""
     cross_covariance: NDArray[np.float64]
+    """`(m, k, 2M)` covariance of the coefficients with the poles."""
     scores: NDArray[np.float64]
+    """`(m, 2M)` contributions of each entry to the gradient of half the sum of squares, which is zero in total."""
     information_matrices: NDArray[np.float64]
+    """`(m, 2M, 2M)` contributions of each entry to the information matrix."""
     degrees_of_freedom: float
+    """Expectation of the sum of squared residuals for those weights: for independent lines, twice the number of values
+    minus the number of real parameters."""
     converged: bool
     smooth_lines: float
+    """Number of lines over which the errors were taken as smooth."""
 
     @property
     def chi_square(self) -> float:

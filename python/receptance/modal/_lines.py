@@ -16,34 +16,23 @@ from receptance.units import FORMS
 
 @dataclass(frozen=True)
 class Lines:
-    """Usable lines of a band as plain arrays; the m entries are ordered by response, then by excitation.
-
-    Attributes
-    ----------
-    frf : FRF
-        The FRF on these lines.
-    frequency_hz, s : ndarray
-        `(n,)` real lines, and complex ones i (w - i sigma), to the right of the imaginary axis under a window.
-    values : ndarray
-        `(n, m)` in the measured form, in which the noise is simplest: the receptance times s to the `power`.
-    relative : ndarray or None
-        `(n, m)` standard deviation of real and imaginary part of the logarithm; may be infinite.
-    freedom : float
-        Degrees of freedom of these standard deviations; infinite if exact or not stated.
-    correlated_lines : float
-        Number of neighbouring lines per independent value.
-    notes : tuple of str
-        Notes for the user.
-    """
+    """Usable lines of a band as plain arrays; the m entries are ordered by response, then by excitation."""
 
     frf: FRF
+    """The FRF on these lines."""
     frequency_hz: NDArray[np.float64]
+    """`(n,)` real lines."""
     s: NDArray[np.complex128]
+    """`(n,)` complex ones i (w - i sigma), to the right of the imaginary axis under a window."""
     values: NDArray[np.complex128]
+    """`(n, m)` in the measured form, in which the noise is simplest: the receptance times s to the `power`."""
     power: int
     relative: NDArray[np.float64] | None
+    """`(n, m)` standard deviation of real and imaginary part of the logarithm; may be infinite."""
     freedom: float
+    """Degrees of freedom of these standard deviations; infinite if exact or not stated."""
     correlated_lines: float
+    """Number of neighbouring lines per independent value."""
     notes: tuple[str, ...]
 
     @property

@@ -18,32 +18,6 @@ Method = Literal["peak", "half-power", "circle", "global"]
 class ModeEstimate:
     """Estimate of one mode, H = C / (w_r^2 - w^2 + 2 i zeta_r w_r w) near it.
 
-    Attributes
-    ----------
-    method : {"peak", "half-power", "circle", "global"}
-        Method of the estimate.
-    frequency_hz, frequency_standard_error_hz : float
-        Undamped natural frequency w_r / 2 pi and its standard error.
-    damping_ratio, damping_standard_error : float
-        Viscous damping ratio zeta_r without that of an exponential window; NaN if the lines do not determine it.
-    modal_constant : complex
-        C of the receptance, in 1/kg for m/N; real for proportional damping. With the method "peak" its phase is that of
-        the line at the peak.
-    modal_constant_standard_error : complex
-        Standard errors of the real part and of the imaginary part, as a complex number.
-    lines_in_band : float
-        Width of the half-power band over the distance of the lines (an exponential window widens the band). Below five
-        the half-power method overestimates the damping.
-    band_hz : (float, float)
-        First and last line used.
-    lines : int
-        Number of lines used.
-    degrees_of_freedom : float
-        Degrees of freedom of the standard errors: those of the variance of the FRF, infinite if it is exact, or those
-        of the residuals.
-    notes : tuple of str
-        Notes for the user.
-
     Examples
     --------
     >>> import numpy as np
@@ -57,16 +31,28 @@ class ModeEstimate:
     """
 
     method: Method
+    """Method of the estimate."""
     frequency_hz: float
+    """Undamped natural frequency w_r / 2 pi."""
     frequency_standard_error_hz: float
     damping_ratio: float
+    """Viscous damping ratio zeta_r without that of an exponential window; NaN if the lines do not determine it."""
     damping_standard_error: float
     modal_constant: complex
+    """C of the receptance, in 1/kg for m/N; real for proportional damping. With the method "peak" its phase is that of
+    the line at the peak."""
     modal_constant_standard_error: complex
+    """Standard errors of the real part and of the imaginary part, as a complex number."""
     lines_in_band: float
+    """Width of the half-power band over the distance of the lines (an exponential window widens the band). Below five
+    the half-power method overestimates the damping."""
     band_hz: tuple[float, float]
+    """First and last line used."""
     lines: int
+    """Number of lines used."""
     degrees_of_freedom: float
+    """Degrees of freedom of the standard errors: those of the variance of the FRF, infinite if it is exact, or those of
+    the residuals."""
     notes: tuple[str, ...] = ()
 
     @property

@@ -496,24 +496,16 @@ _MIN_ARC = np.pi
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CircleFit(ModeEstimate):
-    """Estimate of a mode with the circle of its mobility.
-
-    Attributes
-    ----------
-    centre : complex
-        Centre in the plane of the mobility on real lines.
-    radius : float
-        Radius in the unit of the mobility.
-    arc : float
-        Angle in radians of the arc covered by the lines.
-    off_circle : float
-        Root mean square distance of the lines from the circle, relative to its radius.
-    """
+    """Estimate of a mode with the circle of its mobility."""
 
     centre: complex
+    """Centre in the plane of the mobility on real lines."""
     radius: float
+    """Radius in the unit of the mobility."""
     arc: float
+    """Angle in radians of the arc covered by the lines."""
     off_circle: float
+    """Root mean square distance of the lines from the circle, relative to its radius."""
 
 
 def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None = None) -> CircleFit:

@@ -30,70 +30,49 @@ class ModalFit(Result):
 
     H(s) = sum over modes of A_r / (s - p_r) + A_r* / (s - p_r*) plus background, with s = i w on real lines. For a
     real modal constant the term of a mode is C_r / (w_r^2 - w^2 + 2 i zeta_r w_r w) with C_r = 2 i w_d A_r.
-
-    Attributes
-    ----------
-    frequency_hz, frequency_standard_error_hz : ndarray
-        `(M,)` undamped natural frequencies.
-    damping_ratio, damping_standard_error : ndarray
-        `(M,)` viscous damping ratios, without that of an exponential window.
-    covariance : ndarray
-        `(2M, 2M)` covariance of the frequencies in Hz, then the damping ratios.
-    modal_constant, modal_constant_standard_error : ndarray
-        `(M, n_out, n_in)` complex C_r of the receptance, in 1/kg for m/N, and the standard errors of its real and
-        imaginary parts as complex numbers.
-    residue : ndarray
-        `(M, n_out, n_in)` complex A_r of the receptance.
-    background : dict of int to ndarray
-        `(n_out, n_in)` complex coefficient of each power of s in the receptance: -2 for the modes far below the
-        band, 0 for those far above it.
-    outside_poles, outside_residue : ndarray
-        `(K,)` in rad/s and `(K, n_out, n_in)`: poles of modes near the band, and of further modes in the band if
-        frequencies were given. They are part of the background.
-    lines_in_band : ndarray
-        `(M,)` width of the half-power band over the distance of the lines.
-    frf : FRF
-        The fitted lines.
-    scatter : ndarray
-        `(n_out, n_in)` root mean square of the real and imaginary parts of the residuals: in stated standard deviations
-        if the FRF has a variance, else in the unit of the FRF ("absolute") or relative to it ("relative").
-    known_scatter : bool
-        Whether the FRF stated its variance.
-    correlation : float
-        Correlation of the residuals of neighbouring lines.
-    degrees_of_freedom : float
-        Degrees of freedom of the standard errors: those of the variance of the FRF if it explains the residuals,
-        infinite if it is exact, else those of the residuals or of inconsistent entries.
-    converged : bool
-        Whether the last fit converged.
-    stabilisation : tuple of ndarray
-        Candidates of each polynomial order as complex frequencies in Hz, damped natural frequency plus i times decay
-        rate over 2 pi, without that of an exponential window.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Versions of the software.
     """
 
     frequency_hz: NDArray[np.float64]
+    """`(M,)` undamped natural frequencies."""
     frequency_standard_error_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
+    """`(M,)` viscous damping ratios, without that of an exponential window."""
     damping_standard_error: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    """`(2M, 2M)` covariance of the frequencies in Hz, then the damping ratios."""
     modal_constant: NDArray[np.complex128]
+    """`(M, n_out, n_in)` complex C_r of the receptance, in 1/kg for m/N."""
     modal_constant_standard_error: NDArray[np.complex128]
+    """Standard errors of its real and imaginary parts as complex numbers."""
     residue: NDArray[np.complex128]
+    """`(M, n_out, n_in)` complex A_r of the receptance."""
     background: dict[int, NDArray[np.complex128]]
+    """`(n_out, n_in)` complex coefficient of each power of s in the receptance: -2 for the modes far below the band, 0
+    for those far above it."""
     outside_poles: NDArray[np.complex128]
+    """`(K,)` in rad/s: poles of modes near the band, and of further modes in the band if frequencies were given. They
+    are part of the background."""
     outside_residue: NDArray[np.complex128]
+    """`(K, n_out, n_in)` their residues."""
     lines_in_band: NDArray[np.float64]
+    """`(M,)` width of the half-power band over the distance of the lines."""
     frf: FRF
+    """The fitted lines."""
     scatter: NDArray[np.float64]
+    """`(n_out, n_in)` root mean square of the real and imaginary parts of the residuals: in stated standard deviations
+    if the FRF has a variance, else in the unit of the FRF ("absolute") or relative to it ("relative")."""
     known_scatter: bool
+    """Whether the FRF stated its variance."""
     correlation: float
+    """Correlation of the residuals of neighbouring lines."""
     degrees_of_freedom: float
+    """Degrees of freedom of the standard errors: those of the variance of the FRF if it explains the residuals,
+    infinite if it is exact, else those of the residuals or of inconsistent entries."""
     converged: bool
+    """Whether the last fit converged."""
     stabilisation: tuple[NDArray[np.complex128], ...]
+    """Candidates of each polynomial order as complex frequencies in Hz, damped natural frequency plus i times decay
+    rate over 2 pi, without that of an exponential window."""
     notes: tuple[str, ...]
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

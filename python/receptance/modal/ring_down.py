@@ -151,43 +151,27 @@ _MAX_INITIAL_SCATTER = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RingDown(Result):
-    """Natural frequency and damping of one mode during its decay, one value per block of time.
-
-    Attributes
-    ----------
-    time_s : ndarray
-        `(k,)` middle of each block, from the record's first sample, weighted by amplitude squared.
-    duration_s : ndarray
-        `(k,)` length of each block.
-    amplitude, amplitude_standard_error : ndarray
-        `(k,)` amplitude (half of peak to peak) of the mode at this time, in the unit of the samples.
-    frequency_hz, frequency_standard_error_hz : ndarray
-        `(k,)` undamped natural frequency.
-    damping_ratio, damping_standard_error : ndarray
-        `(k,)` ratio of the decay rate of the amplitude to the natural frequency.
-    relative_scatter : ndarray
-        `(k,)` residuals of the smooth decay in the band, relative to the amplitude.
-    degrees_of_freedom : ndarray
-        `(k,)` degrees of freedom of the standard errors.
-    band_hz : (float, float)
-        Frequencies at which the filter passes half of the amplitude.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Versions of the software.
-    """
+    """Natural frequency and damping of one mode during its decay, one value per block of time."""
 
     time_s: NDArray[np.float64]
+    """`(k,)` middle of each block, from the record's first sample, weighted by amplitude squared."""
     duration_s: NDArray[np.float64]
+    """`(k,)` length of each block."""
     amplitude: NDArray[np.float64]
+    """`(k,)` amplitude (half of peak to peak) of the mode at this time, in the unit of the samples."""
     amplitude_standard_error: NDArray[np.float64]
     frequency_hz: NDArray[np.float64]
+    """`(k,)` undamped natural frequency."""
     frequency_standard_error_hz: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
+    """`(k,)` ratio of the decay rate of the amplitude to the natural frequency."""
     damping_standard_error: NDArray[np.float64]
     relative_scatter: NDArray[np.float64]
+    """`(k,)` residuals of the smooth decay in the band, relative to the amplitude."""
     degrees_of_freedom: NDArray[np.float64]
+    """`(k,)` degrees of freedom of the standard errors."""
     band_hz: tuple[float, float]
+    """Frequencies at which the filter passes half of the amplitude."""
     notes: tuple[str, ...]
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 

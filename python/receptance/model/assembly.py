@@ -13,25 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core
 from receptance.model.addresses import (
-    MOTIONS,
     Attachment,
     ChainElement,
-    Flat,
-    Motion,
-    Tied,
     check_chain,
-    distinct,
     edges_of,
-    flatten,
-    force_amplitudes,
     listed,
     names_of,
     points_of,
-    rows_of,
     segment_fields,
 )
 from receptance.model.beams import Part
 from receptance.model.coordinates import Coordinate, as_coordinates
+from receptance.model.core_tables import MOTIONS, Flat, Motion, Tied, distinct, flatten, force_amplitudes, rows_of
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import MeasuredPart
 from receptance.report import Column, Renderable, Table

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +15,6 @@ from receptance.model.fields import Choice, Count, Element, Field, Member, Numbe
 from receptance.model.joints import WIDTHS
 from receptance.report import Column, Renderable, Table
 
-if TYPE_CHECKING:
-    from receptance.model.addresses import Flat
-
-
-SEGMENTS = 0
-"""Number of the table of segments in the core."""
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
 _LARGEST_FIT = 1.02
@@ -217,38 +210,6 @@ class Part(Renderable):
         """Mass in kg."""
         return sum(segment.mass for segment in self.segments)
 
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the rows of the segments; a segment is split at the positions inside it."""
-        start = 0.0
-        flat.nodes[name, start] = node
-        pieces: list[list[int]] = []
-        rows = [segment.columns for segment in self.segments]
-        for segment, row in zip(self.segments, rows, strict=True):
-            end = start + segment.length
-            inside = [x for x in flat.positions.get(name, ()) if start < x < end]
-            columns = list(row)
-            pieces.append([])
-            for left, right in pairwise([start, *inside, end]):
-                far = flat.new_node()
-                # The length of a segment that is not split is not rounded.
-                columns[0] = right - left if inside else segment.length
-                pieces[-1].append(flat.add("segments", (node, far), columns))
-                flat.nodes[name, right] = node = far
-            start = end
-        for i, segment in enumerate(self.segments):
-            for address, column in segment.places.items():
-                entries = [(SEGMENTS, row, 2 + column, 1.0) for row in pieces[i]]
-                if address == "length":
-                    # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
-                    # segment grows, and in each later segment the first piece shrinks and the last one grows.
-                    entries = entries[-1:]
-                    for later in pieces[i + 1 :]:
-                        if len(later) > 1:
-                            entries += [(SEGMENTS, later[0], 2 + column, -1.0), (SEGMENTS, later[-1], 2 + column, 1.0)]
-                parameter = f"{name}.segment[{i}].{address}"
-                flat.entries[parameter], flat.values[parameter] = entries, rows[i][column]
-        return node
-
     def segment_rows(self) -> NDArray[np.float64]:
         """Return the segments in the form of the core, `(n_segments, 14)`, with nodes numbered along x."""
         rows = [(float(i), float(i + 1), *segment.columns) for i, segment in enumerate(self.segments)]
@@ -442,10 +403,3 @@ class SpreadJoint(Element):
                 f"{owner}: k_theta and c_theta are both zero, so the rotation about the one point is free; "
                 "give k_theta or c_theta, or more points"
             )
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the row of the two beams and the layer."""
-        far = flat.new_node()
-        columns = {f"{name}.{address}": column for address, column in self.places.items()}
-        flat.titles["overlap", flat.add("overlaps", (node, far), self.columns, columns)] = name
-        return far

@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 
@@ -21,8 +21,11 @@ from receptance import _checks, units
 from receptance._text import did_you_mean, shown
 from receptance.units import Quantity, parse
 
+T = TypeVar("T")
+D = TypeVar("D")
 
-class Field:
+
+class Field(Generic[T]):
     """A field with a description without a verb; by default it is neither passed to the core nor read from files."""
 
     doc: str
@@ -30,13 +33,13 @@ class Field:
     def __init__(self, doc: str) -> None:
         self.doc = doc
 
-    def default(self, value: Any) -> Any:
+    def default(self, value: D) -> T | D:
         """Return the declaration of a key with a default, to be assigned in the class of a table."""
-        return Key(self, value)
+        return cast(D, Key(self, value))
 
-    def needed(self) -> Any:
+    def needed(self) -> T:
         """Return the declaration of a key without a default, to be assigned in the class of a table."""
-        return Key(self, needed=True)
+        return cast(T, Key(self, needed=True))
 
     def read(self, written: Any, place: Any) -> Any:
         """Return the value of a key of a file; the text of a ValueError is a predicate of the key.
@@ -44,6 +47,10 @@ class Field:
         The `place` is where a value with several parts reads them, see `receptance.campaign.keys.Place`.
         """
         raise TypeError(f"{type(self).__name__}: this field is not read from files")
+
+    def write(self, value: Any) -> Any:
+        """Return the value of a key as a file states it, with all digits."""
+        return value
 
     def schema(self) -> dict[str, Any]:
         """Return the JSON Schema of the value of a key."""
@@ -54,16 +61,16 @@ class Field:
 class Key:
     """A key of a table: its declaration, and its default unless it is needed."""
 
-    of: Field
+    of: Field[Any]
     default: Any = None
     needed: bool = False
 
 
-class AttachedTo(Field):
+class AttachedTo(Field[str]):
     """The name of a part."""
 
 
-class Position(Field):
+class Position(Field[float | Literal["end"]]):
     """A distance in m from the tip-side end of a part, or "end"."""
 
     def read(self, written: Any, place: Any) -> float | Literal["end"]:
@@ -74,6 +81,9 @@ class Position(Field):
         except ValueError as error:
             expected = 'a distance from the tip-side end of the part such as "0 mm" or "62.3 mm", or "end"'
             raise ValueError(f"{str(error).split(', expected', 1)[0]}, expected {expected}") from None
+
+    def write(self, value: float | str) -> str | float:
+        return value if isinstance(value, str) else units.LENGTH.text(value)
 
     def schema(self) -> dict[str, Any]:
         return {"type": "string", "minLength": 1, "examples": ["62.3 mm", "end"]}
@@ -87,7 +97,7 @@ AttachedPosition = Annotated[
 
 
 @dataclass(frozen=True)
-class Number(Field):
+class Number(Field[float]):
     """A number with the unit and bounds of a quantity; a parameter of assemblies has an address and a column."""
 
     quantity: Quantity
@@ -97,6 +107,9 @@ class Number(Field):
 
     def read(self, written: Any, place: Any) -> float:
         return parse(written, self.quantity)
+
+    def write(self, value: float) -> str | float:
+        return self.quantity.text(value)
 
     def schema(self) -> dict[str, Any]:
         quantity = self.quantity
@@ -109,14 +122,14 @@ class Number(Field):
 
 
 @dataclass(frozen=True)
-class Numbers(Field):
+class Numbers(Field[tuple[float, ...]]):
     """Numbers of zero or more."""
 
     doc: str
 
 
 @dataclass(frozen=True)
-class Count(Field):
+class Count(Field[int]):
     """An integer within bounds, or None if that is the default; passed to the core if `column`."""
 
     doc: str
@@ -139,7 +152,7 @@ class Count(Field):
 
 
 @dataclass(frozen=True)
-class Choice(Field):
+class Choice(Field[Any]):
     """One of several words, passed to the core as its index."""
 
     doc: str
@@ -156,7 +169,7 @@ class Choice(Field):
 
 
 @dataclass(frozen=True)
-class Member(Field):
+class Member(Field[Any]):
     """An element within an element, and the prefix of the addresses of its parameters; "" for those of the owner."""
 
     kind: type[Element]
@@ -174,7 +187,7 @@ class CoreColumn:
 
     address: str
     path: tuple[str, ...]
-    field: Field
+    field: Field[Any]
 
     def number(self, element: Any) -> float:
         """Return the value of an element in this column; zero for a member that is None."""
@@ -186,9 +199,9 @@ class CoreColumn:
         return float(self.field.words.index(value) if isinstance(self.field, Choice) else value)
 
 
-def _declared(kind: type, hints: Mapping[str, Any]) -> dict[str, Field]:
+def _declared(kind: type, hints: Mapping[str, Any]) -> dict[str, Field[Any]]:
     """Return the declared fields of a class by name, with the fields of base classes first."""
-    declared: dict[str, Field] = {}
+    declared: dict[str, Field[Any]] = {}
     for name, hint in hints.items():
         for metadata in getattr(hint, "__metadata__", ()):
             if isinstance(metadata, Field):
@@ -197,7 +210,7 @@ def _declared(kind: type, hints: Mapping[str, Any]) -> dict[str, Field]:
     return {name: declared[name] for name in dict.fromkeys(order) if name in declared}
 
 
-def _layout(fields: Mapping[str, Field]) -> tuple[CoreColumn, ...]:
+def _layout(fields: Mapping[str, Field[Any]]) -> tuple[CoreColumn, ...]:
     """Return the columns of fields in the tables of the core."""
     columns: list[CoreColumn] = []
     for name, field in fields.items():
@@ -235,7 +248,7 @@ class Element:
     ['mass', 'inertia']
     """
 
-    declared: ClassVar[dict[str, Field]] = {}
+    declared: ClassVar[dict[str, Field[Any]]] = {}
     """Declarations of the fields by name, in the order of their definition."""
     layout: ClassVar[tuple[CoreColumn, ...]] = ()
     """Columns of an element in the tables of the core."""

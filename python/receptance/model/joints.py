@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
 from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number, Numbers
-
-if TYPE_CHECKING:
-    from receptance.model.addresses import Flat
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,22 +43,8 @@ class _Spring(Element):
         return _core.joint_stiffness(columns, lines)[:, [[0, 2], [2, 1]]]
 
 
-class _Interface(_Spring):
-    """A spring between two parts."""
-
-    role = "joint"
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the row of the joint."""
-        far = flat.new_node()
-        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(_Spring.columns_of)}
-        row = flat.add("joints", (node, far), self.columns[: len(columns)], columns)
-        flat.titles["joint", row] = name
-        return far
-
-
 @dataclass(frozen=True, kw_only=True)
-class PointJoint(_Interface):
+class PointJoint(_Spring):
     """A joint at a point: full, symmetric, complex stiffness between two facing ends.
 
     The stiffness is K(w) = (1 + i loss_factor) [[k_y, k_ytheta], [k_ytheta, k_theta]]
@@ -89,6 +71,8 @@ class PointJoint(_Interface):
     """
 
     name: Name = field(default="", compare=False)
+
+    role = "joint"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -185,13 +169,6 @@ class GroundSpring(_Spring):
         weights = self.weights or (1.0,) * self.points
         return tuple(weight / sum(weights) for weight in weights)
 
-    def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
-        """Add a row for each point, with its share of the spring; loss factors are those of the whole."""
-        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
-        for node, share in zip(nodes, self.shares, strict=True):
-            rates = [1.0 if quantity is units.LOSS_FACTOR else share for quantity in self.quantities.values()]
-            flat.add("grounds", (node,), self.columns, columns, rates)
-
 
 @dataclass(frozen=True, kw_only=True)
 class PointMass(Element):
@@ -218,11 +195,6 @@ class PointMass(Element):
 
     def __post_init__(self) -> None:
         self.check()
-
-    def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
-        """Add the row of the mass."""
-        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
-        flat.add("masses", nodes, self.columns, columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,15 +231,6 @@ class Resonator(Element):
 
     def __post_init__(self) -> None:
         self.check()
-
-    def attach_to(self, flat: Flat, name: str, nodes: Sequence[int]) -> None:
-        """Add a joint to a new node, and the mass at that node."""
-        # The mass has no moment of inertia, so the rotational stiffness transmits no moment; its value is arbitrary.
-        joint = PointJoint(k_y=self.k_y, k_theta=1.0, c_y=self.c_y)
-        far = flat.new_node()
-        columns = {f"{name}.{quantity}": PointJoint.columns_of.index(quantity) for quantity in ("k_y", "c_y")}
-        flat.titles["joint", flat.add("joints", (*nodes, far), joint.columns, columns)] = name
-        flat.add("masses", (far,), (self.mass, 0.0), {f"{name}.mass": 0})
 
 
 WIDTHS = tuple(nodes + len(kind.layout) for nodes, kind in ((2, PointJoint), (1, PointMass), (1, GroundSpring)))
@@ -325,13 +288,6 @@ class ColletJoint(Element):
         # Addresses use the name of the field.
         _checks.set_fields(self, {side: replace(getattr(self, side), name="") for side in ("inner", "outer")})
 
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the rows of both springs and of the mass between them."""
-        middle = self.inner.add_to(flat, f"{name}.inner", node)
-        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.columns_of)}
-        flat.add("masses", (middle,), (self.mass, self.inertia), columns)
-        return self.outer.add_to(flat, f"{name}.outer", middle)
-
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the dynamic stiffness `(n, 2, 2)` over (y, theta) of both springs in series, without the mass.
 
@@ -365,7 +321,7 @@ def _sine_integral(exponent: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MicroslipJoint(_Interface):
+class MicroslipJoint(_Spring):
     """A joint in micro-slip: the sliding share of the interface grows with the amplitude.
 
     Each direction is an Iwan element of power-law distribution, whose loop follows Masing's rules from the backbone
@@ -431,6 +387,7 @@ class MicroslipJoint(_Interface):
         default="", compare=False
     )
 
+    role = "joint"
     amplitude_of: ClassVar[tuple[str, ...]]
     """Names of its parameters beyond those of a `PointJoint`."""
 
@@ -465,14 +422,6 @@ class MicroslipJoint(_Interface):
         factor = -(1.0 - 1j * loss_ratio(self.exponent))
         result: NDArray[np.complex128] = factor * np.array(self.shares) * np.array([self.k_y, self.k_theta])
         return result
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the rows of the spring and of its slip."""
-        row = len(flat.rows["joints"])
-        far = super().add_to(flat, name, node)
-        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(self.amplitude_of)}
-        flat.add("slips", (row,), [getattr(self, quantity) for quantity in self.amplitude_of], columns)
-        return far
 
     def stiffness(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the dynamic stiffness `(n, 2, 2)` over (y, theta) at the stated level."""

@@ -41,32 +41,22 @@ and far from poles few points suffice."""
 
 @dataclass(frozen=True, kw_only=True)
 class DampedModes:
-    """Modes between two coordinates of an assembly, ascending.
-
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        `(k,)` natural frequencies |w_r| / 2 pi, which damping lowers to `frequency_hz * sqrt(1 - damping_ratio^2)`.
-    damping_ratio : ndarray
-        `(k,)` viscous damping ratios Im w_r / |w_r|.
-    dynamic_stiffness : ndarray
-        `(k,)` 1 / |G| in N/m at the damped natural frequency, where the response is approximately largest,
-        with the contribution of the other modes.
-    residue : ndarray
-        `(k,)` complex R of G = sum over modes of R / (w - w_r), in m/N rad/s.
-    missed : int
-        Number of modes that were counted by the argument principle and not found; 0 unless poles coincide.
-    log_slopes : ndarray
-        `(k, 3, p)` derivatives of the logarithms of frequency, damping ratio and dynamic stiffness, per SI unit of the
-        requested parameters.
-    """
+    """Modes between two coordinates of an assembly, ascending."""
 
     frequency_hz: NDArray[np.float64]
+    """`(k,)` natural frequencies |w_r| / 2 pi, which damping lowers to `frequency_hz * sqrt(1 - damping_ratio^2)`."""
     damping_ratio: NDArray[np.float64]
+    """`(k,)` viscous damping ratios Im w_r / |w_r|."""
     dynamic_stiffness: NDArray[np.float64]
+    """`(k,)` 1 / |G| in N/m at the damped natural frequency, where the response is approximately largest, with the
+    contribution of the other modes."""
     residue: NDArray[np.complex128]
+    """`(k,)` complex R of G = sum over modes of R / (w - w_r), in m/N rad/s."""
     log_slopes: NDArray[np.float64]
+    """`(k, 3, p)` derivatives of the logarithms of frequency, damping ratio and dynamic stiffness, per SI unit of the
+    requested parameters."""
     missed: int = 0
+    """Number of modes that were counted by the argument principle and not found; 0 unless poles coincide."""
 
     @property
     def poles_hz(self) -> NDArray[np.complex128]:
@@ -226,20 +216,6 @@ def _modes_of_poles(
 class ModeShapes(Result):
     """Shapes of the modes of an assembly, normalised to unit modal mass.
 
-    Attributes
-    ----------
-    frequency_hz, damping_ratio : ndarray
-        `(k,)` natural frequencies in Hz and damping ratios, as in `DampedModes`.
-    part : tuple of str
-        `(n,)` part of each point.
-    position, distance : ndarray
-        `(n,)` distance in m from the tip-side end of the part, and from the tip of the assembly. There are two points
-        at a joint, one on each part.
-    y, theta : ndarray
-        `(k, n)` complex deflection in 1/kg^(1/2) and slope in rad/(m kg^(1/2)). The receptance between two points is
-        the sum of y_i y_j / (w_r^2 - w^2 + 2 i zeta_r w_r w) over the modes. The largest deflection is close to the
-        real axis and positive; imaginary parts are due to damping.
-
     Examples
     --------
     >>> from receptance import STEEL, Assembly, Part, Segment, mode_shapes
@@ -253,12 +229,21 @@ class ModeShapes(Result):
     plotted_by = "receptance.model.figure:draw_mode_shapes"
     assembly: Assembly = field(repr=False)
     frequency_hz: NDArray[np.float64]
+    """`(k,)` natural frequencies."""
     damping_ratio: NDArray[np.float64] = field(repr=False)
+    """`(k,)` as in `DampedModes`."""
     part: tuple[str, ...] = field(repr=False)
+    """`(n,)` part of each point."""
     position: NDArray[np.float64] = field(repr=False)
+    """`(n,)` distance in m from the tip-side end of the part. There are two points at a joint, one on each part."""
     distance: NDArray[np.float64] = field(repr=False)
+    """`(n,)` distance in m from the tip of the assembly."""
     y: NDArray[np.complex128] = field(repr=False)
+    """`(k, n)` complex deflection in 1/kg^(1/2). The receptance between two points is the sum of y_i y_j / (w_r^2 - w^2
+    + 2 i zeta_r w_r w) over the modes. The largest deflection is close to the real axis and positive; imaginary parts
+    are due to damping."""
     theta: NDArray[np.complex128] = field(repr=False)
+    """`(k, n)` slope in rad/(m kg^(1/2))."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
     notes: tuple[str, ...] = ()
 
@@ -296,10 +281,13 @@ class ModeShapes(Result):
 def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threads: int | None = None) -> ModeShapes:
     """Return the shapes of the modes of an assembly with its damping up to a frequency.
 
+    The residues of the receptances at the poles are means over small circles around them, as in `damped_modes`. Of the
+    ends of all parts the load acts where a mode responds most.
+
     Parameters
     ----------
     assembly : Assembly
-        The assembly.
+        In bending.
     upper_hz : float
         Limit of the natural frequencies in Hz.
     points : int, optional
@@ -307,10 +295,12 @@ def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threa
     threads : int, optional
         As in `Assembly.receptance`.
 
-    Notes
-    -----
-    The residues of the receptances at the poles are means over small circles around them, as in `damped_modes`. Of the
-    ends of all parts the load acts where a mode responds most.
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Part, Segment, mode_shapes
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> mode_shapes(bar, 12e3, points=11).y.shape
+    (1, 11)
     """
     _checks.whole_number("mode_shapes", "points", points, least=2)
     names, positions, distances = _points(assembly, points)

@@ -8,19 +8,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tau
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
-from receptance.frf import FRF
 from receptance.model.fields import Element, Field, Number
 from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from receptance.model.addresses import Flat
-
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
 """Parameters that every terminal has, in the order of the entries of its receptance."""
@@ -75,12 +70,6 @@ class Terminal(Element, ABC):
     @abstractmethod
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the row of the residuals."""
-        columns = {f"{name}.{quantity}": i for i, quantity in enumerate(RESIDUALS)}
-        flat.add("terminals", (node,), [getattr(self, quantity) for quantity in RESIDUALS], columns)
-        return node
 
     def _residual(self) -> NDArray[np.complex128]:
         return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
@@ -160,28 +149,6 @@ class MeasuredPart(Terminal):
             arrays["covariance"] = covariance
         _checks.set_fields(self, arrays)
         self.check()
-
-    @classmethod
-    def from_frf(cls, frf: FRF, *, name: str = "") -> Self:
-        """Return the part for an FRF with the responses y and theta and the excitations force and moment in this order.
-
-        Lines outside the usable band are omitted.
-        """
-        owner = f"{cls.__name__} {name!r}" if name else cls.__name__
-        directions = tuple(tuple(point.direction for point in side) for side in (frf.responses, frf.excitations))
-        if directions != (("y", "theta"), ("y", "theta")):
-            raise ValueError(
-                f"{owner}: the FRF has the responses {', '.join(directions[0])} and the excitations "
-                f"{', '.join(directions[1])}, expected y, theta and y, theta: a full receptance matrix"
-            )
-        usable = frf.to("receptance").masked()
-        mean = 0.5 * (usable.values + usable.values.transpose(0, 2, 1))
-        return cls(frequency_hz=usable.frequency_hz, matrix=mean, decay_rate=usable.decay_rate, name=name)
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the row of the residuals, and the table."""
-        flat.tabled.append((len(flat.rows["terminals"]), self))
-        return super().add_to(flat, name, node)
 
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
@@ -455,16 +422,6 @@ class ModalPart(Terminal):
         """Addresses of the parameters within the element."""
         modal = [f"mode[{index}].{quantity}" for index in range(len(self.modes)) for quantity in Mode.columns_of]
         return (*modal, *RESIDUALS)
-
-    def add_to(self, flat: Flat, name: str, node: int) -> int:
-        """Add the rows of the modes and of the residuals."""
-        flat.banded.append(self)
-        rates = [tau if quantity == "frequency_hz" else 1.0 for quantity in Mode.columns_of]
-        for index, mode in enumerate(self.modes):
-            columns = {f"{name}.mode[{index}].{quantity}": i for i, quantity in enumerate(Mode.columns_of)}
-            values = [getattr(mode, quantity) for quantity in Mode.columns_of]
-            flat.add("modes", (len(flat.rows["terminals"]),), values, columns, rates)
-        return super().add_to(flat, name, node)
 
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""

@@ -37,38 +37,28 @@ _SMALLEST = 1e-300
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
-    """The present interval of a target, and the one that is expected with one more measurement.
-
-    Attributes
-    ----------
-    name : str
-        Name of a parameter, of a natural frequency or of the logarithm of a receptance.
-    value : float
-        Present value in SI units or Hz; zero for the logarithm of a receptance.
-    scale : {"log", "linear"}
-        Whether intervals are symmetric in the logarithm.
-    now : (float, float)
-        Present interval; infinite or zero at an open side.
-    lower, upper : float
-        Expected interval about the present value, not beyond the present interval.
-    deviation, deviation_now : float
-        Expected and present standard deviation, of log10 of the value where the scale is "log".
-    deviations : tuple of float
-        Expected standard deviation at each point, if the true values were there; `deviation` is their geometric mean.
-    stays_open : float
-        Share of these points at which the interval would still reach the bounds of the fit.
-    """
+    """The present interval of a target, and the one that is expected with one more measurement."""
 
     name: str
+    """Name of a parameter, of a natural frequency or of the logarithm of a receptance."""
     value: float
+    """Present value in SI units or Hz; zero for the logarithm of a receptance."""
     scale: str
+    """Whether intervals are symmetric in the logarithm."""
     now: tuple[float, float]
+    """Present interval; infinite or zero at an open side."""
     lower: float
+    """Lower end of the expected interval about the present value, not beyond the present interval."""
     upper: float
+    """Its upper end."""
     deviation: float
+    """Expected standard deviation, of log10 of the value where the scale is "log"."""
     deviation_now: float
+    """The present one."""
     deviations: tuple[float, ...]
+    """Expected standard deviation at each point, if the true values were there; `deviation` is their geometric mean."""
     stays_open: float
+    """Share of these points at which the interval would still reach the bounds of the fit."""
 
     @property
     def range(self) -> tuple[float, float]:
@@ -92,24 +82,16 @@ class Expectation:
 
 @dataclass(frozen=True, kw_only=True)
 class RankedCandidate:
-    """A candidate and its expected intervals.
-
-    Attributes
-    ----------
-    candidate : Candidate
-        The measurement.
-    expected : dict of str to Expectation
-        By target.
-    shrink : float
-        Geometric mean over the targets of the expected standard deviation as a share of the present one.
-    score : float
-        -ln(shrink) / cost; the ranking is by this.
-    """
+    """A candidate and its expected intervals."""
 
     candidate: Candidate
+    """The measurement."""
     expected: dict[str, Expectation]
+    """By target."""
     shrink: float
+    """Geometric mean over the targets of the expected standard deviation as a share of the present one."""
     score: float
+    """-ln(shrink) / cost; the ranking is by this."""
 
     @property
     def label(self) -> str:
@@ -119,35 +101,21 @@ class RankedCandidate:
 
 @dataclass(frozen=True, kw_only=True)
 class NextMeasurement(Result):
-    """Ranked candidates and the intervals that are expected with them.
-
-    Attributes
-    ----------
-    ranking : tuple of RankedCandidate
-        The candidates, the best one first.
-    targets : tuple of str
-        Names of the targets.
-    level : float
-        Level of all intervals.
-    points : tuple of dict
-        Values of the unknowns of the fit, in SI units by name, at which the information was taken and averaged.
-    profiled : tuple of str
-        Parameters with intervals so wide that these points lie along their profiles.
-    notes : tuple of str
-        Notes for the user.
-    rejection : tuple of str
-        Rejection of the fit; empty if it is accepted.
-    provenance : Provenance
-        Campaign, seed and versions of the software.
-    """
+    """Ranked candidates and the intervals that are expected with them."""
 
     ranking: tuple[RankedCandidate, ...]
+    """The candidates, the best one first."""
     targets: tuple[str, ...]
+    """Names of the targets."""
     level: float
+    """Level of all intervals."""
     points: tuple[dict[str, float], ...]
+    """Values of the unknowns of the fit, in SI units by name, at which the information was taken and averaged."""
     profiled: tuple[str, ...]
+    """Parameters with intervals so wide that these points lie along their profiles."""
     notes: tuple[str, ...]
     rejection: tuple[str, ...] = ()
+    """Rejection of the fit; empty if it is accepted."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Next measurement"

@@ -33,55 +33,35 @@ _MISFIT = 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class Split:
-    """One fit and its predictions.
-
-    Attributes
-    ----------
-    held_out, fitted : tuple of str
-        Configurations.
-    identified : Identification or None
-        The fit; None where none of the unknowns is in the fitted configurations.
-    modes : tuple of PredictedMode
-        Measured natural frequencies and peaks, and their predictions.
-    frfs : tuple of PredictedFRF
-        Receptances.
-    not_predicted : tuple of str
-        Configurations that could not be predicted, and the reasons.
-    notes : tuple of str
-        Notes for the user.
-    """
+    """One fit and its predictions."""
 
     held_out: tuple[str, ...]
+    """Configurations that are predicted."""
     fitted: tuple[str, ...]
+    """Configurations that are fitted."""
     identified: Identification | None = field(repr=False)
+    """The fit; None where none of the unknowns is in the fitted configurations."""
     modes: tuple[PredictedMode, ...]
+    """Measured natural frequencies and peaks, and their predictions."""
     frfs: tuple[PredictedFRF, ...]
+    """Receptances."""
     not_predicted: tuple[str, ...]
+    """Configurations that could not be predicted, and the reasons."""
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer(Result):
-    """Predictions of configurations that were not fitted, compared with their measurements.
-
-    Attributes
-    ----------
-    splits : tuple of Split
-        The splits, with one fit each.
-    level : float
-        Level of the intervals.
-    seed : int
-        Seed of starts and draws.
-    campaign_notes : tuple of str
-        Notes of the campaign.
-    provenance : Provenance
-        Campaign and versions of the software.
-    """
+    """Predictions of configurations that were not fitted, compared with their measurements."""
 
     splits: tuple[Split, ...]
+    """The splits, with one fit each."""
     level: float
+    """Level of the intervals."""
     seed: int
+    """Seed of starts and draws."""
     campaign_notes: tuple[str, ...] = field(default=(), repr=False)
+    """Notes of the campaign."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Transfer"

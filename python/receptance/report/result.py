@@ -95,26 +95,18 @@ _versions_once = cache(versions)
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """Source of a result.
-
-    Attributes
-    ----------
-    title, description, file : str
-        Title, description and file name of the campaign; empty without a campaign.
-    settings : dict
-        Settings of the campaign that the result depends on; empty without a campaign.
-    seed : int or None
-        Seed of all random numbers; None if none were drawn.
-    versions : dict of str to str
-        Versions of the software.
-    """
+    """Source of a result."""
 
     title: str = ""
+    """Title of the campaign; empty without one, like the following two."""
     description: str = field(default="", repr=False)
     file: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """Settings of the campaign that the result depends on; empty without a campaign."""
     seed: int | None = None
+    """Seed of all random numbers; None if none were drawn."""
     versions: Mapping[str, str] = field(default_factory=_versions_once, repr=False)
+    """Versions of the software."""
 
     def sentence(self) -> str:
         """Return seed and versions as a line of text."""

@@ -163,21 +163,14 @@ def amount_interval(ends: Interval, unit: str = "", digits: int = 4) -> str:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers.
-
-    Attributes
-    ----------
-    name : str
-        Heading.
-    unit : str
-        Unit of its numbers, shown in brackets below the heading; empty without a unit or with several.
-    form : str
-        Format specification of its numbers for `format`.
-    """
+    """A column of numbers."""
 
     name: str
+    """Heading."""
     unit: str = ""
+    """Unit of its numbers, shown in brackets below the heading; empty without a unit or with several."""
     form: str = ".4g"
+    """Format specification of its numbers for `format`."""
 
     @property
     def heading(self) -> str:
@@ -201,17 +194,6 @@ class Column:
 class Table:
     """A table of a result; its numbers are rounded when it is rendered.
 
-    Attributes
-    ----------
-    title : str
-        Heading.
-    columns : sequence of Column and str
-        A string is the heading of a column of text.
-    rows : sequence of sequences
-        A cell for each column: text, a number, a Boolean, an interval `(low, high)` or None.
-    note : str
-        Sentence below the table.
-
     Raises
     ------
     ValueError
@@ -226,9 +208,13 @@ class Table:
     """
 
     title: str
+    """Heading."""
     columns: Sequence[Column | str]
+    """A string is the heading of a column of text."""
     rows: Sequence[Sequence[Cell]]
+    """A cell for each column: text, a number, a Boolean, an interval `(low, high)` or None."""
     note: str = ""
+    """Sentence below the table."""
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -265,18 +251,11 @@ def joined(tables: Iterable[Table]) -> list[Table]:
 
 @dataclass(frozen=True)
 class Fact:
-    """A finding with a label, such as the verdict of a diagnosis.
-
-    Attributes
-    ----------
-    label : str
-        One or two words.
-    texts : tuple of str
-        Sentences, a paragraph each.
-    lines : tuple of str
-        Lines to copy into a file, which are shown as they are.
-    """
+    """A finding with a label, such as the verdict of a diagnosis."""
 
     label: str
+    """One or two words."""
     texts: tuple[str, ...]
+    """Sentences, a paragraph each."""
     lines: tuple[str, ...] = ()
+    """Lines to copy into a file, which are shown as they are."""

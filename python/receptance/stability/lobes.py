@@ -192,79 +192,53 @@ _PROMINENCE = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class StableCut:
-    """A recommended spindle speed.
-
-    Attributes
-    ----------
-    speed_rpm : float
-        Spindle speed in rpm.
-    depth : float
-        Depth of cut in m that is stable at this speed.
-    probability : float or None
-        Probability that the depth is stable; None for an exact receptance.
-    lowest_rpm, highest_rpm : float
-        Range of speeds in rpm in which 90 % of the depth are stable with the same probability.
-    chatter_hz : float
-        Chatter frequency in Hz above the limit at this speed.
-    """
+    """A recommended spindle speed."""
 
     speed_rpm: float
+    """Spindle speed in rpm."""
     depth: float
+    """Depth of cut in m that is stable at this speed."""
     probability: float | None
+    """Probability that the depth is stable; None for an exact receptance."""
     lowest_rpm: float
+    """Lowest speed of the range in which 90 % of the depth are stable with the same probability."""
     highest_rpm: float
+    """Highest speed of that range."""
     chatter_hz: float
+    """Chatter frequency in Hz above the limit at this speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lobes(Result):
-    """Limit of the depth of cut over spindle speed.
-
-    Attributes
-    ----------
-    speeds_rpm : ndarray
-        Spindle speeds `(n,)` in rpm.
-    depth : ndarray
-        Limit of the stable depth in m `(n,)`; infinite where no line of the receptance can chatter, NaN where the
-        lines do not contain the mode of the tip, so that no limit is known.
-    chatter_hz : ndarray
-        Chatter frequency in Hz at the limit `(n,)`; NaN where the limit is not finite.
-    lower, upper : ndarray or None
-        95 % band of the limit in m `(n,)`, if draws of receptance or cut are given.
-    draws : ndarray or None
-        Limits of each draw in m `(m, n)`.
-    cut : Milling or Turning
-        The cut.
-    name : str
-        Name of the cut.
-    tips : dict of str to str
-        Source of the receptance of the tip by direction, "x" and "y"; None for a rigid direction.
-    spread : dict of str to float
-        Standard deviations of the logarithms of the cutting coefficients.
-    probability : float or None
-        Probability of the recommended depths; None if they are the limits.
-    rejection : tuple of str
-        Why the limits must not be used, such as the rejection of the fit that predicts the tip; empty if they may.
-    notes : tuple of str
-        Notes for the user.
-    provenance : Provenance
-        Campaign, and versions of the software.
-    """
+    """Limit of the depth of cut over spindle speed."""
 
     speeds_rpm: NDArray[np.float64]
+    """Spindle speeds `(n,)` in rpm."""
     depth: NDArray[np.float64]
+    """Limit of the stable depth in m `(n,)`; infinite where no line of the receptance can chatter, NaN where the lines
+    do not contain the mode of the tip, so that no limit is known."""
     chatter_hz: NDArray[np.float64]
+    """Chatter frequency in Hz at the limit `(n,)`; NaN where the limit is not finite."""
     cut: Milling | Turning
     lower: NDArray[np.float64] | None = None
+    """`(n,)` lower end of the 95 % band of the limit in m, if draws of receptance or cut are given."""
     upper: NDArray[np.float64] | None = None
+    """`(n,)` its upper end."""
     draws: NDArray[np.float64] | None = field(default=None, repr=False)
+    """Limits of each draw in m `(m, n)`."""
     name: str = ""
+    """Name of the cut."""
     tips: Mapping[str, str | None] = field(default_factory=dict)
+    """Source of the receptance of the tip by direction, "x" and "y"; None for a rigid direction."""
     spread: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviations of the logarithms of the cutting coefficients."""
     probability: float | None = None
+    """Probability of the recommended depths; None if they are the limits."""
     rejection: tuple[str, ...] = ()
+    """Why the limits must not be used, such as the rejection of the fit that predicts the tip; empty if they may."""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
+    """Campaign, and versions of the software."""
 
     heading = "Stability"
     plotted_by = "receptance.stability.figure:draw_lobes"

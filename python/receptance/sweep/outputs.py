@@ -35,27 +35,18 @@ Evaluation = Callable[["NDArray[np.float64]"], Evaluated]
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A quantity that a sweep keeps for each candidate.
-
-    Attributes
-    ----------
-    name : str
-        Its name in the results.
-    dtype : str
-        Data type of its values.
-    unit : str
-        SI unit.
-    dimensions : mapping of str to ndarray
-        Names and coordinates of its dimensions besides `candidate`.
-    meaning : str
-        Long name.
-    """
+    """A quantity that a sweep keeps for each candidate."""
 
     name: str
+    """Its name in the results."""
     dtype: str
+    """Data type of its values."""
     unit: str
+    """SI unit."""
     dimensions: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    """Names and coordinates of its dimensions besides `candidate`."""
     meaning: str = ""
+    """Long name."""
 
     @property
     def shape(self) -> tuple[int, ...]:

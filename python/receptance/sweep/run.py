@@ -129,15 +129,6 @@ def _in_process(
 class SweepProgress:
     """Progress of a sweep.
 
-    Attributes
-    ----------
-    done, count : int
-        Number of finished candidates, and of all candidates.
-    resumed : int
-        Number of candidates that an earlier run had finished.
-    seconds : float
-        Duration of this run in s.
-
     Examples
     --------
     >>> from receptance.sweep import SweepProgress
@@ -146,9 +137,13 @@ class SweepProgress:
     """
 
     done: int
+    """Number of finished candidates."""
     count: int
+    """Number of all candidates."""
     resumed: int
+    """Number of candidates that an earlier run had finished."""
     seconds: float
+    """Duration of this run in s."""
 
     @property
     def rate(self) -> float:
