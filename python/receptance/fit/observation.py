@@ -130,7 +130,6 @@ class Observation:
     response: Coordinate = _TIP
     excitation: Coordinate = _TIP
     modes: tuple[int, ...] = ()
-    """Elastic modes of natural frequencies; empty for a receptance."""
     damping_ratio: NDArray[np.float64] | None = None
     standard_deviation_damping: NDArray[np.float64] | None = None
     force: NDArray[np.float64] | None = None
