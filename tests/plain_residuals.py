@@ -8,26 +8,26 @@ import numpy as np
 
 from receptance import Assembly
 from receptance.errors import ReceptanceError
-from receptance.fit.parameters import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN
-from receptance.fit.problem import Observed
+from receptance.fit.observation import Observation, Unit
+from receptance.fit.parameters import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, ParameterMap
 from receptance.model.addresses import MovingCoordinate
 
 
-def residual_and_jacobian(one: Observed, values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def residual_and_jacobian(
+    data: Observation, mapping: ParameterMap, unit: Unit, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Return residuals and their derivatives by the values of the unknowns; None where the model has no value."""
-    mapping, data = one.mapping, one.observation
     own = dict(zip(mapping.addresses, mapping.values(values).tolist(), strict=True))
     try:
         assembly = mapping.apply(data.assembly, values)
         make = of_receptance if data.is_receptance else of_frequencies
-        residual, slopes = make(one, assembly, own)
+        residual, slopes = make(data, unit, assembly, own)
     except (ReceptanceError, ValueError):
         return None
     return residual, slopes @ mapping.jacobian(values)
 
 
-def of_receptance(one: Observed, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    frf: Any = one.observation
+def of_receptance(frf: Any, unit: Unit, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     places = [
         MovingCoordinate(frf.assembly.elements, place).on(assembly.elements) for place in (frf.response, frf.excitation)
     ]
@@ -63,11 +63,11 @@ def of_receptance(one: Observed, assembly: Assembly, own: dict[str, float]) -> t
             slopes[name] = h * (1.0 if name == LOG_GAIN else -2j * np.pi * f.real)
     ratio = frf.receptance / (h * factor)
     relative = -np.array([slopes[name] / h for name in own]).reshape(len(own), -1).T
-    if one.unit == "percent":
+    if unit == "percent":
         percent = 100.0 / np.abs(ratio)
         return percent - 100.0, -percent[:, None] * relative.real
     weight = np.ones(f.size)
-    if one.unit == "standard deviations" and frf.standard_deviation is not None:
+    if unit == "standard deviations" and frf.standard_deviation is not None:
         weight = 1.0 / frf.standard_deviation
     log = np.log(ratio) * weight
     relative = relative * weight[:, None]
@@ -99,22 +99,21 @@ def truncated(
     return kernel @ np.concatenate([sampled, sampled.conj()]) / ((2j * np.pi * f + rate) ** 2)[:, None]
 
 
-def of_frequencies(one: Observed, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    data: Any = one.observation
+def of_frequencies(data: Any, unit: Unit, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     assert not data.is_receptance
     rows = np.array(data.modes) - 1
     found, slope = (part[rows] for part in assembly.lowest_natural_frequencies(rows[-1] + 1, list(own)))
-    share = 0.01 if one.unit == "percent" else 1.0
-    known = one.unit == "standard deviations"
-    unit = data.standard_deviation if known and data.standard_deviation is not None else share * data.frequency_hz
+    share = 0.01 if unit == "percent" else 1.0
+    weighed = unit == "standard deviations" and data.standard_deviation is not None
+    size_of_one = data.standard_deviation if weighed else share * data.frequency_hz
     if data.damping_ratio is None:
-        return (found - data.frequency_hz) / unit, slope / unit[:, None]
+        return (found - data.frequency_hz) / size_of_one, slope / size_of_one[:, None]
     poles, moved = assembly.complex_frequencies(found, list(own))
     size = np.abs(poles)
     ratio, slope = poles.imag / size, (poles.conj()[:, None] * moved).real / size[:, None]
     steeper = (moved.imag - ratio[:, None] * slope) / size[:, None]
     damped, spread = data.damped, data.standard_deviation_damping
-    of_ratio = spread if known and spread is not None else share * np.maximum(data.damping_ratio, 1e-4)
+    of_ratio = spread if weighed else share * np.maximum(data.damping_ratio, 1e-4)
     off = (ratio - data.damping_ratio) / of_ratio
-    residual = np.concatenate([(size - data.frequency_hz) / unit, off[damped]])
-    return residual, np.vstack([slope / unit[:, None], (steeper / of_ratio[:, None])[damped]])
+    residual = np.concatenate([(size - data.frequency_hz) / size_of_one, off[damped]])
+    return residual, np.vstack([slope / size_of_one[:, None], (steeper / of_ratio[:, None])[damped]])

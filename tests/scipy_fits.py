@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 import plain_residuals
 from receptance.fit.parameters import Parameters
-from receptance.fit.problem import Observed, Task, prior_table
+from receptance.fit.problem import Task, prior_table
 
 
 def task_of(observations: Any, unknowns: Any, unit: str = "logarithm", tolerances: Any = (), **settings: Any) -> Task:
@@ -25,7 +25,7 @@ def residual_and_jacobian(task: Task, x: np.ndarray) -> tuple[np.ndarray, np.nda
     values = variables.to_values(x)
     rows, slopes = [], []
     for one in zip(task.selected, task.mappings, task.units, strict=True):
-        found = plain_residuals.residual_and_jacobian(Observed(*one), values)
+        found = plain_residuals.residual_and_jacobian(*one, values)
         # Without a value one infinite residual is sufficient.
         row, slope = (np.array([np.inf]), np.zeros((1, x.size))) if found is None else found
         rows.append(row)

@@ -8,7 +8,7 @@ import pytest
 import scipy_fits
 from receptance import Coordinate, GroundSpring, Observation, PointMass, Unknown, identify
 from receptance.fit import Prior
-from receptance.fit.problem import InfeasibleError, Observed, only_joint
+from receptance.fit.problem import InfeasibleError, only_joint
 from receptance.fit.search import fit_direct
 from scipy_fits import task_of
 from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, simulate
@@ -16,7 +16,7 @@ from tool_in_holder import DASHPOTS, LINES, STIFFNESSES, TRUE, make_assembly, si
 
 def joint_of(task):
     """Return the joint to which the first observation of a task is reduced."""
-    return only_joint(Observed(task.observed[0], task.mappings[0], task.units[0]))
+    return only_joint(task.observed[0], task.mappings[0])
 
 
 COUPLING = Unknown(address="joint.k_ytheta", lower=-1e9, upper=1e9)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.coupling.blanks import blank_equations, check_blanks, plane_of
-from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.coupling.common_lines import check_observations, common_lines
+from receptance.fit.observation import Observation
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.coupling.blanks import blank_equations, check_blanks, plane_of
+from receptance.coupling.common_lines import check_observations, common_lines
 from receptance.coupling.line_equations import linear_solution
-from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.fit.observation import Observation
 from receptance.model.coordinates import Coordinate
 from receptance.report.table import percent
 

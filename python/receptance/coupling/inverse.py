@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks, units
 from receptance._text import join_names
+from receptance.coupling.common_lines import check_observations, common_lines
 from receptance.coupling.line_equations import (
     TERMS,
     Equations,
@@ -19,7 +20,7 @@ from receptance.coupling.line_equations import (
     masked_lines,
     solve_lines,
 )
-from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.fit.observation import Observation
 from receptance.fit.parameters import Parameters
 from receptance.fit.unknowns import Tolerance, Unknown
 from receptance.model.assembly import Assembly

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance.coupling.blanks import check_blanks
+from receptance.coupling.common_lines import check_observations
 from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.errors import ReceptanceWarning
 from receptance.fit import Identification, Observation, Tolerance, Unknown, identify
 from receptance.fit.covariance import square_root
-from receptance.fit.observation import altered, check_observations
+from receptance.fit.observation import altered
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, ModalPart, Mode

@@ -12,6 +12,7 @@ from scipy import special
 
 from receptance import _checks
 from receptance.coupling.blanks import blank_equations, check_blanks
+from receptance.coupling.common_lines import check_observations, common_lines
 from receptance.coupling.line_equations import (
     TERMS,
     Equations,
@@ -21,7 +22,7 @@ from receptance.coupling.line_equations import (
     refine,
 )
 from receptance.errors import warn_user
-from receptance.fit.observation import Observation, check_observations, common_lines
+from receptance.fit.observation import Observation
 from receptance.frf import FRF
 from receptance.model.terminals import ENTRIES, MeasuredPart
 from receptance.report import Column, Provenance, Result, Table

@@ -18,9 +18,9 @@ from receptance.diagnosis.thresholds import (
     OBSERVABLE_VARIANCE,
 )
 from receptance.diagnosis.wording import times
-from receptance.fit.frf_entry import Floor
 from receptance.fit.observation import Observation
 from receptance.fit.problem import Task, prior_table
+from receptance.fit.weights import Floor
 
 
 @dataclass(frozen=True)

@@ -38,11 +38,11 @@ from receptance.diagnosis.thresholds import (
     SIMULATION_LINES,
 )
 from receptance.errors import ReceptanceError
-from receptance.fit.frf_entry import Floor
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import Site
 from receptance.fit.problem import InfeasibleError
 from receptance.fit.unknowns import Tolerance
+from receptance.fit.weights import Floor
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.predict.candidate import Candidate

@@ -37,9 +37,9 @@ from receptance.diagnosis.thresholds import (
 from receptance.diagnosis.verdict import Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
-from receptance.fit.frf_entry import UNUSED_COHERENCE
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Tolerance, Unknowns, as_unknowns
+from receptance.frf.variance import UNUSED_COHERENCE
 
 _FAST = (
     "fast diagnosis: configurations were not left out in turn, changes that imitate a cause were not fitted, and no "

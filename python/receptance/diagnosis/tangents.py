@@ -22,7 +22,7 @@ from receptance.diagnosis.model import Model, with_points
 from receptance.diagnosis.thresholds import COLUMNS_TOGETHER
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import ParameterMap, Parameters
-from receptance.fit.problem import InfeasibleError, Observed, slopes_at
+from receptance.fit.problem import InfeasibleError, slopes_at
 from receptance.model.assembly import Assembly
 
 _ROUNDING = 1e-12
@@ -153,9 +153,8 @@ class _VariantGroup:
                 copies = [place if i == 0 else _renamed(place, added, i) for i, place in enumerate(places)]
                 joined[key] = _join(own.addresses, present, copies if added else places)
             mappings.append(joined[key])
-        observed = [Observed(*one) for one in zip(observations, mappings, base.task.units, strict=True)]
         try:
-            slopes = slopes_at(observed, self._threads)
+            slopes = slopes_at(observations, mappings, base.task.units, self._threads)
         except InfeasibleError:
             if len(batch) == 1:
                 yield batch[0].number, None

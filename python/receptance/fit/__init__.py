@@ -2,7 +2,7 @@
 
 ::
 
-    frf.FRF -> frf_entry -> observation    Observation: data, standard deviations, assembly
+    frf.FRF -> observation (weights)       Observation: data, standard deviations, assembly
     unknowns                               Unknown, Law, Tolerance: what is fitted, with bounds and priors
        |  parameters                       Parameters: unknowns -> addresses of each assembly (Site -> ParameterMap)
        v

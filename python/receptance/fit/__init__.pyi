@@ -1,4 +1,3 @@
-from .frf_entry import Floor as Floor
 from .identification import identify as identify
 from .likelihood import ConstrainedFit as ConstrainedFit
 from .likelihood import Profile as Profile
@@ -24,3 +23,4 @@ from .unknowns import Power as Power
 from .unknowns import Prior as Prior
 from .unknowns import Tolerance as Tolerance
 from .unknowns import Unknown as Unknown
+from .weights import Floor as Floor

@@ -1,4 +1,4 @@
-"""Measured receptances and natural frequencies, each of one assembly, and receptances on common lines."""
+"""Measured or hypothetical receptances and natural frequencies, each of one assembly."""
 
 from __future__ import annotations
 
@@ -14,36 +14,40 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.fit.frf_entry import NO_FLOOR, Floor, LineVariance, as_floor, one_entry, variance_of, weigh
 from receptance.fit.parameters import FACTORS, Site
+from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
 from receptance.frf import FRF
-from receptance.frf.resampling import curvature_warning, interpolate
 from receptance.frf.validation import check_form
+from receptance.frf.variance import unused_coherence, with_variance
 from receptance.model.assembly import Assembly
-from receptance.model.coordinates import Coordinate
-from receptance.model.terminals import EQUAL_LINES, nearest_lines
+from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import Form
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
 
-_GAP = 1.5
-"""Times the median spacing of lines: nothing is interpolated across a wider gap."""
-_SPLINE_LINES = 4
-"""Least number of lines of a cubic spline."""
-_FEW = 0.5
-"""Resample if the common lines are fewer than this share of the lines, and of the lines after resampling."""
-_PER_LINE = ("frequency_hz", "receptance", "standard_deviation", "correlated_lines", "force")
+_TIP = Coordinate()
+_PER_LINE = ("frequency_hz", "receptance", "correlated_lines", "force")
 
 
 def altered(target: Observation, **fields: Any) -> Observation:
-    """Return an observation with other fields, which are not checked."""
-    if "standard_deviation" in fields:
-        fields = {"variance": None, "floor": NO_FLOOR, "notes": target.notes, **fields}
-    elif target.is_receptance and "receptance" in fields:
-        # Weights are those of the values as they were measured.
-        fields |= {"standard_deviation": target.standard_deviation, "notes": target.notes}
+    """Return an observation with other fields, which are not checked.
+
+    Weights are those of the values as they were measured, unless `standard_deviation` is among the fields.
+    """
+    if fields.keys() & {"standard_deviation", "notes"} or (target.is_receptance and "receptance" in fields):
+        deviation = fields.pop("standard_deviation", target.standard_deviation)
+        return _weighed(target, deviation, notes=fields.pop("notes", target.notes), **fields)
     return _replaced(target, **fields)
+
+
+def _weighed(
+    target: Observation, deviation: NDArray[np.float64] | None, *, notes: Sequence[str], **fields: Any
+) -> Observation:
+    """Return an observation with other fields, whose weights are decided."""
+    if deviation is not None:
+        deviation.setflags(write=False)
+    return _replaced(target, noise=Noise(deviation), _weights=(deviation, ()), stated_notes=tuple(notes), **fields)
 
 
 def _replaced(target: Observation, **fields: Any) -> Observation:
@@ -97,15 +101,6 @@ class Observation:
         Stated form of the data before their conversion to `receptance`. It does not affect the fit; a diagnosis
         that finds another quantity names both.
 
-    Attributes
-    ----------
-    frequency_hz : ndarray
-        The lines, or the natural frequencies.
-    modes : tuple of int
-        Numbers of the elastic modes of natural frequencies; empty for a receptance.
-    damping_ratio, standard_deviation_damping : ndarray or None
-        Those of the modes, NaN where unknown.
-
     Raises
     ------
     TypeError, ValueError
@@ -126,22 +121,21 @@ class Observation:
     assembly: Assembly
     frequency_hz: NDArray[np.inexact]
     receptance: NDArray[np.complex128]
-    response: Coordinate
-    excitation: Coordinate
     correlated_lines: NDArray[np.float64]
-    modes: tuple[int, ...]
-    damping_ratio: NDArray[np.float64] | None
-    standard_deviation_damping: NDArray[np.float64] | None
     label: str
     configuration: str
     conditions: Mapping[str, float]
-    force: NDArray[np.float64] | None
-    ends: float | None
-    form: Form
-    stated_deviation: NDArray[np.float64] | None
-    variance: LineVariance | None
-    floor: Floor
-    stated_notes: tuple[str, ...]
+    noise: Noise
+    """The errors as stated or measured, from which `standard_deviation` follows where it is first needed."""
+    response: Coordinate = _TIP
+    excitation: Coordinate = _TIP
+    modes: tuple[int, ...] = ()
+    damping_ratio: NDArray[np.float64] | None = None
+    standard_deviation_damping: NDArray[np.float64] | None = None
+    force: NDArray[np.float64] | None = None
+    ends: float | None = None
+    form: Form = "receptance"
+    stated_notes: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -206,8 +200,7 @@ class Observation:
             {
                 **per_line,
                 "frequency_hz": lines,
-                "stated_deviation": stated,
-                "floor": as_floor(owner, floor),
+                "noise": Noise(stated, floor=as_floor(owner, floor)),
                 "label": str(label),
                 "stated_notes": notes,
                 "configuration": str(configuration or label),
@@ -236,23 +229,18 @@ class Observation:
         for name, place in zip(("response", "excitation"), places, strict=True):
             if place is not None and not isinstance(place, Coordinate):
                 raise TypeError(f"{owner}: {name} is {place!r}, expected one Coordinate")
-        response, excitation = (place or Coordinate() for place in places)
+        response, excitation = (place or _TIP for place in places)
         # This checks the coordinates. A complex line avoids resonances; a table must have all real lines.
         checked = lines if _checked(owner, assembly).tabulated else [lines[0].real * (1.0 - 0.1j)]
         assembly.receptance(checked, response=response, excitation=excitation, threads=1)
-        defaults: dict[str, Any] = {"force": None, "ends": None, "variance": None, "stated_deviation": None}
         _checks.set_fields(
             self,
             {
-                **defaults,
                 **fields,
                 "assembly": assembly,
                 "response": response,
                 "excitation": excitation,
                 "conditions": _conditions(owner, conditions),
-                "modes": (),
-                "damping_ratio": None,
-                "standard_deviation_damping": None,
             },
         )
 
@@ -324,9 +312,13 @@ class Observation:
         Observation('blank', 20 lines from 100 to 2000 Hz)
         """
         least = as_floor("Observation.from_frf", floor)
-        entry, places, notes = one_entry(frf, response, excitation, low_hz, high_hz, label)
-        name = frf.label if label is None else label
+        name = frf.label if label is None and isinstance(frf, FRF) else str(label)
+        entry, places, notes = _entry(frf, response, excitation)
+        entry, line_notes = _usable(entry, name, low_hz, high_hz)
         owner, lines = _owner(name), entry.complex_frequency_hz
+        variance, freedom = (
+            None if array is None else array[:, 0, 0] for array in (entry.log_variance, entry.degrees_of_freedom)
+        )
         observation = object.__new__(cls)
         observation._set(
             owner,
@@ -337,10 +329,9 @@ class Observation:
                 "frequency_hz": lines,
                 "receptance": entry.values[:, 0, 0],
                 "correlated_lines": entry.correlated_lines,
-                "variance": variance_of(entry, repr(frf)),
-                "floor": least,
+                "noise": Noise(variance=variance, degrees_of_freedom=freedom, floor=least),
                 "label": name,
-                "stated_notes": (*entry.notes, *notes),
+                "stated_notes": (*entry.notes, *notes, *line_notes),
                 "configuration": str(configuration or name),
                 "force": None if force is None else _checks.by_line(owner, "force", force, lines.shape),
                 "ends": None if ends is None else _checks.positive(owner, "ends", ends),
@@ -419,27 +410,17 @@ class Observation:
                 "assembly": assembly,
                 "frequency_hz": values,
                 "modes": numbers,
-                "stated_deviation": deviation,
+                "noise": Noise(deviation),
                 "damping_ratio": damping[0],
                 "standard_deviation_damping": damping[1],
                 "label": str(label),
                 "configuration": str(configuration or label),
                 "conditions": _conditions(owner, conditions),
                 "receptance": np.empty(0, dtype=np.complex128),
-                "response": Coordinate(),
-                "excitation": Coordinate(),
                 "correlated_lines": np.ones(values.size),
-                "force": None,
-                "ends": None,
-                "form": "receptance",
-                "floor": NO_FLOOR,
-                "variance": None,
-                "stated_notes": (),
             },
         )
         return observation
-
-    # Kind and place ---------------------------------------------------------------------------------------------------
 
     @property
     def is_receptance(self) -> bool:
@@ -470,8 +451,6 @@ class Observation:
         """Return the label, or the number in the list of observations."""
         return self.label or f"observation {index}"
 
-    # Values and weights -----------------------------------------------------------------------------------------------
-
     @property
     def data(self) -> NDArray[np.inexact]:
         """The receptances, or the natural frequencies in Hz; NaN without values."""
@@ -487,35 +466,29 @@ class Observation:
         if not self.is_receptance:
             return _replaced(self, frequency_hz=np.asarray(values, dtype=np.float64))
         changed = _replaced(self, receptance=np.asarray(values, dtype=np.complex128))
-        if self.floor:
-            for name in ("_weights", "standard_deviation", "notes"):
-                changed.__dict__.pop(name, None)
+        if self.noise.floor:
+            changed.__dict__.pop("_weights", None)
         return changed
 
     @cached_property
     def _weights(self) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-        """Standard deviations from the stated or measured variance and the floor, and notes on them."""
-        lines = self.frequency_hz.real
-        if self.variance is not None:
-            drive_point = self.response == self.excitation
-            deviation, notes = weigh(
-                lines, self.receptance, self.variance, self.correlated_lines, self.floor, drive_point=drive_point
-            )
-        else:
-            deviation, notes = self.stated_deviation, ()
-            if self.floor:
-                floor = self.floor.variance(lines, self.receptance) if self.has_values else self.floor.relative**2
-                deviation = np.sqrt(floor + np.square(np.zeros(lines.size) if deviation is None else deviation))
+        """Standard deviations, and notes on them and on the lines."""
+        lines, values = self.frequency_hz.real, self.receptance
+        if not self.is_receptance:
+            return self.noise.deviation, ()
+        deviation, notes = self.noise.weigh(repr(self), lines, values, self.correlated_lines)
         if deviation is not None:
             deviation.setflags(write=False)
+        if self.has_values:
+            notes += low_frequency_notes(lines, values, deviation, self.response == self.excitation)
         return deviation, notes
 
-    @cached_property
+    @property
     def standard_deviation(self) -> NDArray[np.float64] | None:
         """`(n,)`, of the logarithm of a receptance, or of natural frequencies in Hz; None if unknown."""
         return self._weights[0]
 
-    @cached_property
+    @property
     def notes(self) -> tuple[str, ...]:
         """The stated notes, and those on the standard deviations."""
         return (*self.stated_notes, *self._weights[1])
@@ -570,14 +543,15 @@ class Observation:
             return self
         arrays = {name: getattr(self, name) for name in _PER_LINE}
         selected = {name: array[lines] for name, array in arrays.items() if array is not None}
-        return _replaced(self, variance=None, floor=NO_FLOOR, notes=self.notes, **selected)
+        deviation = None if self.standard_deviation is None else self.standard_deviation[lines]
+        return _weighed(self, deviation, notes=self.notes, **selected)
 
     def describe(self) -> str:
         """Return a text on kind and number of the data."""
         if self.is_receptance:
             return f"FRF, {self._lines()}"
-        several = "" if len(self.modes) == 1 else "s"
-        return f"natural frequenc{'ies' if several else 'y'} of mode{several} {', '.join(map(str, self.modes))}"
+        words = "natural frequency of mode" if len(self.modes) == 1 else "natural frequencies of modes"
+        return f"{words} {', '.join(map(str, self.modes))}"
 
     def __repr__(self) -> str:
         if self.is_receptance:
@@ -599,6 +573,57 @@ def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observa
         if not observation.has_values:
             raise ValueError(f"{observation!r} has no values, expected a measurement")
     return observations
+
+
+def _entry(
+    frf: FRF, response: Coordinate | str | int | None, excitation: Coordinate | str | int | None
+) -> tuple[FRF, tuple[Coordinate, Coordinate], list[str]]:
+    """Return the selected entry, the coordinates of its response and excitation, and notes on them."""
+    if not isinstance(frf, FRF):
+        raise TypeError(f"Observation.from_frf: frf is {frf!r}, expected an FRF")
+    requested = {"responses": response, "excitations": excitation}
+    selection: dict[str, Any] = {}
+    for name, place in requested.items():
+        count = len(getattr(frf, name))
+        if count > 1 and place is None:
+            raise ValueError(f"{frf!r} has {count} {name}: select one with {name[:-1]}=, a coordinate or a number")
+        selection[name] = 0 if count == 1 and (place is None or isinstance(place, Coordinate)) else place
+    entry = frf.select(**selection)
+    coordinates, notes = [], []
+    for name, place in requested.items():
+        (stated,) = getattr(entry, name)
+        coordinate = place if isinstance(place, Coordinate) else stated
+        if coordinate.direction != stated.direction:
+            raise ValueError(
+                f"{frf!r}: its {name[:-1]} is in direction {stated.direction!r}, and {coordinate!r} is not"
+            )
+        if isinstance(coordinate, UnknownPosition):
+            notes.append(f"the coordinate of the {name[:-1]} is unknown: taken at the tip")
+            coordinate = Coordinate(direction=coordinate.direction)
+        elif coordinate != stated and not isinstance(stated, UnknownPosition):
+            notes.append(f"the {name[:-1]} is taken at {coordinate!r}; the FRF has {stated!r}")
+        coordinates.append(coordinate)
+    return entry, (coordinates[0], coordinates[1]), notes
+
+
+def _usable(frf: FRF, label: str, low_hz: float | None, high_hz: float | None) -> tuple[FRF, list[str]]:
+    """Return an entry as receptance on the lines that an observation has, with its variance, and notes."""
+    notes = []
+    entry = with_variance(frf)
+    if unused := unused_coherence(entry):
+        notes.append(unused)
+        warnings.warn(f"{frf!r}: {unused}", ReceptanceWarning, stacklevel=3)
+    # The band is selected first, so that a line at 0 Hz outside of it causes no note.
+    entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
+    usable = entry.frequency_hz > 0.0
+    if entry.log_variance is not None:
+        infinite = np.isinf(entry.log_variance[:, 0, 0]) & usable
+        if infinite.any():
+            notes.append(f"{np.count_nonzero(infinite)} lines of infinite variance are left out")
+            usable &= ~infinite
+    if not usable.any():
+        raise ValueError(f"{frf!r}: no line is left for {label or 'an observation'}: at 0 Hz, or of infinite variance")
+    return entry.on_lines(usable), notes
 
 
 def _bad_line(
@@ -673,93 +698,3 @@ def _damping(
             "both, or neither"
         )
     return values, None if deviation is None else _checks.by_line(owner, "standard_deviation_damping", deviation, shape)
-
-
-def check_observations(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
-    """Return the observations as a tuple; raise unless all are receptances with standard deviations."""
-    receptances = as_observations(observations)
-    for observation in receptances:
-        if not observation.is_receptance:
-            raise TypeError(f"{observation!r} is of natural frequencies, expected a receptance")
-        if not observation.weighted:
-            raise ValueError(
-                f"{observation!r} has no standard deviation, which the uncertainty of the result needs; give it one"
-            )
-    return receptances
-
-
-def common_lines(
-    observed: tuple[Observation, ...],
-) -> tuple[tuple[Observation, ...], NDArray[np.inexact], list[NDArray[np.intp]], int]:
-    """Return observations, their common lines in Hz, rows of these in each, and the number of lines not common.
-
-    If few lines are common, because the records had different lengths, all are resampled first.
-    """
-    lines = _shared(observed)
-    if lines.size < _FEW * min(observation.frequency_hz.size for observation in observed):
-        other = _resampled(observed)
-        if other and other[0].frequency_hz.size * _FEW > lines.size:
-            observed, lines = other, other[0].frequency_hz
-    if not lines.size:
-        raise ValueError(
-            f"there is no line that all of {', '.join(map(repr, observed))} have, and no band that all of them cover "
-            "with the same exponential window; all receptances are needed on each line"
-        )
-    rows = [nearest_lines(observation.frequency_hz, lines)[0] for observation in observed]
-    return observed, lines, rows, sum(o.frequency_hz.size - lines.size for o in observed)
-
-
-def _shared(observed: tuple[Observation, ...]) -> NDArray[np.inexact]:
-    lines: NDArray[np.inexact] = observed[0].frequency_hz
-    for observation in observed[1:]:
-        lines = lines[nearest_lines(observation.frequency_hz, lines)[1]]
-    return lines
-
-
-def _resampled(observed: tuple[Observation, ...]) -> tuple[Observation, ...]:
-    """Return observations on the lines of the one with the widest spacing that all cover; empty if there are none."""
-    widest = max(observed, key=_spacing)
-    lines = widest.frequency_hz
-    kept = np.ones(lines.size, dtype=np.bool_)
-    for observation in observed:
-        kept &= _covered(lines, observation)
-    return tuple(_resample(observation, lines[kept], widest) for observation in observed) if kept.any() else ()
-
-
-def _spacing(observation: Observation) -> float:
-    return float(np.median(np.diff(observation.frequency_hz.real))) if observation.frequency_hz.size > 1 else np.inf
-
-
-def _covered(lines: NDArray[np.inexact], observation: Observation) -> NDArray[np.bool_]:
-    """Return which lines an observation covers, gaps and other exponential windows excluded."""
-    own = observation.frequency_hz
-    nearest, same = nearest_lines(own, lines)
-    if own.size < _SPLINE_LINES:
-        return same
-    after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
-    inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
-    dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(observation)
-    window = np.abs(lines.imag - own.imag[nearest]) <= EQUAL_LINES * np.abs(lines)
-    found: NDArray[np.bool_] = same | (inside & dense & window)
-    return found
-
-
-def _resample(observation: Observation, lines: NDArray[np.inexact], widest: Observation) -> Observation:
-    if observation is widest:
-        return observation.select(np.isin(observation.frequency_hz, lines))
-    owner = repr(observation)
-    own = observation.frequency_hz.real
-    # Lines on the edge of the band may lie outside by rounding.
-    grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
-    values, bend = grid.spline(observation.receptance)
-    deviation = observation.standard_deviation
-    arrays = {name: getattr(observation, name) for name in ("standard_deviation", "correlated_lines", "force")}
-    fields = {name: grid.linear(array) for name, array in arrays.items() if array is not None}
-    fields |= {"frequency_hz": lines, "receptance": values}
-    notes = [
-        *observation.notes,
-        f"{observation.label or owner}: resampled to the {lines.size} lines of {widest.label or repr(widest)}",
-    ]
-    sharp = curvature_warning(grid, values, bend, None if deviation is None else grid.linear(deviation**2))
-    notes += [f"{observation.label or owner}: {sharp}"] if sharp else []
-    return altered(observation, **fields, notes=tuple(notes))

@@ -143,6 +143,13 @@ class ParameterMap:
             share=np.zeros(count),
         )
 
+    @cached_property
+    def table(self) -> NDArray[np.float64]:
+        """`(m, 4 + 2 p)` rows of the core: base, its factor or value, second, share, exponents and shifts."""
+        first = np.where(self.base >= 0, self.scale, self.fixed)
+        columns = [self.base, first, self.second, self.share, self.exponents, self.shifts]
+        return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
+
     def _before(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return b."""
         first = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)

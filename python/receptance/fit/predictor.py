@@ -24,11 +24,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import square_root
-from receptance.fit.observation import Observation
+from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters, Site
 from receptance.fit.peaks import PredictedMode, match_peaks
 from receptance.fit.prediction import PredictedFrequencies, PredictedFRF, Scatter
-from receptance.fit.problem import End, Observed, Problem
+from receptance.fit.problem import End, Problem
 from receptance.fit.unknowns import Tolerance, Variables, error_of
 from receptance.model.addresses import MovingCoordinate
 from receptance.model.assembly import Assembly
@@ -467,9 +467,9 @@ class PredictedData:
         count = self._predictor.values.size
         root = np.eye(count + len(self.fresh))
         root[:count, :count] = self._predictor.information_root
-        pairs = zip(self._observations if observations is None else observations, self._mappings, strict=True)
-        observed = [Observed(observation, mapping, "standard deviations") for observation, mapping in pairs]
-        return Problem(self.variables, observed, known=(root, self.start))
+        measured = self._observations if observations is None else observations
+        units: list[Unit] = ["standard deviations"] * len(measured)
+        return Problem(self.variables, measured, self._mappings, units, information=(root, self.start))
 
     @cached_property
     def _problem(self) -> Problem:
@@ -520,7 +520,7 @@ def calculated(
     if observation.is_receptance:
         if not observation.has_values:
             observation = observation.with_values(np.ones(observation.frequency_hz.size))
-        problem = Problem(variables, [Observed(observation, mapping, "logarithm")])
+        problem = Problem(variables, [observation], [mapping], ["logarithm"])
         real, imaginary = problem.parts(problem.value(x))[0].reshape(2, -1)
         recorded: NDArray[np.complex128] = observation.receptance * np.exp(-real - 1j * imaginary)
         return recorded

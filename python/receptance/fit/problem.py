@@ -7,9 +7,10 @@ the assembly is evaluated once.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -49,14 +50,6 @@ _TOLERANCE = 1e-10
 
 class InfeasibleError(ReceptanceError):
     """A point at which the model has no value; a fit keeps away from it."""
-
-
-class Observed(NamedTuple):
-    """An observation on the lines that are used, the parameters of its assembly, and the unit of its residuals."""
-
-    observation: Observation
-    mapping: ParameterMap
-    unit: Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +102,7 @@ class Task:
     @property
     def independent_values(self) -> float:
         """Effective number of independent real numbers that are fitted."""
-        return sum(one.independent_values for one in self.selected)
+        return sum(observation.independent_values for observation in self.selected)
 
     def problem(self, selected: Sequence[Observation] | None = None, smoothing: float | None = None) -> Problem:
         """Return the residuals as a problem of the core.
@@ -121,9 +114,8 @@ class Task:
         smoothing : float, optional
             As of `Problem`.
         """
-        chosen = self.selected if selected is None else selected
-        observed = [Observed(*one) for one in zip(chosen, self.mappings, self.units, strict=True)]
-        return Problem(self.variables, observed, self.threads, smoothing=smoothing)
+        observations = self.selected if selected is None else selected
+        return Problem(self.variables, observations, self.mappings, self.units, self.threads, smoothing=smoothing)
 
     def approach(self) -> Problem:
         """Return a problem whose fit is a start for percentages: logarithms on all lines.
@@ -209,13 +201,17 @@ class Problem:
     ----------
     variables : Variables
         The fitted vector.
-    observed : sequence of Observed
-        The observations.
+    observations : sequence of Observation
+        The observations, on the lines that are used.
+    mappings : sequence of ParameterMap
+        Parameters of the assembly of each observation.
+    units : sequence of str
+        Unit of the residuals of each observation.
     threads : int, optional
         As in `Assembly.receptance`.
     smoothing : float, optional
         Residuals well above it count by their absolute value; not for logarithms of receptances.
-    known : tuple of ndarray, optional
+    information : tuple of ndarray, optional
         R and c of the residuals R (x - c), in the place of the priors of the unknowns.
 
     Attributes
@@ -229,16 +225,18 @@ class Problem:
     def __init__(
         self,
         variables: Variables,
-        observed: Sequence[Observed],
+        observations: Sequence[Observation],
+        mappings: Sequence[ParameterMap],
+        units: Sequence[Unit],
         threads: int | None = None,
         *,
         smoothing: float | None = None,
-        known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+        information: _Rows | None = None,
     ) -> None:
         self.variables = variables
         self.evaluations = 0
-        self._observed, self._threads = tuple(observed), threads
-        priors = prior_table(variables.unknowns) if known is None else np.zeros((0, 3))
+        self._observations, self._mappings = tuple(observations), tuple(mappings)
+        priors = prior_table(variables.unknowns) if information is None else np.zeros((0, 3))
         core = _core.Problem(
             variables.logarithmic,
             np.ascontiguousarray(variables.limits),
@@ -246,14 +244,12 @@ class Problem:
             _checks.thread_count(threads),
             smoothing,
         )
-        self._added = _CoreObservations(core, self._observed, variables.unknowns, threads)
+        self._added = _add(core, self._observations, self._mappings, units, variables.unknowns, threads)
         self.core = core
-        self.sizes = self._added.sizes
-        self.size = sum(self.sizes) + (len(priors) if known is None else known[1].size)
-        if known is not None:
-            core.add_linear(*(np.ascontiguousarray(array, dtype=np.float64) for array in known))
-        places = np.append(self._added.places, np.arange(sum(self.sizes), self.size))
-        self._places = None if np.array_equal(places, np.arange(self.size)) else places
+        self.sizes = tuple(map(_residual_count, self._observations, units))
+        self.size = sum(self.sizes) + (len(priors) if information is None else information[1].size)
+        if information is not None:
+            core.add_linear(*(np.ascontiguousarray(array, dtype=np.float64) for array in information))
         self._at: NDArray[np.float64] | None = None
         self._rows: _Rows = np.empty(0), np.empty((0, 0))
         self._end: End | None = None
@@ -283,14 +279,10 @@ class Problem:
 
     def rows(self, x: NDArray[np.float64], free: NDArray[np.bool_]) -> _Rows:
         """Return the residuals and their derivatives by some variables; raise where the model has no value."""
-        found = self.core.rows(np.ascontiguousarray(x), free)
-        if found is None:
+        rows = self.core.rows(np.ascontiguousarray(x), free)
+        if rows is None:
             raise InfeasibleError(self.reason(x))
-        if self._places is None:
-            return found
-        residual, slopes = np.empty_like(found[0]), np.empty_like(found[1])
-        residual[self._places], slopes[self._places] = found
-        return residual, slopes
+        return rows
 
     def cost(self, x: NDArray[np.float64]) -> float:
         """Return half the sum of squares; infinite where the model has no value."""
@@ -299,8 +291,8 @@ class Problem:
             # Only the normal matrix has the weights of the smoothing.
             matrix = self.core.normal_matrix(np.ascontiguousarray(x))
             return 0.5 * float(matrix[-1, -1]) if np.isfinite(matrix).all() else np.inf
-        found = self.core.rows(np.ascontiguousarray(x), np.zeros(x.size, dtype=np.bool_))
-        return np.inf if found is None else 0.5 * float(found[0] @ found[0])
+        rows = self.core.rows(np.ascontiguousarray(x), np.zeros(x.size, dtype=np.bool_))
+        return np.inf if rows is None else 0.5 * float(rows[0] @ rows[0])
 
     def curvature_root(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a matrix R with R^T R = J^T J at a point.
@@ -312,7 +304,8 @@ class Problem:
         """
         if self._smoothing is not None:
             return self.jacobian(x)
-        if self._end is not None and self._added.reduced == len(self._observed) and np.array_equal(self._end.x, x):
+        reduced = all(added.reduced for added in self._added)
+        if self._end is not None and reduced and np.array_equal(self._end.x, x):
             normal = self._end.normal
         else:
             normal = self.core.normal_matrix(np.ascontiguousarray(x))
@@ -324,10 +317,9 @@ class Problem:
         fewer = self.core.thinned(lines)
         if fewer.lines == self.core.lines:
             return None
-        found = object.__new__(Problem)
-        found.__dict__.update(self.__dict__)
-        found.core, found.evaluations = fewer, 0
-        return found
+        problem = copy.copy(self)
+        problem.core, problem.evaluations = fewer, 0
+        return problem
 
     def fit(
         self,
@@ -348,14 +340,14 @@ class Problem:
         """
         moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
         limits = np.array(np.broadcast_to(most, len(starts)), dtype=np.int64)
-        found = self.core.fit(np.ascontiguousarray(starts), moving, limits, tolerance, least, of_all)
+        core_ends = self.core.fit(np.ascontiguousarray(starts), moving, limits, tolerance, least, of_all)
         numbers = zip(
-            found.x,
-            found.cost.tolist(),
-            found.first.tolist(),
-            found.evaluations.tolist(),
-            found.status.tolist(),
-            found.normal,
+            core_ends.x,
+            core_ends.cost.tolist(),
+            core_ends.first.tolist(),
+            core_ends.evaluations.tolist(),
+            core_ends.status.tolist(),
+            core_ends.normal,
             strict=True,
         )
         kept = np.append(moving | of_all, True)
@@ -391,16 +383,16 @@ class Problem:
     def reason(self, x: NDArray[np.float64]) -> str:
         """Return why the model has no value at a point."""
         values = self.variables.to_values(x)
-        for item in self._observed:
+        for observation, mapping in zip(self._observations, self._mappings, strict=True):
             try:
-                item.mapping.apply(item.observation.assembly, values)
+                mapping.apply(observation.assembly, values)
             except ValueError as error:
                 return str(error)
-        found = self.core.reason(np.ascontiguousarray(x))
-        if found is None:
+        reason = self.core.reason(np.ascontiguousarray(x))
+        if reason is None:
             return "a residual or its derivative is not finite"
-        number, text = found
-        return self._added.assemblies[number].flat().with_joint_name(text)
+        number, text = reason
+        return self._added[number].assembly.flat().with_joint_name(text)
 
     def _evaluate(self, x: NDArray[np.float64]) -> _Rows:
         if self._at is None or not np.array_equal(self._at, x):
@@ -415,142 +407,161 @@ class Problem:
         return self._rows
 
 
-@dataclass(eq=False)
-class _Receptance:
-    """Records of one receptance of one model on the same lines."""
+class _Added(NamedTuple):
+    """An observation of the core: its assembly, and whether its model is reduced to the only unknown joint."""
 
-    model: _core.TiedModel
-    lines: _core.Lines
-    points: NDArray[np.float64]
-    percent: bool
-    end: float | None
-    by_line: _core.ByLine | None
     assembly: Assembly
-    indices: list[int] = field(default_factory=list)
-    measured: list[NDArray[np.complex128]] = field(default_factory=list)
-    weights: list[NDArray[np.float64]] = field(default_factory=list)
+    reduced: bool
 
 
-class _CoreObservations:
-    """Adds observations to a problem of the core.
+def _residual_count(observation: Observation, unit: Unit) -> int:
+    """Return the number of residuals of an observation."""
+    lines = observation.frequency_hz.size
+    if observation.is_receptance:
+        return lines if unit == "percent" else 2 * lines
+    return lines + observation.damped.size
 
-    Without `unknowns`, whose bounds a reduction to one joint needs, there is no reduction. `sizes` are the numbers of
-    residuals of the observations. `places` are the positions of the residuals of the core in the order of the
-    observations, and `assemblies` are the assemblies in the order of the core.
+
+def _add(
+    core: _core.Problem,
+    observations: Sequence[Observation],
+    mappings: Sequence[ParameterMap],
+    units: Sequence[Unit],
+    unknowns: Sequence[Unknown],
+    threads: int | None,
+) -> list[_Added]:
+    """Add observations to a problem of the core in their order, and return what was added.
+
+    Successive receptances of one model on the same lines are records of one observation of the core, so that the model
+    is evaluated once. Without `unknowns`, whose bounds a reduction to one joint needs, there is no reduction.
     """
+    added = []
+    first = 0
+    for end in range(1, len(observations) + 1):
+        pair = slice(end - 1, end + 1)
+        if end < len(observations) and _are_records(observations[pair], mappings[pair], units[pair]):
+            continue
+        records, mapping, unit = observations[first:end], mappings[first], units[first]
+        first, assembly = end, records[0].assembly
+        if not records[0].is_receptance:
+            _add_frequencies(core, records[0], mapping, unit)
+        elif _add_reduced(core, records, mapping, unit, unknowns, threads):
+            added += [_Added(assembly, reduced=True)] * len(records)
+            continue
+        else:
+            _add_receptance(core, records, mapping, unit)
+        added.append(_Added(assembly, reduced=False))
+    return added
 
-    def __init__(
-        self, core: _core.Problem, observed: Sequence[Observed], unknowns: Sequence[Unknown], threads: int | None
-    ) -> None:
-        self._core, self._unknowns, self._threads = core, unknowns, threads
-        self._order: list[int] = []
-        self._receptances: dict[tuple[bytes, ...], _Receptance] = {}
-        self.assemblies: list[Assembly] = []
-        self.reduced = 0
-        found: list[int] = []
-        for index, item in enumerate(observed):
-            add = self._add_receptance if item.observation.is_receptance else self._add_frequencies
-            found.append(add(index, item, item.observation))
-        self.sizes = tuple(found)
-        for each in self._receptances.values():
-            records = _core.Records(np.stack(each.measured), np.stack(each.weights), each.percent, each.end)
-            core.add_receptance(each.model, each.lines, each.points, records, each.by_line)
-            self._order += each.indices
-            self.assemblies.append(each.assembly)
-        begins = np.cumsum([0, *self.sizes])
-        self.places = np.concatenate([np.arange(begins[i], begins[i + 1]) for i in self._order] or [np.arange(0)])
 
-    def _add_receptance(self, index: int, item: Observed, frf: Observation) -> int:
-        """Add a receptance; those of one model on the same lines are records of one observation of the core."""
-        percent = item.unit == "percent"
-        measured = np.ascontiguousarray(frf.receptance)
-        weights = np.ones(measured.size)
-        if item.unit == "standard deviations" and frf.standard_deviation is not None:
-            weights = 1.0 / frf.standard_deviation
-        size = measured.size if percent else 2 * measured.size
-        if not percent and frf.ends is None and self._add_reduced(index, item, frf, weights):
-            return size
-        model, addresses, factors = _tied(item)
-        w = np.ascontiguousarray(2.0 * np.pi * frf.frequency_hz, dtype=np.complex128)
-        lines, end = _core.Lines(w), b"" if frf.ends is None else np.float64(frf.ends).tobytes()
-        forces = b"" if frf.force is None else frf.force.tobytes()
-        key = (item.unit.encode(), w.tobytes(), forces, end, addresses.tobytes(), factors.tobytes(), *model.key)
-        if key not in self._receptances:
-            evaluated = _core.Records(measured[None], weights[None], percent, frf.ends).evaluated(lines)
-            try:
-                given = model.flat.by_line(evaluated / math.tau, frf.force)
-            except ValueError as error:
-                raise InfeasibleError(str(error)) from None
-            tied, assembly = model.model(addresses, factors), item.observation.assembly
-            self._receptances[key] = _Receptance(tied, lines, model.points, percent, frf.ends, given, assembly)
-        own = self._receptances[key]
-        own.indices.append(index)
-        own.measured.append(measured)
-        own.weights.append(weights)
-        return size
-
-    def _add_reduced(self, index: int, item: Observed, frf: Observation, weights: NDArray[np.float64]) -> bool:
-        """Add a receptance as that of a model reduced to its one unknown joint, if it is one."""
-        joint = only_joint(item)
-        if joint is None or not self._unknowns:
-            return False
-        fields = [address.split(".", 1)[1] for address in item.mapping.addresses]
-        columns = [PointJoint.columns_of.index(name) for name in fields]
-        bounds = [self._unknowns[i] for i in item.mapping.base]
-        try:
-            stiff = _stiffest(frf, joint, dict(zip(fields, bounds, strict=True)))
-            reduction = frf.assembly.reduced_to_joint(
-                joint,
-                frf.frequency_hz,
-                response=frf.response,
-                excitation=frf.excitation,
-                at=stiff,
-                threads=self._threads,
-            )
-        except (ReceptanceError, ValueError):
-            # The joint at the bounds has no value; the fit itself may never go there.
-            return False
-        measured = np.ascontiguousarray(frf.receptance)
-        numbers = np.full(len(PointJoint.columns_of), -1.0)
-        numbers[columns] = item.mapping.base
-        self._core.add_joint_receptance(reduction, np.array(stiff.columns), numbers, measured, weights)
-        self._order.append(index)
-        self.assemblies.append(frf.assembly)
-        self.reduced += 1
-        return True
-
-    def _add_frequencies(self, index: int, item: Observed, measured: Observation) -> int:
-        """Add natural frequencies and the damping ratios that are known."""
-        model, addresses, factors = _tied(item)
-        frequency, deviation = measured.frequency_hz.real, measured.standard_deviation
-        weighed = item.unit == "standard deviations" and deviation is not None
-        share = 0.01 if item.unit == "percent" else 1.0
-        unit = deviation if weighed and deviation is not None else frequency * share
-        damping: tuple[NDArray[np.float64], ...] = ()
-        ratio, known = measured.damping_ratio, measured.standard_deviation_damping
-        if ratio is not None:
-            unit_damping = known if weighed and known is not None else np.maximum(ratio, _LEAST_DAMPING) * share
-            damping = np.ascontiguousarray(ratio), 1.0 / unit_damping
-        modes = np.array(measured.modes, dtype=np.float64) - 1.0
-        self._core.add_frequencies(
-            model.model(addresses, factors), modes, 2.0 * np.pi * frequency, 0.5 / (np.pi * unit), *damping
+def _are_records(observations: Sequence[Observation], mappings: Sequence[ParameterMap], units: Sequence[Unit]) -> bool:
+    """Return whether two observations are receptances of one model on the same lines."""
+    (one, other), (mapping, other_mapping) = observations, mappings
+    return (
+        one.is_receptance
+        and other.is_receptance
+        and units[0] == units[1]
+        and one.coordinates == other.coordinates
+        and one.ends == other.ends
+        and np.array_equal(one.frequency_hz, other.frequency_hz)
+        and _equal(one.force, other.force)
+        and (
+            mapping is other_mapping
+            or (mapping.addresses == other_mapping.addresses and _equal(mapping.table, other_mapping.table))
         )
-        self._order.append(index)
-        self.assemblies.append(measured.assembly)
-        return frequency.size + measured.damped.size
+        and (one.assembly is other.assembly or one.assembly == other.assembly)
+    )
 
 
-def slopes_at(observed: Sequence[Observed], threads: int | None) -> NDArray[np.float64]:
+def _add_receptance(core: _core.Problem, records: Sequence[Observation], mapping: ParameterMap, unit: Unit) -> None:
+    """Add records of one receptance."""
+    observation = records[0]
+    model, factors = _tied(observation, mapping)
+    lines = _core.Lines(np.ascontiguousarray(2.0 * np.pi * observation.frequency_hz, dtype=np.complex128))
+    measured = np.stack([record.receptance for record in records])
+    weights = np.stack([_weights(record, unit) for record in records])
+    core_records = _core.Records(measured, weights, unit == "percent", observation.ends)
+    try:
+        by_line = model.flat.by_line(core_records.evaluated(lines) / math.tau, observation.force)
+    except ValueError as error:
+        raise InfeasibleError(str(error)) from None
+    core.add_receptance(model.model(mapping.table, factors), lines, model.points, core_records, by_line)
+
+
+def _add_reduced(
+    core: _core.Problem,
+    records: Sequence[Observation],
+    mapping: ParameterMap,
+    unit: Unit,
+    unknowns: Sequence[Unknown],
+    threads: int | None,
+) -> bool:
+    """Add records of one receptance as those of a model that is reduced to its one unknown joint, if it is one."""
+    observation = records[0]
+    joint = only_joint(observation, mapping)
+    if joint is None or not unknowns or unit == "percent" or observation.ends is not None:
+        return False
+    names = [address.split(".", 1)[1] for address in mapping.addresses]
+    try:
+        stiff = _stiffest(observation, joint, {name: unknowns[i] for name, i in zip(names, mapping.base, strict=True)})
+        reduction = observation.assembly.reduced_to_joint(
+            joint,
+            observation.frequency_hz,
+            response=observation.response,
+            excitation=observation.excitation,
+            at=stiff,
+            threads=threads,
+        )
+    except (ReceptanceError, ValueError):
+        # The joint at the bounds has no value; the fit itself may never go there.
+        return False
+    numbers = np.full(len(PointJoint.columns_of), -1.0)
+    numbers[[PointJoint.columns_of.index(name) for name in names]] = mapping.base
+    for record in records:
+        measured = np.ascontiguousarray(record.receptance)
+        core.add_joint_receptance(reduction, np.array(stiff.columns), numbers, measured, _weights(record, unit))
+    return True
+
+
+def _weights(frf: Observation, unit: Unit) -> NDArray[np.float64]:
+    """Return the weights of the lines of a receptance."""
+    if unit != "standard deviations" or frf.standard_deviation is None:
+        return np.ones(frf.frequency_hz.size)
+    return 1.0 / frf.standard_deviation
+
+
+def _add_frequencies(core: _core.Problem, measured: Observation, mapping: ParameterMap, unit: Unit) -> None:
+    """Add natural frequencies and the damping ratios that are known."""
+    model, factors = _tied(measured, mapping)
+    frequency, deviation = measured.frequency_hz.real, measured.standard_deviation
+    ratio, damping_deviation = measured.damping_ratio, measured.standard_deviation_damping
+    if unit != "standard deviations" or deviation is None:
+        share = 0.01 if unit == "percent" else 1.0
+        deviation = frequency * share
+        damping_deviation = None if ratio is None else np.maximum(ratio, _LEAST_DAMPING) * share
+    damping = () if ratio is None or damping_deviation is None else (ratio, 1.0 / damping_deviation)
+    modes = np.array(measured.modes, dtype=np.float64) - 1.0
+    core.add_frequencies(
+        model.model(mapping.table, factors), modes, 2.0 * np.pi * frequency, 0.5 / (np.pi * deviation), *damping
+    )
+
+
+def _equal(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
+    """Return whether two arrays are equal, or both are None."""
+    return one is other or (one is not None and other is not None and np.array_equal(one, other))
+
+
+def slopes_at(
+    observations: Sequence[Observation], mappings: Sequence[ParameterMap], units: Sequence[Unit], threads: int | None
+) -> NDArray[np.float64]:
     """Return the derivatives of the residuals of observations where all unknowns of their maps are zero, `(n, p)`."""
-    count = observed[0].mapping.shifts.shape[1]
+    count = mappings[0].shifts.shape[1]
     core = _unbounded(count, threads)
-    added = _CoreObservations(core, observed, (), threads)
-    found = core.rows(np.zeros(count), np.ones(count, dtype=np.bool_))
-    if found is None:
+    _add(core, observations, mappings, units, (), threads)
+    rows = core.rows(np.zeros(count), np.ones(count, dtype=np.bool_))
+    if rows is None:
         raise InfeasibleError("the model has no value, or a residual or its derivative is not finite")
-    slopes = np.empty_like(found[1])
-    slopes[added.places] = found[1]
-    return slopes
+    return rows[1]
 
 
 def _unbounded(count: int, threads: int | None) -> _core.Problem:
@@ -558,25 +569,26 @@ def _unbounded(count: int, threads: int | None) -> _core.Problem:
     return _core.Problem(np.zeros(count, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(threads))
 
 
-def residuals_at(item: Observed, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def residuals_at(
+    observation: Observation, mapping: ParameterMap, unit: Unit, values: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the residuals of an observation at rows of values of the unknowns, `(n, p)`; NaN where it has no value."""
     count = values.shape[1]
     core = _unbounded(count, 1)
-    (size,) = _CoreObservations(core, [item], (), None).sizes
-    result, none = np.full((len(values), size), np.nan), np.zeros(count, dtype=np.bool_)
-    for row, found in zip(result, map(np.ascontiguousarray, values), strict=True):
-        rows = core.rows(found, none)
+    _add(core, [observation], [mapping], [unit], (), None)
+    result = np.full((len(values), _residual_count(observation, unit)), np.nan)
+    for residual, point in zip(result, map(np.ascontiguousarray, values), strict=True):
+        rows = core.rows(point, np.zeros(count, dtype=np.bool_))
         if rows is not None:
-            row[:] = rows[0]
+            residual[:] = rows[0]
     return result
 
 
-def only_joint(item: Observed) -> str | None:
+def only_joint(observation: Observation, mapping: ParameterMap) -> str | None:
     """Return the joint whose terms are the only unknowns of an observation, each by itself; None if there is none."""
-    mapping = item.mapping
     owners = {name.split(".", 1)[0] for name in mapping.addresses}
     name = owners.pop() if len(owners) == 1 else ""
-    if type(item.observation.assembly.elements.get(name)) is not PointJoint:
+    if type(observation.assembly.elements.get(name)) is not PointJoint:
         return None
     alone = np.all(mapping.base >= 0) and np.all(mapping.scale == 1.0) and np.all(mapping.second < 0)
     return name if alone and not mapping.exponents.any() and not mapping.shifts.any() else None
@@ -593,16 +605,11 @@ def _stiffest(frf: Observation, joint: str, unknowns: dict[str, Unknown]) -> Poi
     return PointJoint(**values)
 
 
-def _tied(item: Observed) -> tuple[Tied, NDArray[np.float64], NDArray[np.float64]]:
-    """Return the model as a function of addresses, these as functions of the unknowns, and factors of the record."""
-    mapping = item.mapping
+def _tied(observation: Observation, mapping: ParameterMap) -> tuple[Tied, NDArray[np.float64]]:
+    """Return the model as a function of the addresses of a map, and factors of the record."""
     factors = [(FACTORS.index(name), i) for i, name in enumerate(mapping.addresses) if name in FACTORS]
-    observation = item.observation
     tied = observation.assembly.tied(mapping.addresses, observation.coordinates, others=FACTORS)
-    start = np.where(mapping.base >= 0, mapping.scale, mapping.fixed)
-    columns = [mapping.base, start, mapping.second, mapping.share, mapping.exponents, mapping.shifts]
-    addresses = np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
-    return tied, addresses, np.array(factors, dtype=np.float64).reshape(-1, 2)
+    return tied, np.array(factors, dtype=np.float64).reshape(-1, 2)
 
 
 def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:

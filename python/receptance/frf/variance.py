@@ -21,6 +21,8 @@ from receptance.frf.validation import average_count
 if TYPE_CHECKING:
     from receptance.frf.frf import FRF
 
+UNUSED_COHERENCE = "the coherence is not used"
+"""First words of the note on a coherence that gives no standard deviations."""
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _TARGET_FREEDOM = 60.0
 """Degrees of freedom of the median line at which the window stops growing; t is then within 2 % of the normal."""
@@ -124,6 +126,21 @@ def with_variance(frf: FRF) -> FRF:
     if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
         return frf
     return frf.with_coherence_variance()
+
+
+def unused_coherence(frf: FRF) -> str:
+    """Return a note on a coherence that gives no variance, or an empty text."""
+    if frf.log_variance is not None or frf.coherence is None:
+        return ""
+    if frf.averages is None:
+        return (
+            f"{UNUSED_COHERENCE}, because the number of averaged records is unknown: give it, `averages = 10` for "
+            "example, and standard deviations are computed from the coherence"
+        )
+    return (
+        f"{UNUSED_COHERENCE}, because averages is {frf.averages}: the coherence of a single record is always 1; give a "
+        "standard deviation"
+    )
 
 
 def pool_variance(

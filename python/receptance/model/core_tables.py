@@ -348,13 +348,6 @@ class Tied:
             return self.flat.model.tied(self._rates, present, addresses, factors)
 
     @cached_property
-    def key(self) -> tuple[bytes, ...]:
-        """Key that equal models share."""
-        tables = [array for _, part in self.flat.tabled for array in (part.frequency_hz, part.matrix)]
-        arrays = (*self.flat.tables, self._rates, self.points, *tables)
-        return (bytes([self.flat.motion]), *(array.tobytes() for array in arrays))
-
-    @cached_property
     def _rates(self) -> NDArray[np.float64]:
         """`(k, 5)` table, row, column, number of the address, and derivative of the entry."""
         numbered = [(index, name) for index, own in enumerate(self.names) for name in own]

@@ -15,7 +15,7 @@ from receptance.errors import ReceptanceError
 from receptance.fit import Observation
 from receptance.fit.observation import Unit, as_observations
 from receptance.fit.parameters import ParameterMap
-from receptance.fit.problem import Observed, residuals_at
+from receptance.fit.problem import residuals_at
 from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
@@ -486,5 +486,5 @@ def _frequency_misfit(
     measured: Observation, addresses: Sequence[str]
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     unit: Unit = "relative" if measured.standard_deviation is None else "standard deviations"
-    observed = Observed(measured, ParameterMap.plain(measured.assembly, addresses), unit)
-    return lambda values: np.asarray(np.sum(residuals_at(observed, values) ** 2, axis=1))
+    mapping = ParameterMap.plain(measured.assembly, addresses)
+    return lambda values: np.asarray(np.sum(residuals_at(measured, mapping, unit, values) ** 2, axis=1))

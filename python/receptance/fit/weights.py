@@ -1,6 +1,8 @@
-"""Observations from measured FRFs: one entry as receptance on usable lines, with standard deviations.
+"""Weights of the lines of a receptance in a fit: measured or stated standard deviations, and a floor under them.
 
-The variance of the logarithm of a line has two parts. One is the measured noise. Noise of the response is additive: its
+They are computed where a fit first needs them. The variance of the logarithm of a line has two parts.
+
+One is the measured noise. Noise of the response is additive: its
 variance a does not depend on the FRF, and that of the logarithm is a / |H|^2. Dividing by the measured |H|^2 would give
 lines that noise has enlarged a larger weight: with the relative error e of a line, weights are proportional to
 1 + 2 Re e, and the mean of weight times error is 2 instead of 0, on quiet and on noisy lines. Fits of hundreds of lines
@@ -16,20 +18,15 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf import FRF
 from receptance.frf.plausibility import low_frequency_rise
-from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, resolution, with_variance
-from receptance.model.coordinates import Coordinate, UnknownPosition
+from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, resolution
 
-UNUSED_COHERENCE = "the coherence is not used"
-"""First words of the note on a coherence that gives no standard deviations."""
 _FEW_DEGREES = 10.0
 """Below these degrees of freedom a standard deviation is uncertain by 25 % and more."""
 _EXPLAINED = 4.0
@@ -97,13 +94,13 @@ class Floor:
         Parameters
         ----------
         frequency_hz, receptance : ndarray
-            `(n,)` each.
+            `(n,)` each; NaN without values, which have no slope.
         noise : ndarray, optional
             `(n,)` variance of the measured noise. Noise enlarges the estimated slope: it is estimated over enough lines
             to keep this small, and the expected contribution is subtracted.
         """
         constant = np.full(frequency_hz.shape, self.relative**2)
-        if not self.frequency or frequency_hz.size < 3:
+        if not self.frequency or frequency_hz.size < 3 or np.isnan(receptance).any():
             return constant
         return constant + self.frequency**2 * _slope_squared(frequency_hz, receptance, noise, self.frequency)
 
@@ -146,177 +143,90 @@ def as_floor(owner: str, floor: float | Floor) -> Floor:
     return Floor(relative=_checks.not_negative(owner, "floor", floor), frequency=0.0) if floor else NO_FLOOR
 
 
-class LineVariance(NamedTuple):
-    """The measured variance of an entry of an FRF."""
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Errors of the lines of an observation as they were stated or measured, and a floor."""
 
-    variance: NDArray[np.float64] | None
-    """`(n,)` variance of the logarithm of each line alone."""
-    degrees_of_freedom: NDArray[np.float64] | None
-    """Those of the variance."""
-    owner: str
-    """The FRF in messages."""
+    deviation: NDArray[np.float64] | None = None
+    """`(n,)` stated standard deviations, of lines that count as independent."""
+    variance: NDArray[np.float64] | None = None
+    """`(n,)` measured variance of the logarithm, of each line alone."""
+    degrees_of_freedom: NDArray[np.float64] | None = None
+    """`(n,)` of that variance."""
+    floor: Floor = NO_FLOOR
 
+    def weigh(
+        self, owner: str, lines: NDArray[np.float64], values: NDArray[np.complex128], correlated: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+        """Return the standard deviations `(n,)` of lines that count as independent, and notes on them.
 
-def one_entry(
-    frf: FRF,
-    response: Coordinate | str | int | None,
-    excitation: Coordinate | str | int | None,
-    low_hz: float | None,
-    high_hz: float | None,
-    label: str | None,
-) -> tuple[FRF, tuple[Coordinate, Coordinate], list[str]]:
-    """Return an entry of an FRF as receptance on the lines that an observation has, its coordinates, and notes."""
-    if not isinstance(frf, FRF):
-        raise TypeError(f"Observation.from_frf: frf is {frf!r}, expected an FRF")
-    owner = repr(frf)
-    entry, coordinates, notes = _entry(frf, response, excitation)
-    entry = with_variance(entry)
-    if entry.log_variance is None and entry.coherence is not None:
-        notes.append(unused_coherence(entry.averages))
-        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=3)
-    # The band is selected first, so that a line at 0 Hz outside of it causes no note.
-    entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
-    known = entry.frequency_hz > 0.0
-    if entry.log_variance is not None:
-        infinite = np.isinf(entry.log_variance[:, 0, 0]) & known
-        if infinite.any():
-            notes.append(f"{np.count_nonzero(infinite)} lines of infinite variance are left out")
-            known &= ~infinite
-    if not known.any():
-        name = frf.label if label is None else label
-        raise ValueError(f"{owner}: no line is left for {name or 'an observation'}: at 0 Hz, or of infinite variance")
-    return entry.on_lines(known), (coordinates[0], coordinates[1]), notes
+        None without variance and floor.
+        """
+        if self.variance is not None:
+            deviation, notes = self._measured(owner, self.variance, lines, values, correlated)
+            return deviation, tuple(notes)
+        if not self.floor:
+            return self.deviation, ()
+        variance = self.floor.variance(lines, values)
+        if self.deviation is None:
+            return np.sqrt(variance), (f"there is no variance: the floor of {self.floor} is its standard deviation",)
+        return np.sqrt(variance + self.deviation**2), ()
 
-
-def variance_of(entry: FRF, owner: str) -> LineVariance:
-    """Return the variance of the only entry of an FRF."""
-    arrays = (entry.log_variance, entry.degrees_of_freedom)
-    variance, freedom = (None if array is None else array[:, 0, 0] for array in arrays)
-    return LineVariance(variance, freedom, owner)
-
-
-def weigh(
-    lines: NDArray[np.float64],
-    values: NDArray[np.complex128],
-    measured: LineVariance,
-    correlated_lines: NDArray[np.float64],
-    floor: Floor,
-    *,
-    drive_point: bool,
-) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Return the standard deviations `(n,)` of lines that count as independent, and notes on them and on the lines.
-
-    None without variance and floor.
-    """
-    notes: list[str] = []
-    deviation = _standard_deviation(lines, values, measured, correlated_lines, floor, notes)
-    notes += _low_frequency_notes(lines, values, deviation, drive_point)
-    return deviation, tuple(notes)
-
-
-def unused_coherence(averages: int | None) -> str:
-    """Return the note on a coherence that gives no standard deviations."""
-    if averages is None:
-        return (
-            f"{UNUSED_COHERENCE}, because the number of averaged records is unknown: give it, `averages = 10` for "
-            "example, and standard deviations are computed from the coherence"
-        )
-    return (
-        f"{UNUSED_COHERENCE}, because averages is {averages}: the coherence of a single record is always 1; give a "
-        "standard deviation"
-    )
-
-
-def _low_frequency_notes(
-    lines: NDArray[np.float64], values: NDArray[np.complex128], deviation: NDArray[np.float64] | None, drive_point: bool
-) -> list[str]:
-    """Return a note on low-frequency lines that are integrated noise or drift beyond the standard deviations."""
-    rise = low_frequency_rise(lines, values, drive_point=drive_point)
-    if rise is None:
-        return []
-    if deviation is not None and rise.noise_share > 0.0:
-        own = lines <= rise.highest_hz
-        power = np.abs(lines[own] ** 2 * values[own]) ** 2
-        # Real and imaginary part of the logarithm have one variance each.
-        stated = float(np.sum(2.0 * deviation[own] ** 2 * power) / np.sum(power))
-        if _EXPLAINED * stated > rise.noise_share:
-            return []
-    return [f"{rise}. A fit uses these lines unchanged: leave them out below about {rise.clear_hz:g} Hz"]
-
-
-def _entry(
-    frf: FRF, response: Coordinate | str | int | None, excitation: Coordinate | str | int | None
-) -> tuple[FRF, list[Coordinate], list[str]]:
-    """Return the selected entry, the coordinates of its response and excitation, and notes on them."""
-    picks, notes = [], []
-    for name, given in (("responses", response), ("excitations", excitation)):
-        side = getattr(frf, name)
-        if len(side) > 1 and given is None:
-            raise ValueError(f"{frf!r} has {len(side)} {name}: select one with {name[:-1]}=, a coordinate or a number")
-        picks.append(0 if len(side) == 1 and (given is None or isinstance(given, Coordinate)) else given)
-    entry = frf.select(responses=picks[0], excitations=picks[1])
-    coordinates = []
-    for name, given, found in (
-        ("response", response, entry.responses[0]),
-        ("excitation", excitation, entry.excitations[0]),
-    ):
-        coordinate = given if isinstance(given, Coordinate) else found
-        if coordinate.direction != found.direction:
-            raise ValueError(f"{frf!r}: its {name} is in direction {found.direction!r}, and {coordinate!r} is not")
-        if isinstance(coordinate, UnknownPosition):
-            notes.append(f"the coordinate of the {name} is unknown: taken at the tip")
-            coordinate = Coordinate(direction=coordinate.direction)
-        elif coordinate != found and not isinstance(found, UnknownPosition):
-            notes.append(f"the {name} is taken at {coordinate!r}; the FRF has {found!r}")
-        coordinates.append(coordinate)
-    return entry, coordinates, notes
-
-
-def _standard_deviation(
-    lines: NDArray[np.float64],
-    values: NDArray[np.complex128],
-    measured: LineVariance,
-    correlated: NDArray[np.float64],
-    floor: Floor,
-    notes: list[str],
-) -> NDArray[np.float64] | None:
-    """Return the standard deviations `(n,)` of lines that count as independent; None without variance and floor."""
-    variance, freedoms, owner = measured
-    if variance is None:
-        if not floor:
-            return None
-        notes.append(f"the FRF has no variance: the floor of {floor} is its standard deviation")
-        return np.sqrt(floor.variance(lines, values))
-    exact = variance == 0.0
-    if exact.all():
-        cause = "the variance is zero on all lines, as from a coherence of exactly 1 or a column of too few digits"
-        if not floor:
-            raise ValueError(
-                f"{owner}: {cause}, so they would have infinite weight; give a floor, floor=0.003 for example"
+    def _measured(
+        self,
+        owner: str,
+        variance: NDArray[np.float64],
+        lines: NDArray[np.float64],
+        values: NDArray[np.complex128],
+        correlated: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], list[str]]:
+        notes: list[str] = []
+        floor, freedoms = self.floor, self.degrees_of_freedom
+        exact = variance == 0.0
+        if exact.all():
+            cause = "the variance is zero on all lines, as from a coherence of exactly 1 or a column of too few digits"
+            if not floor:
+                raise ValueError(
+                    f"{owner}: {cause}, so they would have infinite weight; give a floor, floor=0.003 for example"
+                )
+            notes.append(f"{cause}: the floor of {floor} is the only standard deviation")
+            warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=2)
+        elif exact.any():
+            variance = np.where(exact, least := resolution(variance), variance)
+            notes.append(
+                f"the variance is zero on {np.count_nonzero(exact)} of {exact.size} lines: half a unit of its last "
+                f"digit, {least:.2g}, is used for them"
             )
-        notes.append(f"{cause}: the floor of {floor} is the only standard deviation")
-        warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=2)
-    elif exact.any():
-        variance = np.where(exact, least := resolution(variance), variance)
-        notes.append(
-            f"the variance is zero on {np.count_nonzero(exact)} of {exact.size} lines: half a unit of its last digit, "
-            f"{least:.2g}, is used for them"
-        )
-    noise = smoothed_variance(lines, values, variance, correlated) * correlated
-    if freedoms is not None:
-        noise *= few_degrees_factor(freedoms)
-    deviation: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))
-    if floor and not exact.all():
-        share = float(np.median(noise / deviation**2))
-        notes.append(f"floor of {floor} added to the noise, which is {100.0 * share:.0f} % of the median variance")
-    if freedoms is not None:
-        freedom = float(np.median(freedoms))
-        if freedom < _FEW_DEGREES:
+        noise = smoothed_variance(lines, values, variance, correlated) * correlated
+        if freedoms is not None:
+            noise *= few_degrees_factor(freedoms)
+        deviation: NDArray[np.float64] = np.sqrt(noise + floor.variance(lines, values, noise))
+        if floor and not exact.all():
+            share = float(np.median(noise / deviation**2))
+            notes.append(f"floor of {floor} added to the noise, which is {100.0 * share:.0f} % of the median variance")
+        if freedoms is not None and (freedom := float(np.median(freedoms))) < _FEW_DEGREES:
             notes.append(
                 f"standard deviations from {freedom:.3g} degrees of freedom are uncertain: pool the variance over "
                 "neighbouring lines"
             )
-    return deviation
+        return deviation, notes
+
+
+def low_frequency_notes(
+    lines: NDArray[np.float64], values: NDArray[np.complex128], deviation: NDArray[np.float64] | None, drive_point: bool
+) -> tuple[str, ...]:
+    """Return a note on low-frequency lines that are integrated noise or drift beyond the standard deviations."""
+    rise = low_frequency_rise(lines, values, drive_point=drive_point)
+    if rise is None:
+        return ()
+    if deviation is not None and rise.noise_share > 0.0:
+        lowest = lines <= rise.highest_hz
+        power = np.abs(lines[lowest] ** 2 * values[lowest]) ** 2
+        # Real and imaginary part of the logarithm have one variance each.
+        stated = float(np.sum(2.0 * deviation[lowest] ** 2 * power) / np.sum(power))
+        if _EXPLAINED * stated > rise.noise_share:
+            return ()
+    return (f"{rise}. A fit uses these lines unchanged: leave them out below about {rise.clear_hz:g} Hz",)
 
 
 def smoothed_variance(
