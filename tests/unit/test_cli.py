@@ -122,7 +122,7 @@ def test_internal_error_has_a_separate_exit_code(
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("of the program")
 
-    monkeypatch.setattr("receptance.cli.demo._diagnose", fail)
+    monkeypatch.setattr("receptance.cli.story.diagnose", fail)
     assert call("demo", "--json", "a.json") == 1
     output = capsys.readouterr().err
     assert "an error of the program" in output

@@ -139,7 +139,7 @@ def test_no_number_is_cut(
     monkeypatch.chdir(tmp_path)
     fast = arguments[1::-1] in FAST
     if fast and arguments[1::-1] not in DRAWN:
-        monkeypatch.setattr("receptance.report.html.as_svg", lambda *_: "<svg></svg>")
+        monkeypatch.setattr("receptance.report.figure.as_svg", lambda *_: "<svg></svg>")
     report = () if arguments[1::-1] in WITHOUT_FIGURE else ("--report", "report.html")
     if arguments[0] in COMMANDS:
         # A path without numbers, which a narrow terminal may break.

@@ -11,7 +11,7 @@ from receptance.campaign.problems import KeyPath
 from receptance.campaign.schema import TipTable
 from receptance.fit import Observation
 from receptance.frf import FRF
-from receptance.frf.variance import with_variance
+from receptance.frf.frf import with_variance
 from receptance.stability import (
     Lobes,
     Milling,

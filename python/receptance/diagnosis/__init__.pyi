@@ -6,6 +6,7 @@ from .causes import Step as Step
 from .causes import Variant as Variant
 from .engine import diagnose as diagnose
 from .findings import CandidateCause as CandidateCause
+from .findings import Findings as Findings
 from .findings import ProposedMeasurement as ProposedMeasurement
 from .held_out import Gain as Gain
 from .held_out import HeldOut as HeldOut

@@ -17,8 +17,9 @@ from receptance.errors import ReceptanceWarning
 from receptance.fit.parameters import FACTORS, Site
 from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
 from receptance.frf import FRF
+from receptance.frf.frf import with_variance
 from receptance.frf.validation import check_form
-from receptance.frf.variance import unused_coherence, with_variance
+from receptance.frf.variance import unused_coherence
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import Form
@@ -46,6 +47,7 @@ def _weighed(
 ) -> Observation:
     """Return an observation with other fields, whose weights are decided."""
     if deviation is not None:
+        deviation = deviation.copy()
         deviation.setflags(write=False)
     return _replaced(target, noise=Noise(deviation), _weights=(deviation, ()), stated_notes=tuple(notes), **fields)
 

@@ -360,9 +360,7 @@ def smeared(observation: Observation, width: float) -> Observation | None:
     """
     if not observation.is_receptance:
         deviation = 0.5 * width * observation.frequency_hz
-        return altered(
-            observation, standard_deviation_hz=deviation, damping_ratio=None, standard_deviation_damping=None
-        )
+        return altered(observation, standard_deviation=deviation, damping_ratio=None, standard_deviation_damping=None)
     f = observation.frequency_hz.real
     if f.size < _MIN_LINES or observation.assembly.tabulated:
         return None

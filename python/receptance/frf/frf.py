@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
+from receptance.frf.data import FRFData, band_text
 from receptance.frf.interchange import Order, dataset, fields_from_pandas, fields_from_xarray, frame, ordered, reordered
 from receptance.frf.plausibility import DRIVE_POINT_NOTE, drive_point_notes
 from receptance.frf.resampling import resample
@@ -20,7 +21,7 @@ from receptance.frf.variance import interval_factor, pool_entries, saturation_no
 from receptance.model.coordinates import Coordinate, Side
 from receptance.report import Renderable, Table
 from receptance.report.table import percent
-from receptance.units import FORMS, Form, FRFKind, frf_unit
+from receptance.units import FORMS, Form
 
 if TYPE_CHECKING:
     import pandas
@@ -59,7 +60,7 @@ class FRFFields(TypedDict, total=False):
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class FRF(Renderable):
+class FRF(FRFData, Renderable):
     """Frequency response function (FRF) between one or several excitations and responses.
 
     Parameters
@@ -131,23 +132,6 @@ class FRF(Renderable):
     plotted_by = "receptance.frf.figure:draw_frf"
     drawn_in_notebooks = True
 
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    form: Form
-    responses: tuple[Coordinate, ...]
-    excitations: tuple[Coordinate, ...]
-    decay_rate: float
-    coherence: NDArray[np.float64] | None
-    averages: int | None
-    log_variance: NDArray[np.float64] | None
-    degrees_of_freedom: NDArray[np.float64] | None
-    correlated_lines: NDArray[np.float64]
-    usable: NDArray[np.bool_] | None
-    labels: tuple[tuple[str, ...], tuple[str, ...]] | None
-    label: str
-    source: str
-    notes: tuple[str, ...]
-
     def __init__(
         self,
         *,
@@ -170,45 +154,6 @@ class FRF(Renderable):
     ) -> None:
         _checks.set_fields(self, checked_fields(locals()))
         self._check_drive_points()
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Numbers of lines, responses and excitations."""
-        n, n_out, n_in = self.values.shape
-        return n, n_out, n_in
-
-    @property
-    def complex_frequency_hz(self) -> NDArray[np.inexact]:
-        """`(n,)` frequencies of the values, f - i sigma / (2 pi) in Hz; real without an exponential window."""
-        if self.decay_rate == 0.0:
-            return self.frequency_hz
-        return self.frequency_hz - 1j * self.decay_rate / (2.0 * np.pi)
-
-    @property
-    def standard_deviation(self) -> NDArray[np.float64] | None:
-        """Standard deviation of the real part, and of the imaginary part, of the logarithm of the values."""
-        return None if self.log_variance is None else np.sqrt(self.log_variance)
-
-    @property
-    def units(self) -> tuple[tuple[str, ...], ...]:
-        """SI unit of each entry, responses first."""
-        return tuple(
-            tuple(frf_unit(FRFKind(self.form, r.direction, e.direction)) for e in self.excitations)
-            for r in self.responses
-        )
-
-    @property
-    def unit(self) -> str:
-        """SI unit of all entries; raises ValueError if translations and rotations are mixed, see `units`."""
-        if len(self.distinct_units) > 1:
-            listed = ", ".join(self.distinct_units)
-            raise ValueError(f"{self!r} has several units: {listed}; use units, or select one entry")
-        return self.distinct_units[0]
-
-    @property
-    def distinct_units(self) -> tuple[str, ...]:
-        """SI units of the entries without repetition, sorted."""
-        return tuple(sorted({unit for row in self.units for unit in row}))
 
     def to(self, form: Form) -> FRF:
         """Return the FRF in another form: multiplied by a power of i w, with the complex w of an exponential window.
@@ -451,9 +396,6 @@ class FRF(Renderable):
         del copy  # the values are read-only, so a copy is always made
         return np.array(self.values, dtype=dtype)
 
-    def __len__(self) -> int:
-        return self.frequency_hz.size
-
     def __getitem__(self, chosen: slice | tuple[Any, ...]) -> FRF:
         """Return the lines between two frequencies in Hz, both included, and responses and excitations.
 
@@ -542,7 +484,7 @@ class FRF(Renderable):
         if self.standard_deviation is not None:
             rows.append(("standard deviation", f"median {percent(np.median(self.standard_deviation), 3)}"))
         if self.usable is not None:
-            rows.append(("usable", f"{np.count_nonzero(self.usable)} lines{_band(lines[self.usable])}"))
+            rows.append(("usable", f"{np.count_nonzero(self.usable)} lines{band_text(lines[self.usable])}"))
         if self.source:
             rows.append(("source", self.source))
         return [Table("", ("property", "value"), rows)]
@@ -574,15 +516,6 @@ class FRF(Renderable):
             if name not in names:
                 raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(names)}")
         return self._checked_copy({**changes})
-
-    def __repr__(self) -> str:
-        n, n_out, n_in = self.shape
-        name = f"{self.label!r}: " if self.label else ""
-        window = f", decay rate {self.decay_rate:g}/s" if self.decay_rate else ""
-        return (
-            f"FRF({name}{self.form} in {', '.join(self.distinct_units)}, {n_out} x {n_in}, {n} lines from "
-            f"{self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz{window})"
-        )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         _checks.set_fields(self, state)
@@ -648,10 +581,6 @@ def _spacing(frequency_hz: NDArray[np.float64]) -> str:
         return ""
     even = bool(np.ptp(steps) <= 1e-6 * steps.max())
     return f", {steps.mean():.6g} Hz apart" if even else f", {steps.min():.6g} to {steps.max():.6g} Hz apart"
-
-
-def _band(frequency_hz: NDArray[np.float64]) -> str:
-    return f", {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz" if frequency_hz.size else ""
 
 
 def _selected(
@@ -744,3 +673,13 @@ def _both(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDA
     if one is None or other is None:
         return other if one is None else one
     return one & other
+
+
+def with_variance(frf: FRF) -> FRF:
+    """Return an FRF with the pooled variance from its coherence.
+
+    The FRF is returned unchanged if it has a variance, or lacks coherence or averages.
+    """
+    if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
+        return frf
+    return frf.with_coherence_variance()

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance._extras import require
+from receptance.frf.data import FRFData
 from receptance.model.coordinates import Coordinate, UnknownPosition
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from receptance.frf.frf import FRF
 
 Order: TypeAlias = Literal["lines first", "lines last"]
 """Lines, responses, excitations (here and in pyFBS), or responses, excitations, lines (pyFRF, sdypy)."""
@@ -53,7 +53,7 @@ def reordered(values: ArrayLike, order: Order) -> NDArray[Any]:
     return np.moveaxis(found, -1, 0)
 
 
-def dataset(frf: FRF) -> xarray.Dataset:
+def dataset(frf: FRFData) -> xarray.Dataset:
     """Return the FRF as an xarray data set; see `FRF.to_xarray`."""
     require("sweep", "FRF.to_xarray", "xarray")
     import xarray  # slow to import
@@ -125,7 +125,7 @@ def _coordinate(text: str) -> Coordinate:
     return (UnknownPosition if call.func.id == "UnknownPosition" else Coordinate)(*values, **named)
 
 
-def frame(frf: FRF) -> pandas.DataFrame:
+def frame(frf: FRFData) -> pandas.DataFrame:
     """Return the values of an FRF as a table over frequency."""
     require("sweep", "FRF.to_pandas", "pandas")
     import pandas  # slow to import

@@ -18,18 +18,15 @@ as well, but H is real there, negative at a drive point, and does not scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 from receptance._peaks import local_maxima
+from receptance.frf.data import FRFData
 from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
-
-if TYPE_CHECKING:
-    from receptance.frf.frf import FRF
 
 DRIVE_POINT_NOTE = "drive point "
 """Prefix of the notes of `drive_point_notes`, which are replaced when the data change."""
@@ -120,7 +117,7 @@ class _Peak:
     """1 if the pole lies clearly above the real axis, -1 if below, 0 if uncertain."""
 
 
-def drive_point_notes(frf: FRF) -> list[str]:
+def drive_point_notes(frf: FRFData) -> list[str]:
     """Return a note for each drive point whose peaks contradict the declared form."""
     notes = []
     chosen = slice(None) if frf.usable is None else frf.usable

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance.frf.data import FRFData
 from receptance.report.table import percent
-
-if TYPE_CHECKING:
-    from receptance.frf.frf import FRF
 
 _SAME_LINE = 1e-9
 """Distance, relative to the spacing, within which a line equals a measured one."""
@@ -130,7 +128,7 @@ def curvature_warning(
     )
 
 
-def resample(frf: FRF, frequency_hz: NDArray[np.float64]) -> tuple[dict[str, Any], str]:
+def resample(frf: FRFData, frequency_hz: NDArray[np.float64]) -> tuple[dict[str, Any], str]:
     """Return the fields that change on other lines, and a warning or an empty text; see `FRF.resample`."""
     positions = interpolate(frf.frequency_hz, frequency_hz, repr(frf))
     values, curvature = positions.spline(frf.values)

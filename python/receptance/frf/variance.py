@@ -9,17 +9,13 @@ fitted over a window of lines around each line.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from receptance import _checks
+from receptance.frf.data import FRFData
 from receptance.frf.validation import average_count
-
-if TYPE_CHECKING:
-    from receptance.frf.frf import FRF
 
 UNUSED_COHERENCE = "the coherence is not used"
 """First words of the note on a coherence that gives no standard deviations."""
@@ -118,17 +114,7 @@ def variance_from_coherence(coherence: ArrayLike, averages: int) -> tuple[NDArra
         return unexplained / (2.0 * (n - 1) * (1.0 - unexplained)), 2.0 * (n - 1)
 
 
-def with_variance(frf: FRF) -> FRF:
-    """Return an FRF with the pooled variance from its coherence.
-
-    The FRF is returned unchanged if it has a variance, or lacks coherence or averages.
-    """
-    if frf.log_variance is not None or frf.coherence is None or frf.averages is None or frf.averages < 2:
-        return frf
-    return frf.with_coherence_variance()
-
-
-def unused_coherence(frf: FRF) -> str:
+def unused_coherence(frf: FRFData) -> str:
     """Return a note on a coherence that gives no variance, or an empty text."""
     if frf.log_variance is not None or frf.coherence is None:
         return ""
@@ -298,7 +284,7 @@ def lines_around(lines: NDArray[np.intp], half: int, stride: NDArray[np.intp], s
 
 
 def pool_entries(
-    frf: FRF, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64]
+    frf: FRFData, log_variance: NDArray[np.float64], degrees_of_freedom: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return variance and degrees of freedom `(n, n_responses, n_excitations)`, pooled in each entry."""
     variance, freedom = log_variance.copy(), degrees_of_freedom.copy()
