@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from receptance import catalogue, report
 from receptance._files import write_whole
-from receptance.catalogue.figure import draw_tool
 from receptance.catalogue.prediction import ToolPrediction
 from receptance.io import write
-from receptance.report.figure import as_image
 
 
 def write_files(
@@ -19,7 +18,9 @@ def write_files(
     for prediction in predictions:
         name = names[prediction.row.name]
         if figures is not None:
-            write_whole({figures / f"{name}.png": as_image(draw_tool(prediction), "png")})
+            write_whole(
+                {figures / f"{name}.png": report.figure.as_image(catalogue.figure.draw_tool(prediction), "png")}
+            )
         if frfs is not None:
             write(frfs / f"{name}.csv", prediction.as_frf())
         yield prediction

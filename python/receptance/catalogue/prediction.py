@@ -14,7 +14,7 @@ from receptance import _checks
 from receptance.campaign import CampaignError, predict_assembly
 from receptance.campaign.prediction import lines_between
 from receptance.catalogue.building import Catalogue
-from receptance.catalogue.line_modes import line_modes
+from receptance.catalogue.modes import line_modes
 from receptance.catalogue.rows import ToolRow
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, PredictedFRF

@@ -72,9 +72,7 @@ def catalogue(
         if depths is not None:
             predictions = receptance.catalogue.results.write_depths(depths, predictions, read, name)
         if figures is not None or frfs is not None:
-            from receptance.catalogue.files import write_files  # figures load matplotlib
-
-            predictions = write_files(predictions, names, figures, frfs)
+            predictions = receptance.catalogue.files.write_files(predictions, names, figures, frfs)
         found = tuple(receptance.catalogue.results.summaries(predictions))
         return receptance.catalogue.CatalogueSummary(
             tools=found,

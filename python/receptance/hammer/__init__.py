@@ -1,8 +1,5 @@
 """Hammer tests: records, hits, and estimates of FRFs with their variance."""
 
-from receptance.hammer.estimate import estimate_frf
-from receptance.hammer.hits import Hit, Hits, find_hits
-from receptance.hammer.records import HammerRecords
-from receptance.hammer.simulate import simulate_hits
+import lazy_loader
 
-__all__ = ["HammerRecords", "Hit", "Hits", "estimate_frf", "find_hits", "simulate_hits"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

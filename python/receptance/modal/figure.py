@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from receptance.frf import form_factor
 from receptance.frf.figure import PHASE_FROM
+from receptance.modal.decay import RingDown
 from receptance.modal.modal_fit import ModalFit
-from receptance.modal.ring_down import RingDown
 from receptance.report.figure import (
     COLOURS,
     INK,

@@ -1,0 +1,16 @@
+from . import figure as figure
+from . import files as files
+from . import results as results
+from .building import Catalogue as Catalogue
+from .building import errors_of as errors_of
+from .modes import LineModes as LineModes
+from .modes import line_modes as line_modes
+from .prediction import ToolPrediction as ToolPrediction
+from .prediction import predict_catalogue as predict_catalogue
+from .results import CatalogueSummary as CatalogueSummary
+from .results import ToolSummary as ToolSummary
+from .results import tool_lobes as tool_lobes
+from .rows import HolderRow as HolderRow
+from .rows import ToolRow as ToolRow
+from .rows import read_holders as read_holders
+from .rows import read_tools as read_tools

@@ -1,0 +1,9 @@
+from .decay import RingDown as RingDown
+from .decay import ring_down as ring_down
+from .estimate import ModeEstimate as ModeEstimate
+from .global_fit import fit_modes as fit_modes
+from .local import CircleFit as CircleFit
+from .local import circle_fit as circle_fit
+from .local import find_peaks as find_peaks
+from .local import half_power as half_power
+from .modal_fit import ModalFit as ModalFit
