@@ -8,12 +8,12 @@ from contextlib import suppress
 import numpy as np
 from scipy import stats
 
+from receptance import sweep
 from receptance.campaign import Campaign
 from receptance.campaign.values import value_at
 from receptance.cli.running import InputError
 from receptance.fit.parameters import FACTORS
 from receptance.sweep import Candidates, Grid, Sampled
-from receptance.sweep.figure import LARGEST_COUNT
 
 _EXAMPLE = "joint.k_y = 1e7 N/m to 1e9 N/m"
 POINTS = 20
@@ -26,9 +26,10 @@ _LOGARITHMIC = 10.0
 def check_figure(candidates: Candidates) -> None:
     """Raise `InputError` if more parameters are varied than a figure shows."""
     count = len(candidates.addresses)
-    if count > LARGEST_COUNT:
+    most = sweep.figure.LARGEST_COUNT
+    if count > most:
         raise InputError(
-            f"a figure shows at most {LARGEST_COUNT} parameters, and {count} are varied; name some with --vary, or "
+            f"a figure shows at most {most} parameters, and {count} are varied; name some with --vary, or "
             "leave out --plot and --report"
         )
 

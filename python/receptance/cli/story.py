@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from importlib import resources
+from typing import Any
 
-from matplotlib.figure import Figure
-
+from receptance import diagnosis
 from receptance.campaign import load
 from receptance.campaign.write import with_campaign_lines
 from receptance.cli.running import input_errors
 from receptance.diagnosis import Verdict
-from receptance.diagnosis.figure import prediction_figure
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.presentation import metric_name, of_metric
 from receptance.examples import EXAMPLES
@@ -68,7 +67,7 @@ def _prediction(verdict: Verdict, *, after: bool) -> str:
     return f"Prediction of 70 mm: {'; '.join(texts)}."
 
 
-def draw(verdict: Verdict) -> Figure:
+def draw(verdict: Verdict) -> Any:
     """Return the figure of the held-out prediction before and after."""
     ((before, after),) = held_out_curves(verdict)
-    return prediction_figure(before, after)
+    return diagnosis.figure.prediction_figure(before, after)

@@ -335,6 +335,7 @@ class LowFrequencyRise:
         )
 
 
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # values that no structure has are no rise
 def low_frequency_rise(
     frequency_hz: NDArray[np.inexact], receptance: NDArray[np.complex128], *, drive_point: bool
 ) -> LowFrequencyRise | None:

@@ -1,34 +1,5 @@
 """Sweeps: many candidates through one model, on all cores and on many machines."""
 
-from receptance.sweep.candidates import Candidates, Grid, Listed, Sampled
-from receptance.sweep.definition import SweepError
-from receptance.sweep.outputs import (
-    FrequencyResponse,
-    Misfit,
-    NaturalFrequencies,
-    Output,
-    Reduction,
-    StableDepth,
-    Variable,
-)
-from receptance.sweep.run import SweepProgress, sweep
-from receptance.sweep.store import as_grid, open_sweep
+import lazy_loader
 
-__all__ = [
-    "Candidates",
-    "FrequencyResponse",
-    "Grid",
-    "Listed",
-    "Misfit",
-    "NaturalFrequencies",
-    "Output",
-    "Reduction",
-    "Sampled",
-    "StableDepth",
-    "SweepError",
-    "SweepProgress",
-    "Variable",
-    "as_grid",
-    "open_sweep",
-    "sweep",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

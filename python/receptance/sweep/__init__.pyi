@@ -1,0 +1,17 @@
+from . import figure as figure
+from .candidates import Candidates as Candidates
+from .candidates import Grid as Grid
+from .candidates import Listed as Listed
+from .candidates import Sampled as Sampled
+from .definition import SweepError as SweepError
+from .outputs import FrequencyResponse as FrequencyResponse
+from .outputs import Misfit as Misfit
+from .outputs import NaturalFrequencies as NaturalFrequencies
+from .outputs import Output as Output
+from .outputs import Reduction as Reduction
+from .outputs import StableDepth as StableDepth
+from .outputs import Variable as Variable
+from .run import SweepProgress as SweepProgress
+from .run import sweep as sweep
+from .store import as_grid as as_grid
+from .store import open_sweep as open_sweep
