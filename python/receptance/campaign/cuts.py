@@ -43,8 +43,9 @@ class CampaignCut:
     cut: Milling | Turning
     """The cut."""
     x: Tip
-    """Tip in the direction of feed (in turning, of the chip thickness) and across it; y is None if it is rigid."""
+    """Tip in the direction of feed, in turning of the chip thickness."""
     y: Tip | None = None
+    """Tip across it; None if it is rigid."""
     spread: dict[str, float] = field(default_factory=dict)
     """Standard deviations of the logarithms of the coefficients."""
 

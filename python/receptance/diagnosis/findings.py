@@ -32,8 +32,9 @@ class CandidateCause:
     """A fitted cause."""
 
     id: str
-    """The cause."""
+    """Identifier of the cause."""
     group: str
+    """Group of the cause."""
     variant: str
     """The variant in which it acts."""
     explanation: Explanation = field(repr=False)
@@ -45,14 +46,17 @@ class CandidateCause:
     misfit: float
     """Chi-square with it, divided by its expectation from noise and floor."""
     plausible: bool
-    """Whether the sizes are plausible, and whether the fit has converged."""
+    """Whether the sizes are plausible."""
     converged: bool
+    """Whether the fit has converged."""
     together_with: tuple[str, ...]
     """Other causes in the same fit."""
     look_alikes: dict[str, float]
     """Causes with a similar effect on these data, and the cosine of the effects, up to 1."""
     meaning: str
+    """What the cause is."""
     remedy: str
+    """What to do about it."""
     vetoed: str = ""
     """The sizes outside their plausible range, as text; empty where there is none."""
     held_out: float | None = None
@@ -83,8 +87,9 @@ class ProposedMeasurement:
     """The measurement that is proposed next."""
 
     action: str
-    """The measurement, and the result of its simulation."""
+    """The measurement."""
     reason: str
+    """Result of its simulation."""
     separates: tuple[str, ...] = ()
     """Ids of the causes whose presence it is expected to decide, whichever reported explanation is true."""
     resolves: float = 0.0
@@ -117,8 +122,9 @@ class Findings:
     base_fit: Fit = field(repr=False)
     """The base; it allows for the discrepancy, if there is one."""
     discrepancy: Discrepancy | None = None
-    """Error of the base, and of the extended model, beside the noise, where no cause explains the data to the noise."""
+    """Error of the base beside the noise, where no cause explains the data to the noise."""
     discrepancy_after: Discrepancy | None = None
+    """The same of the extended model."""
     gains: tuple[Gain, ...] = ()
     """Improvement on held-out data, if requested: in the distance of the spectra, in natural frequencies, in the
     predictive log score, and in user-defined metrics."""
@@ -138,6 +144,7 @@ class Findings:
     held_out_modes: tuple[ModeResidual, ...] = field(default=(), repr=False)
     """Held-out modes, predicted less measured."""
     held_out_modes_after: tuple[ModeResidual, ...] = field(default=(), repr=False)
+    """The same of the extended model."""
     explanation: Explanation | None = field(default=None, repr=False)
     """The best of the reported explanations."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)

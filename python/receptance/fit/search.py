@@ -65,8 +65,9 @@ class Start:
     """One start and its end."""
 
     start: dict[str, float]
-    """Values at the start and at the end, in SI units by address."""
+    """Values at the start, in SI units by address."""
     values: dict[str, float]
+    """Values at the end."""
     variables: NDArray[np.float64]
     """Fitted variables at the end."""
     cost: float
