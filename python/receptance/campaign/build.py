@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
+from receptance import coupling
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.keys import ElementOf, ElementTable
 from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
@@ -21,6 +22,7 @@ from receptance.campaign.schema import (
     UnknownTable,
 )
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
+from receptance.coupling.unknown_modes import bounds_of_modes
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import FACTORS
@@ -112,9 +114,7 @@ class Builder:
             if None not in segments:
                 made = Part(segments, name=name)
                 if part.rigid:
-                    from receptance.coupling.rigid_holder import as_rigid
-
-                    made = as_rigid(made)
+                    made = coupling.as_rigid(made)
                 built.parts[name] = made
         self.numbers = {**_written_numbers(campaign)}
         for address, unknown in campaign.unknowns.items():
@@ -490,8 +490,6 @@ def modal_unknowns(
                 "bounds of its numbers in `unknowns` instead",
             )
             continue
-        from receptance.coupling.unknown_modes import bounds_of_modes
-
         modes = [{key: getattr(row, key) for key in row.written} for row in part.modes]
         residuals = {key: float(getattr(part, key)) for key in RESIDUALS}
         automatic = {one.address: one for one in bounds_of_modes(name, modes, residuals, seen)}

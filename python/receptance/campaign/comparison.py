@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import special
 
+from receptance import sweep
 from receptance._text import instead_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.values import kind_of
+from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
 from receptance.fit import Identification, Observation
 from receptance.fit.observation import altered
 from receptance.fit.parameters import FACTORS
@@ -167,17 +169,15 @@ def compare_candidates(
     store: str | os.PathLike[str] | None = None,
 ) -> Comparison:
     """Compare candidates with the measurements that are not held out; see `Campaign.compare`."""
-    from receptance.sweep import Misfit, sweep
-
     if not campaign.to_identify:
         text = 'there is no measurement with the role "identify" to compare candidates with'
         raise CampaignError.about(campaign.file, text)
     given = dict(given or {})
     observations, fit = _observations(campaign, candidates.addresses, given)
-    found = sweep(
+    found = sweep.sweep(
         campaign.assemblies,
         candidates,
-        Misfit(observations),
+        sweep.Misfit(observations),
         store=store,
         progress=lambda state: campaign.progress(str(state)),
     )
@@ -242,8 +242,6 @@ def expected_misfit(
 
     None if an observation has no standard deviation.
     """
-    from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
-
     if not all(observation.weighted for observation in observations):
         return None, None
     count = sum(observation.independent_values for observation in observations)

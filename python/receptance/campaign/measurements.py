@@ -12,7 +12,7 @@ from typing import Annotated, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance import units
+from receptance import hammer, io, units
 from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import shown
 from receptance.campaign.build import Builder
@@ -252,13 +252,11 @@ _USED_SHARE = 0.9
 
 def read_entry(table: FileFields, folder: Path) -> FRF:
     """Return the FRF of a measurement, selected by `entry` if the file holds several."""
-    from receptance.io import read_all, read_frf
-
     given = _reading(table, folder, records=False)
     if table.entry.number is None:
-        found = read_frf(folder / table.file, **given)
+        found = io.read_frf(folder / table.file, **given)
     else:
-        found = _entry(read_all(folder / table.file, **given), table.entry.number)
+        found = _entry(io.read_all(folder / table.file, **given), table.entry.number)
     found = found.select(responses=table.entry.response, excitations=table.entry.excitation)
     _, n_out, n_in = found.shape
     if (n_out, n_in) != (1, 1):
@@ -283,8 +281,6 @@ def _reading(table: FileFields | HammerTable, folder: Path, *, records: bool) ->
 
 
 def _entry(things: Sequence[object], number: int) -> FRF:
-    from receptance.frf import FRF
-
     frfs = [thing for thing in things if isinstance(thing, FRF)]
     if number >= len(frfs):
         listed = "; ".join(f"{index}: {frf!r}" for index, frf in enumerate(frfs[:6])) or "none"
@@ -361,21 +357,18 @@ def integrate_motion(observation: Observation, times: int) -> Observation:
 
 def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
     """Return the time records of all files of a measurement; a file may hold several, one for each hit."""
-    from receptance.hammer import HammerRecords
-    from receptance.io import FileFormatError, TimeSeries, read_all
-
     given = _reading(table, folder, records=True)
     given.pop("reverse", None)  # of the FRF that is estimated
     names = [table.file] if isinstance(table.file, str) else table.file
     if not names:
         raise ValueError("is an empty list, expected at least one file")
     repeated = [name for name, count in Counter(names).items() if count > 1]
-    series: dict[str, TimeSeries] = {}
+    series: dict[str, io.TimeSeries] = {}
     for name in names:
-        measurements = read_all(folder / name, **given)
-        records = [record for record in measurements if isinstance(record, TimeSeries)]
+        measurements = io.read_all(folder / name, **given)
+        records = [record for record in measurements if isinstance(record, io.TimeSeries)]
         if not records:
-            raise FileFormatError(f"the file holds no time series, but {measurements[0]!r}", file=name)
+            raise io.FileFormatError(f"the file holds no time series, but {measurements[0]!r}", file=name)
         series |= {f"{name}, record {k}" if len(records) > 1 else name: record for k, record in enumerate(records, 1)}
     equal = equal_pairs({label: (record.values.tobytes(),) for label, record in series.items()})
     repeated += [f"{first} and {second}" for first, second in equal]
@@ -398,8 +391,6 @@ def read_records(table: HammerTable, folder: Path) -> list[HammerRecords]:
 
 def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF:
     """Return the FRF that is estimated from the hits in time records."""
-    from receptance.hammer import estimate_frf, find_hits
-
     options: dict[str, Any] = {
         "trigger": table.trigger,
         "duration_s": table.duration,
@@ -408,10 +399,10 @@ def estimate_hammer_frf(records: list[HammerRecords], table: HammerTable) -> FRF
         "deviating_hits": table.deviating_hits,
         "separation_s": table.separation,
     }
-    hits = find_hits(records, **{key: value for key, value in options.items() if value is not None})
+    hits = hammer.find_hits(records, **{key: value for key, value in options.items() if value is not None})
     if table.drop_hits:
         hits = hits.without(*table.drop_hits, reason="dropped by the campaign")
-    frf = estimate_frf(
+    frf = hammer.estimate_frf(
         hits,
         estimator=table.estimator,
         decay_rate=table.decay_rate,

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance import modal
 from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.data import CampaignData
@@ -196,9 +197,7 @@ class _MeasuredTip:
         return list(TipModes.drawn_from_estimates(self._estimates(), draws=self._draws, seed=self._seed))
 
     def _estimates(self) -> list[ModeEstimate]:
-        from receptance.modal import fit_modes
-
-        found = fit_modes(self._frf, progress=self._progress)
+        found = modal.fit_modes(self._frf, progress=self._progress)
         return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from receptance import _checks
+from receptance import _checks, coupling
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
@@ -248,10 +248,8 @@ def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> tup
 
 
 def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
-    from receptance.coupling import read_spindle
-
     try:
-        return read_spindle(campaign.file.parent / name)
+        return coupling.read_spindle(campaign.file.parent / name)
     except (OSError, ValueError) as error:
         raise CampaignError.about(campaign.file, f"catalogue.spindle: {error}") from error
 

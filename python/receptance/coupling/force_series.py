@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
@@ -154,8 +155,6 @@ class ForceSeries(Result):
     @property
     def exponent_interval(self) -> tuple[float, float]:
         """95 % profile likelihood interval of n in K0 + a F^n, limited to 0.05 to 8."""
-        from scipy.optimize import brentq
-
         best = self.laws[2]
         limit = best.chi_squared + (confidence_multiplier(0.95, None) * max(self.scatter, 1.0)) ** 2
 
@@ -168,7 +167,9 @@ class ForceSeries(Result):
             steps = np.geomspace(best.exponent, end, _GRID) if best.exponent != end else np.array([end])
             outside = np.flatnonzero(excess(steps) > 0.0)
             first = int(outside[0]) if outside.size else 0
-            crossing = brentq(lambda n: float(excess(n)), steps[first - 1], steps[first]) if first else end
+            crossing = (
+                scipy.optimize.brentq(lambda n: float(excess(n)), steps[first - 1], steps[first]) if first else end
+            )
             ends.append(float(crossing))
         return ends[0], ends[1]
 
@@ -181,8 +182,6 @@ class ForceSeries(Result):
         return self._trend(2, level)
 
     def _trend(self, degree: int, level: float) -> Trend:
-        from scipy.stats import t as student
-
         x = (self.force - self.force[0]) / np.ptp(self.force)
         design = np.vander(x, degree + 1, increasing=True) / self.standard_errors[:, None]
         inverse = np.linalg.inv(design.T @ design)
@@ -195,7 +194,7 @@ class ForceSeries(Result):
         factor = float(degree)
         change, error = factor * float(coefficients[-1]), factor * float(np.sqrt(scale * inverse[-1, -1]))
         half_width = confidence_multiplier(level, freedom) * error
-        p = 2.0 * float(student.sf(abs(change) / error, freedom))
+        p = 2.0 * float(scipy.stats.t.sf(abs(change) / error, freedom))
         direction: Direction = "not determined"
         if abs(change) > half_width:
             direction = "rises" if change > 0.0 else "falls"
@@ -278,8 +277,6 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
     neighbours, which needs no start value. Laws are compared by the corrected Akaike criterion (Hurvich and Tsai 1989);
     if the scatter about the power law exceeds the standard errors, these are scaled to it.
     """
-    from scipy.optimize import minimize_scalar
-
     arrays = {"force": force, "values": values, "standard_errors": standard_errors}
     x, y, e = (_checks.unmasked("fit_laws", name, values, np.float64) for name, values in arrays.items())
     mean = float(np.sum(y / e**2) / np.sum(1.0 / e**2))
@@ -287,7 +284,7 @@ def fit_laws(force: ArrayLike, values: ArrayLike, standard_errors: ArrayLike) ->
     profile = _linear(x, y, e, grid)[2]
     best = int(np.argmin(profile))
     bounds = (grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)])
-    refined = minimize_scalar(
+    refined = scipy.optimize.minimize_scalar(
         lambda n: float(_linear(x, y, e, n)[2]), bounds=bounds, method="bounded", options={"xatol": 1e-6}
     )
     exponent = float(refined.x) if refined.fun < profile[best] else float(grid[best])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from receptance import io
 from receptance._files import read_whole, write_whole
 from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.frf import FRF
@@ -105,9 +106,7 @@ def read_spindle(path: str | os.PathLike[str], *, name: str = "spindle") -> Meas
                 name=name,
                 source=str(source),
             )
-        from receptance.io import read
-
-        content = read(source)
+        content = io.read(source)
         if not isinstance(content, FRF):
             raise ValueError(f"the file contains a {type(content).__name__}, expected an FRF matrix over y and theta")
         return replace(spindle_of(content, name=name), source=str(source))

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from receptance import modal
 from receptance.coupling.blanks import check_blanks
 from receptance.coupling.common_lines import check_observations
 from receptance.coupling.spindle_receptance import SpindleReceptance
@@ -265,8 +267,6 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     of J. Then K^T P r is normal with the covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W the likelihood,
     which s maximises, is a product.
     """
-    from scipy.optimize import minimize_scalar
-
     addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
     low = float(np.log(min(observation.frequency_hz[0].real for observation in observed)))
     high = float(np.log(max(observation.frequency_hz[-1].real for observation in observed)))
@@ -305,17 +305,15 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     if best == 0:
         return 0.0
     bounds = (grid[best - 1], grid[min(best + 1, grid.size - 1)])
-    return float(np.exp(minimize_scalar(deviance, bounds=bounds, method="bounded").x))
+    return float(np.exp(scipy.optimize.minimize_scalar(deviance, bounds=bounds, method="bounded").x))
 
 
 def _start(spindle: SpindleReceptance, modes: int | Sequence[float] | None, *, name: str) -> ModalPart:
     """Return start values: modes of the usable lines of a spindle, one mode above the band, and a residual."""
-    from receptance.modal import fit_modes
-
     with warnings.catch_warnings():
         # Warnings on standard errors and on the number of modes do not matter for start values.
         warnings.simplefilter("ignore", ReceptanceWarning)
-        fit = fit_modes(spindle.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
+        fit = modal.fit_modes(spindle.as_frf(), modes, background="above", highest_damping=_HIGHEST_DAMPING)
     size = np.sqrt(np.median(np.abs(np.einsum("nii->ni", spindle.matrix[spindle.usable])), axis=0))
     parts = []
     for frequency, damping, constant in zip(fit.frequency_hz, fit.damping_ratio, fit.modal_constant, strict=True):

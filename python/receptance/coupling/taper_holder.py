@@ -12,7 +12,7 @@ from typing import Literal, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance import _checks
+from receptance import _checks, hammer
 from receptance.coupling.rigid_holder import Body, as_rigid, body_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit import Floor, Identification, Observation, Unknown, identify
@@ -308,8 +308,6 @@ def without_each(hits: Hits, **settings: Unpack[EstimateKeywords]) -> tuple[FRF,
     ValueError
         Fewer than three hits.
     """
-    from receptance.hammer import estimate_frf
-
     if len(hits.kept) < 3:
         raise ValueError(f"without_each: there are {len(hits.kept)} hits, expected at least three")
     with warnings.catch_warnings():
@@ -317,7 +315,7 @@ def without_each(hits: Hits, **settings: Unpack[EstimateKeywords]) -> tuple[FRF,
         warnings.simplefilter("ignore", ReceptanceWarning)
         # Only the values are used, so the variance is not pooled.
         own: EstimateKeywords = {"pooled_lines": 1, **settings}
-        return tuple(estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
+        return tuple(hammer.estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
 
 
 def _relative_errors(

@@ -22,6 +22,7 @@ from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
+from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.observation import Observation
 from receptance.fit.predictor import PredictedData, Predictor
 from receptance.fit.problem import InfeasibleError
@@ -462,8 +463,6 @@ def _interval(
     folds : sequence of (ndarray, ndarray)
         Units of each fold, before and after.
     """
-    from receptance.fit.covariance import confidence_multiplier
-
     numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])
     count = numbers.size
     if all(np.array_equal(before, after) for before, after in folds):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from receptance._files import created_folder, write_whole
 from receptance._text import instead_of, shown
-from receptance.examples.simulated import free_free, hammer, taper
+from receptance.examples.simulated import free_free, taper, time_records
 
 Say = Callable[[str], None]
 
@@ -76,7 +76,7 @@ EXAMPLES = {
             "hammer",
             "raw time records of hammer hits at three overhangs, SIMULATED; the longest held out",
             "hammer",
-            hammer,
+            time_records,
         ),
         Example(
             "machine",

@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.examples.virtual_rig import VirtualRig
+from receptance import hammer, io
+from receptance.campaign.read import measured_structures
+from receptance.examples.virtual_rig import VirtualRig, load_rig
 from receptance.frf import FRF
 from receptance.io import TimeSeries
 from receptance.model.assembly import Assembly
@@ -47,8 +49,6 @@ _TAPER_HIGHEST_HZ = 6500.0
 
 def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the FRFs of the example free-free by file name: accelerance and coherence of ten hits each."""
-    from receptance.campaign.read import measured_structures
-
     random = np.random.default_rng(FREE_FREE_SEED)
     files = {}
     for name, (assembly, tip) in measured_structures(campaign).items():
@@ -58,16 +58,12 @@ def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
     return files
 
 
-def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
+def time_records(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the records of the example hammer by file name: one long record each, with all hits."""
-    from receptance.campaign.read import measured_structures
-    from receptance.hammer import simulate_hits
-    from receptance.io import TimeSeries
-
     files = {}
     for number, (name, (assembly, tip)) in enumerate(measured_structures(campaign).items()):
         say(f"simulating hits on {name}")
-        records = simulate_hits(
+        records = hammer.simulate_hits(
             assembly.replace(HAMMER_JOINT),
             response=tip,
             excitation=tip,
@@ -97,8 +93,6 @@ def hammer(campaign: str, say: Say) -> Mapping[str, bytes]:
 
 def taper(campaign: str, say: Say) -> Mapping[str, bytes]:
     """Return the FRFs of the examples taper and bt50 by file name: the virtual rig at the forces of the campaign."""
-    from receptance.examples.virtual_rig import load_rig
-
     forces = tomllib.loads(campaign)["series"]["levels"]
     seeds = enumerate(load_rig(), start=TAPER_SEED)
     return taper_files(((rig, seed) for seed, rig in seeds if f"{rig.force_kn:g} kN" in forces), say)
@@ -116,18 +110,14 @@ def taper_files(rigs: Iterable[tuple[VirtualRig, int]], say: Say = lambda _: Non
 
 def _content(thing: FRF | TimeSeries, ending: str) -> bytes:
     """Return the content of a file of a measurement."""
-    from receptance.io import write
-
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"data{ending}"
-        write(file, thing)
+        io.write(file, thing)
         return file.read_bytes()
 
 
 def _averaged(assembly: Assembly, tip: Coordinate, random: np.random.Generator, name: str) -> FRF:
     """Return the H1 estimate of several hits with its coherence, as an analyser computes them."""
-    from receptance.frf import FRF
-
     lines = _LINES_HZ
     true = assembly.receptance(lines, response=tip, excitation=tip) * (2j * np.pi * lines) ** 2
     force = random.uniform(0.85, 1.15, (_HITS, 1)) * np.exp(-((lines / 9e3) ** 2))

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from receptance.campaign.read import measured_structures
 from receptance.coupling import Holder, without_each
 from receptance.errors import ReceptanceWarning
 from receptance.frf import FRF
@@ -166,8 +167,6 @@ def holder() -> Holder:
     >>> round(holder().body.mass, 2)
     5.33
     """
-    from receptance.campaign.read import measured_structures
-
     campaign = (resources.files("receptance.examples") / "taper" / "campaign.toml").read_text(encoding="utf-8")
     assembly, _ = measured_structures(campaign)["axial 0 kN"]
     part, taper = assembly.elements["holder"], assembly.attachments["taper"]

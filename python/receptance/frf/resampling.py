@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from receptance.frf.data import FRFData
@@ -61,12 +62,10 @@ class Interpolation:
 
     def spline(self, array: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Return `(n_new, ...)` by a cubic spline, and its relative difference from linear interpolation."""
-        from scipy.interpolate import CubicSpline  # slow to import
-
         linear = self.linear(array)
         if self.exact.all() or len(array) < 4:
             return linear, np.zeros(linear.shape)
-        curve = CubicSpline(self.measured_hz, array)(self.frequency_hz)
+        curve = scipy.interpolate.CubicSpline(self.measured_hz, array)(self.frequency_hz)
         values = np.where(self.exact.reshape(-1, *(1,) * (array.ndim - 1)), linear, curve)
         size = np.maximum(np.abs(values), np.abs(linear))
         return values, np.abs(values - linear) / np.where(size > 0.0, size, 1.0)

@@ -147,8 +147,6 @@ def estimate_frf(
     >>> frf.form, frf.averages
     ('mobility', 3)
     """
-    from receptance.frf import FRF
-
     _checks.one_of("estimate_frf", "estimator", estimator, Estimator)
     _checks.one_of("estimate_frf", "exponential_on", exponential_on, ExponentialOn)
     decay_rate = _checks.not_negative("estimate_frf", "decay_rate", decay_rate, unit="1/s")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from receptance import _checks
@@ -138,9 +139,11 @@ def second_contact(force: NDArray[np.float64], contact: Contact, stop: int, shar
     following = force[contact.release : stop]
     if following.size < 2 * shape.size:
         return None
-    from scipy.signal import correlate  # slow to import
-
-    heights = correlate(following - np.median(following), smooth, mode="valid") / np.sum(shape * smooth) / contact.peak
+    heights = (
+        scipy.signal.correlate(following - np.median(following), smooth, mode="valid")
+        / np.sum(shape * smooth)
+        / contact.peak
+    )
     # The median absolute deviation includes hum and ringing of the channel.
     smallest = max(share, NOISE_PEAK * noise_level(heights)[1])
     best = int(heights.argmax())

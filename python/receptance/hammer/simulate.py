@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
@@ -213,15 +214,14 @@ def _responses(
     interval_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return force `(n_hits, n, 1)` and response `(n_hits, n, n_channels)`, 1.5 times as long as recorded."""
-    from scipy.fft import irfft
-    from scipy.signal import cheby2, freqs
-
     n_samples = _LENGTH_FACTOR * _OVERSAMPLING * round(interval_s * rate)
     step = 1.0 / (_OVERSAMPLING * rate)
     sigma = -np.log(_WRAP_AROUND) / (n_samples * step)
     lines = np.arange(n_samples // 2 + 1) / (n_samples * step)
     s = 2j * np.pi * lines + sigma
-    low_pass = freqs(*cheby2(_FILTER_ORDER, _STOP_DB, np.pi * rate, analog=True), worN=s / 1j)[1]
+    low_pass = scipy.signal.freqs(
+        *scipy.signal.cheby2(_FILTER_ORDER, _STOP_DB, np.pi * rate, analog=True), worN=s / 1j
+    )[1]
     # Above the pass band the filtered response vanishes and is not computed.
     passed = lines <= rate / 2.0
     # A free body has no receptance at 0 Hz; the shifted line beside it is used.
@@ -232,5 +232,7 @@ def _responses(
     force = np.array([pulse.spectrum(s) * low_pass * passed for pulse in pulses])[:, :, None]
     samples = slice(0, 3 * n_samples // 4, _OVERSAMPLING)
     growth = np.exp(sigma * step * np.arange(n_samples))[samples, None]
-    channels = [irfft(spectra, n_samples, axis=1)[:, samples] * growth / step for spectra in (force, force * motion)]
+    channels = [
+        scipy.fft.irfft(spectra, n_samples, axis=1)[:, samples] * growth / step for spectra in (force, force * motion)
+    ]
     return channels[0], channels[1]

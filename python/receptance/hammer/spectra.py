@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy import special
 
@@ -62,10 +63,8 @@ class Windows:
         of the window, which is also that of the pulse. It then changes magnitudes and not phases, with twice the
         variance of circular noise. With M the windowed noise, E[M^2] = sum w^2 e^(-2iwt).
         """
-        from scipy.fft import fft
-
         n_samples = self.force.shape[1]
-        squares = fft(self.force**2, axis=1)
+        squares = scipy.fft.fft(self.force**2, axis=1)
         twice = squares[:, (2 * np.arange(n_samples // 2 + 1)[lines]) % n_samples]
         power = np.sum(np.abs(spectra) ** 2, axis=0)
         ratio: NDArray[np.float64] = np.abs(np.sum(np.conj(spectra) ** 2 * twice, axis=0)) / power / self.force_energy
@@ -82,11 +81,9 @@ def correlated_lines(weights: NDArray[np.float64]) -> float:
 
 def noncircularity(weights: NDArray[np.float64], lines: slice) -> NDArray[np.float64]:
     """Return the noncircularity `(n_lines,)` of white noise through windows `(n_hits, n_samples)`, from 0 to 1."""
-    from scipy.fft import fft
-
     energy = np.mean(weights**2, axis=0)
     twice = 2 * np.arange(energy.size // 2 + 1)[lines] % energy.size
-    return np.asarray(np.abs(fft(energy)[twice]) / np.sum(energy))
+    return np.asarray(np.abs(scipy.fft.fft(energy)[twice]) / np.sum(energy))
 
 
 def make_windows(
@@ -124,8 +121,6 @@ def _force_window(
     contact: int, rate: float, length_s: float | Literal["auto"] | None
 ) -> tuple[NDArray[np.float64], int]:
     """Return the force window, and its number of samples before the contact."""
-    from scipy.signal.windows import hann
-
     fall = max(_MIN_FALL, round(_FALL * contact))
     margin = max(_MIN_PLATEAU, round(_PLATEAU * contact))
     after = contact + margin
@@ -138,7 +133,7 @@ def _force_window(
             )
     if length_s is None:
         return np.empty(0), margin + fall
-    ramp = hann(2 * fall + 1)[:fall]
+    ramp = scipy.signal.windows.hann(2 * fall + 1)[:fall]
     return np.concatenate([ramp, np.ones(margin + after), ramp[::-1]]), margin + fall
 
 
@@ -200,16 +195,14 @@ class Spectra:
     """
 
     def __init__(self, hits: Hits, windows: Windows, low_hz: float | None, high_hz: float | None) -> None:
-        from scipy.fft import rfft
-
         self.hits, self.windows = hits, windows
         self.lines = _lines(hits, low_hz, high_hz)
         self.frequency_hz = np.arange(hits.n_samples // 2 + 1)[self.lines] / hits.duration_s
         force, response = _without_offset(hits)
         self._time_force, self._time_response = force, response * windows.response[:, :, None]
-        self._all_force = rfft(force * windows.force, axis=1)
+        self._all_force = scipy.fft.rfft(force * windows.force, axis=1)
         self.force = self._all_force[:, self.lines]
-        self.response = rfft(self._time_response, axis=1)[:, self.lines]
+        self.response = scipy.fft.rfft(self._time_response, axis=1)[:, self.lines]
         self.power = np.sum(np.abs(self.force) ** 2, axis=0)
         self._check_not_zero(self.power, "the force")
         self.noise = force_noise_power(force, windows, self.frequency_hz, hits.sample_rate_hz)
@@ -230,11 +223,9 @@ class Spectra:
     @cached_property
     def force_removed(self) -> NDArray[np.float64]:
         """Force removed by the force window; see `bias.force_outside_window`."""
-        from scipy.fft import rfft
-
         if not self.windows.force_window.size or self.noise is None:
             return np.zeros(self.frequency_hz.size)
-        unwindowed = rfft(self._time_force * self.windows.force_without_window, axis=1)[:, self.lines]
+        unwindowed = scipy.fft.rfft(self._time_force * self.windows.force_without_window, axis=1)[:, self.lines]
         outside = self.windows.force_without_window - self.windows.force
         energy = float(np.mean(np.sum(outside**2, axis=1)))
         return force_outside_window(unwindowed, self.force, self.noise * energy, correlated_lines(outside))
@@ -421,9 +412,6 @@ def force_noise_power(
     over the stretches excludes bounces. Noise that occurs only during the contact is not included. The result is None
     if there is too little silence, or exact zeros from a force window of the recorder.
     """
-    from scipy.fft import next_fast_len, rfft, rfftfreq
-    from scipy.signal.windows import hann
-
     stretches = [row[part] for row, parts in zip(force, windows.silence, strict=True) for part in parts]
     longest = max((stretch.size for stretch in stretches), default=0)
     length = min(windows.force_window.size or _MAX_SAMPLES, _MAX_SAMPLES, max(longest, 1))
@@ -434,12 +422,14 @@ def force_noise_power(
     ]
     if length < _MIN_SAMPLES or len(pieces) < _MIN_STRETCHES or not np.any(pieces):
         return None
-    shape = windows.force_window if windows.force_window.size == length else hann(length, sym=False)
-    n_fft = next_fast_len(_PADDING * length, real=True)
-    powers = np.abs(rfft(np.array(pieces) * shape, n_fft, axis=1)) ** 2 / np.sum(shape**2)
+    shape = (
+        windows.force_window if windows.force_window.size == length else scipy.signal.windows.hann(length, sym=False)
+    )
+    n_fft = scipy.fft.next_fast_len(_PADDING * length, real=True)
+    powers = np.abs(scipy.fft.rfft(np.array(pieces) * shape, n_fft, axis=1)) ** 2 / np.sum(shape**2)
     # |M|^2 of Gaussian noise is exponentially distributed, with the median ln 2.
     power = np.median(powers, axis=0) / np.log(2.0)
-    return np.asarray(np.interp(frequency_hz, rfftfreq(n_fft, 1.0 / sample_rate_hz), power))
+    return np.asarray(np.interp(frequency_hz, scipy.fft.rfftfreq(n_fft, 1.0 / sample_rate_hz), power))
 
 
 _PARTS = 8
@@ -470,32 +460,29 @@ def estimate_truncation(
     Amplitudes are estimated at the beginning and in the middle of the block, where they exceed the noise, and
     extrapolated to the end.
     """
-    from scipy.fft import irfft, rfft
-    from scipy.signal.windows import hann
-
     hits, n_samples = response.shape
     length = (n_samples - first) // _PARTS
     zero = np.zeros(spectra.shape[1])
     if hits < 2 or length < 2 * _PARTS:
         return zero, zero
-    window = hann(length, sym=False)
+    window = scipy.signal.windows.hann(length, sym=False)
     middle = (first + n_samples) // 2
     gains = []
     for begin in (first, middle - length // 4):
         part = np.zeros_like(response)
         part[:, begin : begin + length] = response[:, begin : begin + length] * window
-        gains.append(_coherent_part(rfft(part, axis=1), spectra))
+        gains.append(_coherent_part(scipy.fft.rfft(part, axis=1), spectra))
     (first_gain, _), (middle_gain, clear) = gains
     power = np.sum(np.abs(spectra) ** 2, axis=0)
     exceeds = clear & (power > power.max() * 10.0 ** (-_WEAK_DB / 10.0))
     halfway = np.where(exceeds, np.abs(middle_gain) / np.maximum(np.abs(first_gain), 1e-300), 0.0)
     halfway = np.minimum(halfway, 1.0)
     # The truncated part has the shape of the second half of the middle part, with the amplitude of the end.
-    end_response = irfft(middle_gain * halfway, n_samples)
+    end_response = scipy.fft.irfft(middle_gain * halfway, n_samples)
     step = np.zeros(n_samples)
     centre = middle - length // 4 + length // 2 - onset
     step[centre : centre + length // 2] = 1.0
-    return halfway**2, np.abs(rfft(end_response * step))
+    return halfway**2, np.abs(scipy.fft.rfft(end_response * step))
 
 
 def force_outside_window(

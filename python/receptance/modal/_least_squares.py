@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 _STEPS = 200
@@ -458,12 +459,10 @@ class PoleProblem:
             variance = max(2.0 * n - float(power @ removed_variance), 1e-9 * n)
             return float(expected / variance - np.sum(correlation[:lags]))
 
-        from scipy.optimize import brentq
-
         low, high = 0.0, float(np.log(2.0 * n))
         if excess(low) >= 0.0 or excess(high) <= 0.0:
             return 1.0 if excess(low) >= 0.0 else 2.0 * n
-        return float(np.exp(brentq(excess, low, high, xtol=1e-3)))
+        return float(np.exp(scipy.optimize.brentq(excess, low, high, xtol=1e-3)))
 
     def _proportional_noise(self, entry: int, fitted: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the root of the share of noise proportional to the FRF, with the phase of the FRF."""
@@ -530,9 +529,7 @@ def _removed(columns: NDArray[np.float64], lags: int) -> tuple[NDArray[np.float6
 
 def _padded(n: int) -> int:
     """Return the length of Fourier transforms of n lines with as many zeros."""
-    from scipy.fft import next_fast_len
-
-    return int(next_fast_len(2 * n))
+    return int(scipy.fft.next_fast_len(2 * n))
 
 
 def _toeplitz_spectrum(first: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -79,8 +79,6 @@ class Lines:
 
 def select_lines(owner: str, frf: FRF, low_hz: float | None, high_hz: float | None, least: int) -> Lines:
     """Return the usable lines between two frequencies, both included, without 0 Hz; at least `least` or raise."""
-    from receptance.frf import FRF
-
     if not isinstance(frf, FRF):
         raise TypeError(f"{owner}: frf is {type(frf).__name__}, expected an FRF")
     low = 0.0 if low_hz is None else _checks.not_negative(owner, "low_hz", low_hz, unit="Hz")

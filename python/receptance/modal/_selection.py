@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from receptance.modal._least_squares import PoleFit, PoleModel, PoleProblem
@@ -175,15 +176,13 @@ class ModeSearch:
         """Return the poles with the given frequencies assigned to them at the smallest total distance."""
         if not isinstance(self.modes, tuple):
             return poles
-        from scipy.optimize import linear_sum_assignment
-
         f = self.lines.frequency_hz
         inside = np.flatnonzero((poles.values.imag >= 2.0 * np.pi * f[0]) & (poles.values.imag <= 2.0 * np.pi * f[-1]))
         distance = np.abs(poles.values[inside].imag[:, None] / (2.0 * np.pi) - np.array(self.modes))
         largest = np.array([search_range(given_hz, self.lines) for given_hz in self.modes])
         role = np.full(poles.values.size, -1)
         # The penalty exceeds every sum of permitted distances.
-        rows, columns = linear_sum_assignment(np.where(distance > largest, 1e6 * f[-1], distance))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(distance > largest, 1e6 * f[-1], distance))
         permitted = distance[rows, columns] <= largest[columns]
         role[inside[rows[permitted]]] = columns[permitted]
         return replace(poles, role=role)

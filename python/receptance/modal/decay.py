@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
@@ -60,19 +61,17 @@ def demodulate(
     record: NDArray[np.float64], sample_rate_hz: float, low_hz: float, high_hz: float, start_s: float
 ) -> Demodulation:
     """Shift a record down by the middle of a band and low-pass filter it, without the transients at its ends."""
-    from scipy.signal import firwin, oaconvolve
-
     middle, width = 0.5 * (low_hz + high_hz), high_hz - low_hz
     half = int(np.ceil(0.5 * TAPS_PER_WIDTH * sample_rate_hz / width))
-    taps = firwin(2 * half + 1, 0.5 * width, window=("kaiser", _KAISER_BETA), fs=sample_rate_hz)
+    taps = scipy.signal.firwin(2 * half + 1, 0.5 * width, window=("kaiser", _KAISER_BETA), fs=sample_rate_hz)
     time = start_s + np.arange(record.size) / sample_rate_hz
     shifted = 2.0 * record * np.exp(-2j * np.pi * middle * time)
     step = max(int(sample_rate_hz / (_SAMPLES_PER_WIDTH * width)), 1)
-    z = oaconvolve(shifted, taps, mode="valid")[::step]
+    z = scipy.signal.oaconvolve(shifted, taps, mode="valid")[::step]
     # Limited for records with zeros.
     size = np.maximum(np.abs(z), np.finfo(np.float64).tiny)
     log = np.log(size) + 1j * np.unwrap(np.angle(z))
-    correlation = oaconvolve(taps, taps[::-1])[taps.size - 1 :: step]
+    correlation = scipy.signal.oaconvolve(taps, taps[::-1])[taps.size - 1 :: step]
     return Demodulation(
         time[half : half + shifted.size - 2 * half : step],
         log,
@@ -98,8 +97,6 @@ def split_blocks(signal: Demodulation, count: int) -> list[slice]:
 
 def fit_block(signal: Demodulation, part: slice) -> dict[str, float]:
     """Return the values of a block in `RingDown`: a quadratic in the log amplitude, weighted by its square."""
-    from scipy.linalg import matmul_toeplitz
-
     time, log = signal.time_s[part], signal.log[part]
     size = np.exp(log.real)
     middle = float(np.sum(size**2 * time) / np.sum(size**2))
@@ -115,7 +112,7 @@ def fit_block(signal: Demodulation, part: slice) -> dict[str, float]:
     correlation = np.zeros(x.size)
     lags = np.arange(min(signal.correlation.size, x.size))
     correlation[lags] = signal.correlation[lags] * np.cos(slope.imag * signal.step_s * lags)
-    noise_columns = np.asarray(matmul_toeplitz(correlation, q))
+    noise_columns = np.asarray(scipy.linalg.matmul_toeplitz(correlation, q))
     projected = q.T @ noise_columns
     residual_freedom = x.size - float(np.trace(projected))
     variance = float(np.sum(np.abs(residual) ** 2)) / (2.0 * residual_freedom)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
@@ -361,10 +362,8 @@ def _missing_mode_warnings(
             f"{requested} modes were requested, {frequency.size} found: no further pole in the band improves the fit; "
             "give the frequencies as modes"
         ]
-    from scipy.optimize import linear_sum_assignment
-
     distance = np.abs(np.array(requested)[:, None] - frequency)
-    rows, columns = linear_sum_assignment(distance)
+    rows, columns = scipy.optimize.linear_sum_assignment(distance)
     assigned = rows[np.isfinite(distance[rows, columns])].tolist()
     return [
         f"no mode was found within {search_range(requested_hz, lines):.3g} Hz of {requested_hz:g} Hz"

@@ -11,6 +11,7 @@ from math import tau
 from typing import Annotated, Any, Self
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
@@ -301,9 +302,7 @@ def nearest_lines(
 def _spline(
     known_hz: NDArray[np.float64], table: NDArray[np.complex128], lines_hz: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    from scipy.interpolate import CubicSpline
-
-    return np.asarray(CubicSpline(known_hz, table)(lines_hz), dtype=np.complex128)
+    return np.asarray(scipy.interpolate.CubicSpline(known_hz, table)(lines_hz), dtype=np.complex128)
 
 
 _MODE = re.compile(r"mode\[(\d+)\]\.(\w+)")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from receptance import report
+from receptance import _core, report
 from receptance._text import first_of
 from receptance.report.table import Fact, Table, joined
 
@@ -70,8 +70,6 @@ def versions() -> dict[str, str]:
     >>> sorted(versions())
     ['instruction_set', 'numpy', 'python', 'receptance', 'scipy']
     """
-    from receptance import _core
-
     return {
         "receptance": _version("receptance"),
         "python": platform.python_version(),

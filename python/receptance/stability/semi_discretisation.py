@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
@@ -166,9 +167,7 @@ def _limit_near(cut: Milling, tip: TipModes, speed_rpm: float, depth: float, mos
 
 def _root(excess: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
     """Return the depth between two others at which a function is zero."""
-    from scipy.optimize import brentq  # slow to import
-
-    return float(brentq(excess, low, high, xtol=accuracy * high, maxiter=_EVALUATIONS))
+    return float(scipy.optimize.brentq(excess, low, high, xtol=accuracy * high, maxiter=_EVALUATIONS))
 
 
 def _steps(cut: Milling, tip: TipModes, speed: float, steps: int | None) -> int:
@@ -277,8 +276,6 @@ class _PassingMap:
 
     def _pieces(self, depth: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the propagators of each step: of the state, of a constant and of a rising past displacement."""
-        from scipy.linalg import expm  # slow to import
-
         k2, p = self.free.shape[0], self.used.size
         k = k2 // 2
         generator = np.zeros((self.step.size, k2 + 2 * p, k2 + 2 * p))
@@ -288,7 +285,7 @@ class _PassingMap:
         generator[:, k:k2, k2 : k2 + p] = -regenerative[:, :, self.used]
         generator *= self.step[:, None, None]
         generator[:, k2 : k2 + p, k2 + p :] = np.eye(p)
-        whole = expm(generator)
+        whole = scipy.linalg.expm(generator)
         return whole[:, :k2, :k2], whole[:, :k2, k2 : k2 + p], whole[:, :k2, k2 + p :]
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
@@ -242,9 +243,7 @@ class Sampled(Candidates):
         return shares[:, : len(self.addresses)]
 
     def _sobol(self, start: int, stop: int) -> NDArray[np.float64]:
-        from scipy.stats import qmc
-
-        sequence = qmc.Sobol(len(self.addresses), scramble=True, rng=np.random.default_rng(self.seed))
+        sequence = scipy.stats.qmc.Sobol(len(self.addresses), scramble=True, rng=np.random.default_rng(self.seed))
         if start:
             sequence.fast_forward(start)
         with warnings.catch_warnings():
@@ -256,9 +255,9 @@ class Sampled(Candidates):
 @functools.lru_cache(maxsize=1)
 def _latin_hypercube(parameters: int, count: int, seed: int) -> NDArray[np.float64]:
     """Return probabilities `(count, parameters)`, cached because all blocks of a sweep share them."""
-    from scipy.stats import qmc
-
-    shares: NDArray[np.float64] = qmc.LatinHypercube(parameters, rng=np.random.default_rng(seed)).random(count)
+    shares: NDArray[np.float64] = scipy.stats.qmc.LatinHypercube(parameters, rng=np.random.default_rng(seed)).random(
+        count
+    )
     shares.flags.writeable = False
     return shares
 
