@@ -52,7 +52,7 @@ def unmasked(owner: str, quantity: str, value: Any, dtype: Any = None) -> NDArra
     parts = value if isinstance(value, (list, tuple)) else (value,)
     # NumPy loads this module at its first use, which takes a fiftieth of a second; before there are no masks.
     masked = getattr(sys.modules.get("numpy.ma"), "MaskedArray", ())
-    count = sum(int(np.count_nonzero(one.mask)) for one in parts if isinstance(one, masked))
+    count = sum(int(np.count_nonzero(part.mask)) for part in parts if isinstance(part, masked))
     first = f"{owner}: {quantity}" if owner else quantity
     if count:
         raise ValueError(

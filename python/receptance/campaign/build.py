@@ -297,7 +297,7 @@ class Builder:
                     return None
         made = self.make((*path, "chain"), Assembly, chain, motion=table.motion)
         if made is not None and table.attachments:
-            on = [points[own] for own in table.attachments]
+            on = [points[attachment] for attachment in table.attachments]
             made = self.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
         return None if made is None else self._set(path, made, table)
 

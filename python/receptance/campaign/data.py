@@ -258,10 +258,10 @@ class CampaignData(Renderable):
                 rows.append((name, assembly, observation.describe(), table.sensor, table.role))
         tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
         series = []
-        for template, own in groups.items():
-            contents = dict.fromkeys(self.measurements[name].describe() for name in own)
+        for template, group in groups.items():
+            contents = dict.fromkeys(self.measurements[name].describe() for name in group)
             data = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
-            series.append((template, len(own), sum(name in self.held_out for name in own), data))
+            series.append((template, len(group), sum(name in self.held_out for name in group), data))
         counts = (Column("levels", form="d"), Column("held out", form="d"))
         tables.append(Table("Measurements at levels", ("name", *counts, "data"), series))
         return [table for table in tables if table.rows]

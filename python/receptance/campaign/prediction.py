@@ -55,7 +55,7 @@ class Prediction(Result):
     def modes(self) -> list[PredictedMode]:
         """Natural frequencies, and peaks of held-out FRFs."""
         peaks = [peak for frf in self.frfs for peak in frf.peaks]
-        return [mode for one in self.frequencies for mode in one.modes] + peaks
+        return [mode for frequency in self.frequencies for mode in frequency.modes] + peaks
 
     @property
     def errors_percent(self) -> list[float]:
@@ -70,8 +70,8 @@ class Prediction(Result):
 
     def tables(self) -> list[Table]:
         """Return predictions with measurements, predictions of other assemblies, and parameters."""
-        held_out = [one for one in self.frequencies if one.measured_hz is not None]
-        unmeasured = [one for one in self.frequencies if one.measured_hz is None]
+        held_out = [frequency for frequency in self.frequencies if frequency.measured_hz is not None]
+        unmeasured = [frequency for frequency in self.frequencies if frequency.measured_hz is None]
         tables = [
             self._frequency_table("Natural frequencies held out", held_out),
             self._peak_table(),
@@ -115,7 +115,7 @@ class Prediction(Result):
         return {
             "level": self.level,
             "rms_percent": self.rms_percent,
-            "natural_frequencies": [one.data(self.level) for one in self.frequencies],
+            "natural_frequencies": [frequency.data(self.level) for frequency in self.frequencies],
             "frfs": [frf.data(self.level) for frf in self.frfs],
             "not_predicted": self.not_predicted,
             "identified": None if self.identified is None else self.identified.to_dict(),
@@ -214,7 +214,7 @@ def _largest(scatter: Scatter, index: int) -> str:
     total = float(scatter.total[index])
     if not np.isfinite(total) or total == 0.0:
         return "not determined" if total else ""
-    shares = {name: float(own[index]) for name, own in scatter.shares.items()}
+    shares = {name: float(share[index]) for name, share in scatter.shares.items()}
     shares["scatter of the data"] = float(scatter.data[index] / total) ** 2
     name = max(shares, key=lambda one: shares[one])
     # The section of the campaign file is left out; `to_dict` has the whole name.

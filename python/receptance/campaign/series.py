@@ -46,10 +46,10 @@ class LevelSeries(Results[ForceSeries]):
         for name, one in self.items():
             groups.setdefault((name.partition(".")[0], tuple(one.force)), []).append(one)
         tables = []
-        for (owner, levels), own in groups.items():
+        for (owner, levels), group in groups.items():
             columns = [Column(self.over, self.unit, "g")]
             cells: list[list[Cell]] = [list(levels)]
-            for one in own:
+            for one in group:
                 half = 1.96 * one.standard_errors
                 columns += [Column(one.name.partition(".")[2], kind_of(one.name).unit, ".5g")]
                 columns += [Column("95 % interval", form=".5g")]
@@ -162,11 +162,11 @@ def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
         if not isinstance(law, Law) or not law.free or law.along != table.over:
             continue
         rows = []
-        for name, own in squares.items():
+        for name, square in squares.items():
             title = law.name_in(name)
             if title in fit.values and np.isfinite(fit.standard_errors[title]):
                 level = campaign.site(name).conditions[table.over] / factor
-                left = max(float(np.sqrt(np.mean(own))), 1.0) if fit.known_scatter else 1.0
+                left = max(float(np.sqrt(np.mean(square))), 1.0) if fit.known_scatter else 1.0
                 rows.append((level, fit.values[title], fit.standard_errors[title] * left))
         rows.sort()
         columns = np.array(rows).T if len(rows) >= LEAST_LEVELS else None

@@ -95,7 +95,7 @@ def with_parameters(
     Typer declares the options of a command from its signature.
     """
     own = inspect.signature(command, eval_str=True)
-    kept = [one for one in own.parameters.values() if one.name != without]
+    kept = [parameter for parameter in own.parameters.values() if parameter.name != without]
     functools.update_wrapper(called, command)
     called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
     return called
@@ -209,8 +209,8 @@ class Targets:
             return
         if endings and path.suffix.lower() not in endings:
             raise InputError(f"cannot write {path}: {what}, expected an ending {endings[0]}")
-        for other, given in self._files.items():
-            if given.resolve() == path.resolve():
+        for other, file in self._files.items():
+            if file.resolve() == path.resolve():
                 raise InputError(f"{other} and {option} both name {path}; give two files")
         with input_errors():
             check_target(path)
@@ -219,7 +219,7 @@ class Targets:
 
     def leave_out(self, path: Path) -> None:
         """Neither write nor name a file."""
-        self._names = [one for one in self._names if one[1] != path]
+        self._names = [name for name in self._names if name[1] != path]
 
     @property
     def asked(self) -> bool:
@@ -339,7 +339,9 @@ class _EscapeHook(RenderHook):
     """Escapes control characters in everything that is printed."""
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        return [_Escaped(one) if not isinstance(one, Control) else one for one in renderables]
+        return [
+            _Escaped(renderable) if not isinstance(renderable, Control) else renderable for renderable in renderables
+        ]
 
 
 class _Output(Console):

@@ -123,7 +123,7 @@ def _length(assembly: Assembly) -> float:
 
 def _mean(observations: Sequence[Observation]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return lines in Hz, and the mean logarithm of the magnitudes of all FRFs that cover each line."""
-    own = [one.frequency_hz.real for one in observations]
+    own = [observation.frequency_hz.real for observation in observations]
     lines: NDArray[np.float64] = np.unique(np.concatenate(own))
     rows = []
     for at, one in zip(own, observations, strict=True):
@@ -193,7 +193,7 @@ def start_modes(
     The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is
     the number of starts, drawn with the seed, of the fit with the modes that have a peak.
     """
-    observed = tuple(_thinned(one) for one in observations)
+    observed = tuple(_thinned(observation) for observation in observations)
     found = _Modes.among(name, unknowns)
     frfs = [
         observation
@@ -203,9 +203,9 @@ def start_modes(
     peaks = _peaks(*_mean(frfs))
     without_peak = [
         index
-        for index, own in enumerate(found.modes)
+        for index, mode in enumerate(found.modes)
         if found.may_grow(index)
-        and not any(abs(_start_of(own["frequency_hz"]) - peak) < _SAME_LINE * peak for peak in peaks)
+        and not any(abs(_start_of(mode["frequency_hz"]) - peak) < _SAME_LINE * peak for peak in peaks)
     ]
     task = _task(observed, unknowns, tolerances, threads)
     columns = {name: column for column, name in enumerate(task.variables.names)}
@@ -261,10 +261,10 @@ def _begun(
     """Return the values of a fit by continuation without the waiting modes, from narrow bounds around the starts."""
     absent = {unknown.name for index in waiting for unknown in found.modes[index].values()}
     narrow: dict[str, Unknown] = {}
-    for index, own in enumerate(found.modes):
+    for index, mode in enumerate(found.modes):
         if index in waiting or not found.may_grow(index):
             continue
-        frequency, y, theta = own["frequency_hz"], own["y"], own["theta"]
+        frequency, y, theta = mode["frequency_hz"], mode["y"], mode["theta"]
         f, size = _start_of(frequency), abs(_start_of(y)) or y.upper / _SHAPE
         narrow[frequency.name] = replace(
             frequency, lower=max(frequency.lower, f / _FREQUENCY), upper=min(frequency.upper, f * _FREQUENCY)
@@ -375,7 +375,7 @@ class _Growth:
     def started(self, x: NDArray[np.float64], unknowns: Sequence[Unknown]) -> list[Unknown]:
         """Return the unknowns with their values as starts: y positive, and modes of equal bounds in ascending order."""
         values = self.problem.named(x)
-        numbers = [{key: values[unknown.name] for key, unknown in own.items()} for own in self.found.modes]
+        numbers = [{key: values[unknown.name] for key, unknown in mode.items()} for mode in self.found.modes]
         grown = [index for index in range(len(numbers)) if self.found.may_grow(index)]
         for index in grown:
             if numbers[index]["y"] < 0.0:

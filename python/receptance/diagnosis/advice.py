@@ -91,7 +91,7 @@ class Hypothesis:
     def predict(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
         """Return the noise-free data of a measurement; causes with the ids `absent` do not act on it."""
         parameters = self.explanation.parameters
-        nulls = {name: one.null for name, one in parameters.items() if one.cause in absent}
+        nulls = {name: parameter.null for name, parameter in parameters.items() if parameter.cause in absent}
         values = np.array(list((self.fit.values | nulls).values()))
         model = measurement.extend(self.base)
         (observation,) = model.observations
@@ -111,7 +111,7 @@ class Hypothesis:
             for unknown in model.unknowns
         )
         # The fit already has the errors that all observations share.
-        particular = tuple(one for one in added.tolerances if one.configurations is not None)
+        particular = tuple(tolerance for tolerance in added.tolerances if tolerance.configurations is not None)
         joint = replace(
             model,
             observations=(*model.observations, *added.observations),
@@ -204,7 +204,11 @@ def other_overhang(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None
         return None
     one = model.observations[index]
     address = overhang_of(one.assembly, model.anatomies[index])
-    longest = max(one.assembly.get(address) for one in model.observations if address in one.assembly.parameters)
+    longest = max(
+        observation.assembly.get(address)
+        for observation in model.observations
+        if address in observation.assembly.parameters
+    )
     longer = LONGER * longest
     tolerances = tuple(
         replace(error, name=f"{error.name}, {_NEW}") if error.configurations and address in error.moves else error
@@ -218,7 +222,9 @@ def other_overhang(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None
 def other_force(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
     """Return an FRF at a higher force than all that were measured."""
     index = _first_frf(model)
-    levels = [one.conditions["force"] for one in model.observations if "force" in one.conditions]
+    levels = [
+        observation.conditions["force"] for observation in model.observations if "force" in observation.conditions
+    ]
     if index is None or not levels:
         return None
     conditions = {**model.observations[index].conditions, "force": HARDER * max(levels)}
@@ -286,7 +292,7 @@ def _frf(model: Model, index: int, *, tolerances: tuple[Tolerance, ...] | None =
 def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:
     """Return the errors of an observation as those of the new measurement."""
     place = model.observations[index].site(index)
-    own = [one for one in model.tolerances if place.among(one.configurations, one.labels)]
+    own = [tolerance for tolerance in model.tolerances if place.among(tolerance.configurations, tolerance.labels)]
     return tuple(
         one if one.configurations is None and one.labels is None else replace(one, configurations=(_NEW,), labels=None)
         for one in own
@@ -419,7 +425,7 @@ def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> 
         best = max(singles, key=lambda one: one.worth)
     if best is None or best.resolves == 1.0:
         return best
-    useful = [one for one in singles if max(one.increases.values()) > MARGIN]
+    useful = [single for single in singles if max(single.increases.values()) > MARGIN]
     for one, other in itertools.combinations(useful, 2):
         # The increases of chi-square of two measurements add up at least.
         increases = {pair: one.increases[pair] + other.increases[pair] for pair in pairs}

@@ -51,8 +51,8 @@ def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     found = {
         f"{name}.segment[{index}].outer_diameter"
-        for one in model.observations
-        for name, part in one.assembly.elements.items()
+        for observation in model.observations
+        for name, part in observation.assembly.elements.items()
         if isinstance(part, Part)
         for index in range(len(part.segments))
     }

@@ -147,9 +147,16 @@ def average(
 def models_of(selection: Selection, reported: Explanation | None) -> list[tuple[Explanation | None, float]]:
     """Return models and their probabilities, the base as None; those rejected or of low probability are excluded."""
     # A model that the data reject counts as little as one of an implausible size, even where none is adequate.
-    explanations = [one for one in selection.explanations if one is reported or (one.passed and not one.implausible)]
-    count = max(len({cause for one in explanations for cause in one.ids}), 1)
-    logs = [0.0, *(0.5 * one.evidence - len(one.steps) * math.log(count) for one in explanations)]
+    explanations = [
+        explanation
+        for explanation in selection.explanations
+        if explanation is reported or (explanation.passed and not explanation.implausible)
+    ]
+    count = max(len({cause for explanation in explanations for cause in explanation.ids}), 1)
+    logs = [
+        0.0,
+        *(0.5 * explanation.evidence - len(explanation.steps) * math.log(count) for explanation in explanations),
+    ]
     weights = np.exp(np.array(logs) - max(logs))
     weights /= weights.sum()
     kept = [(one, float(w)) for one, w in zip([None, *explanations], weights, strict=True) if w > LEAST_PROBABILITY]

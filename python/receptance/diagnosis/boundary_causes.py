@@ -25,7 +25,7 @@ _MODE_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
 def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_beams(model)
     require_no_table(model, "which contains every mode of that part; measure it again")
-    if not all(one.assembly.countable for one in model.observations):
+    if not all(observation.assembly.countable for observation in model.observations):
         raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
     ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
     if len(ends) != 1:
@@ -73,17 +73,17 @@ def resonances(
 
 def _band(model: Model) -> tuple[float, float]:
     """Return the lowest and the highest line in Hz."""
-    low = min(float(one.frequency_hz[0].real) for one in model.observations)
-    high = max(float(one.frequency_hz[-1].real) for one in model.observations)
+    low = min(float(observation.frequency_hz[0].real) for observation in model.observations)
+    high = max(float(observation.frequency_hz[-1].real) for observation in model.observations)
     return low, high
 
 
 def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     ends = {
-        (name, one)
+        (name, element)
         for observation in model.observations
-        for name, one in observation.assembly.elements.items()
-        if isinstance(one, ModalPart)
+        for name, element in observation.assembly.elements.items()
+        if isinstance(element, ModalPart)
     }
     if not ends:
         raise UndecidableError("the model does not end with a spindle that is described by its modes")
@@ -138,7 +138,7 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         distributed = own
     if not points:
         return
-    laid = [_lay_out(one, points, model) for one in points]
+    laid = [_lay_out(point, points, model) for point in points]
     # As the springs along the stretch grow the point spring decreases: at both bounds the unknown is the whole.
     along = (
         _redistribute(p["log_along"], laid, {one.name: [-1.0] + [1.0] * SPRING_COUNT for one in laid}),
@@ -182,26 +182,26 @@ def _divide(spring: GroundSpring) -> _Pieces:
         )
     each, length = spring.points // count, spring.length / count
     weights = [spring.shares[i * each : (i + 1) * each] for i in range(count)]
-    if any(sum(own) == 0.0 for own in weights):
+    if any(sum(weight) == 0.0 for weight in weights):
         raise UndecidableError(f"{spring.name} has a piece without contact")
     begin = float(spring.position)
     springs = tuple(
-        replace(spring, position=begin + i * length, length=length, weights=own, name=_piece_name(spring, i))
-        for i, own in enumerate(weights)
+        replace(spring, position=begin + i * length, length=length, weights=weight, name=_piece_name(spring, i))
+        for i, weight in enumerate(weights)
     )
     return _Pieces(spring.name, springs, tuple(sum(own) for own in weights), (0.0,) * count)
 
 
 def _normalise(pieces: list[_Pieces]) -> list[_Pieces]:
     """Return pieces with places from -1 at the start of the first piece to 1 at the end of the last one."""
-    springs = [spring for one in pieces for spring in one.springs]
-    first = min(float(one.position) for one in springs)
-    whole = max(float(one.position) + one.length for one in springs) - first
+    springs = [spring for piece in pieces for spring in piece.springs]
+    first = min(float(spring.position) for spring in springs)
+    whole = max(float(spring.position) + spring.length for spring in springs) - first
     return [
         replace(
-            one, places=tuple(2.0 * (float(s.position) + 0.5 * s.length - first) / whole - 1.0 for s in one.springs)
+            piece, places=tuple(2.0 * (float(s.position) + 0.5 * s.length - first) / whole - 1.0 for s in piece.springs)
         )
-        for one in pieces
+        for piece in pieces
     ]
 
 
@@ -238,7 +238,7 @@ def _piece_name(spring: GroundSpring, number: int) -> str:
 
 def _replace_springs(model: Model, pieces: list[_Pieces]) -> Model:
     """Return the model with springs in pieces, and unknowns that still mean the whole spring."""
-    by_name = {one.name: one for one in pieces}
+    by_name = {piece.name: piece for piece in pieces}
     changed = model.rebuild(partial(_divide_in, by_name))
     return replace(changed, unknowns=tuple(_share(unknown, by_name) for unknown in model.unknowns))
 
@@ -272,14 +272,14 @@ def _share(unknown: Unknown, by_name: Mapping[str, _Pieces]) -> Unknown:
 
 def _other_pieces(address: str, by_name: Mapping[str, _Pieces]) -> list[str]:
     name, field = address.partition(".")[::2]
-    return [f"{one.name}.{field}" for one in by_name[name].springs[1:]] if name in by_name else []
+    return [f"{spring.name}.{field}" for spring in by_name[name].springs[1:]] if name in by_name else []
 
 
 def _redistribute(parameter: Parameter, pieces: list[_Pieces], shape: Mapping[str, list[float]]) -> Move:
     moves = {
         f"{spring.name}.{field}": weight
-        for one in pieces
-        for spring, weight in zip(one.springs, shape[one.name], strict=True)
+        for piece in pieces
+        for spring, weight in zip(piece.springs, shape[piece.name], strict=True)
         for field in SPRING_TERMS
         if weight
     }

@@ -73,7 +73,7 @@ class ModeResidual:
 
 def curves(fit: Fit) -> list[Curve]:
     """Return every observation, measured and fitted."""
-    return [curve_of(one, part) for one, part in zip(fit.model.observations, fit.parts, strict=True)]
+    return [curve_of(observation, part) for observation, part in zip(fit.model.observations, fit.parts, strict=True)]
 
 
 def curve_of(observation: Observation, residual: NDArray[np.float64]) -> Curve:
@@ -113,8 +113,8 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
     peak, and to the nearest modelled one.
     """
     found: list[ModeResidual] = []
-    for one, curve in zip(fit.model.observations, curves(fit), strict=True):
-        found += modes_of(one, curve)
+    for observation, curve in zip(fit.model.observations, curves(fit), strict=True):
+        found += modes_of(observation, curve)
     return tuple(found)
 
 
@@ -269,11 +269,11 @@ class Bias:
 def slenderness_of(model: Model) -> dict[str, float]:
     """Return the ratio of overhang and diameter of each configuration with a tool in a joint."""
     found: dict[str, float] = {}
-    for name, one, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
+    for name, observation, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
         if anatomy.joint and anatomy.tool:
-            length = overhang_of(one.assembly, anatomy)
-            diameter = one.assembly.get(f"{length.rpartition('.')[0]}.outer_diameter")
-            found[name] = one.assembly.get(length) / diameter
+            length = overhang_of(observation.assembly, anatomy)
+            diameter = observation.assembly.get(f"{length.rpartition('.')[0]}.outer_diameter")
+            found[name] = observation.assembly.get(length) / diameter
     return found
 
 

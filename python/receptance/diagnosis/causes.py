@@ -178,7 +178,7 @@ class CauseMove(Move):
 
 def parameters_of(unknowns: Iterable[Unknown]) -> dict[str, Parameter]:
     """Return the parameters of causes among unknowns, by the names of the unknowns."""
-    return {one.name: one.parameter for one in unknowns if isinstance(one, (CauseUnknown, CauseMove))}
+    return {unknown.name: unknown.parameter for unknown in unknowns if isinstance(unknown, (CauseUnknown, CauseMove))}
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,7 +111,9 @@ class Discrepancy:
 
     def allow(self, model: Model) -> Model:
         """Return the model with observations whose variance includes the discrepancy."""
-        own = {id(one): records for one, records in zip(model.observations, _records(model), strict=True)}
+        own = {
+            id(observation): records for observation, records in zip(model.observations, _records(model), strict=True)
+        }
         return model.map(lambda one: self._enlarge(one, own.get(id(one), 1)))
 
     def _enlarge(self, observation: Observation, records: int) -> Observation:
@@ -337,14 +339,16 @@ def _errors(model: Model, fit: Fit, shift: float) -> list[_Errors]:
             )
         elif not observation.is_receptance and not fitted.is_receptance:
             found += _errors_of_frequencies(observation, fitted, residual)
-    return [*found, *(_errors_of_records(own, shift) for own in records.values())]
+    return [*found, *(_errors_of_records(record, shift) for record in records.values())]
 
 
 def _join(errors: Sequence[_Errors]) -> _Errors:
     """Return all errors together."""
     count = sum(one.count for one in errors)
     before = np.cumsum([0, *(one.count for one in errors)])
-    modes = [np.where(one.modes < one.count, i + one.modes, count) for i, one in zip(before, errors, strict=False)]
+    modes = [
+        np.where(error.modes < error.count, i + error.modes, count) for i, error in zip(before, errors, strict=False)
+    ]
     names = ("values", "noise", "slopes", "factors", "sizes", "kinds", "has_remainder")
     joined: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in errors]) for name in names}
     return _Errors(**joined, modes=np.concatenate(modes), count=count)
@@ -385,7 +389,7 @@ def _errors_of_records(records: Sequence[tuple[Observation, NDArray[np.float64]]
     # Peaks of several records close to each other are one mode of the configuration.
     first = every[np.concatenate([[True], np.diff(np.log(every)) > SAME_MODE])] if every.size else every
     slopes, noise, sizes, modes, growths = [], [], [], [], []
-    for own, (one, _) in zip(peaks, records, strict=True):
+    for peak, (one, _) in zip(peaks, records, strict=True):
         down, at_rest, up = _moved(one, shift)
         # The square of a normal error has a mean square of 3; each part has half of what the secant does not describe.
         curved = 3.0 / 8.0 * np.square(np.abs(up - 2.0 * at_rest + down))
@@ -393,8 +397,8 @@ def _errors_of_records(records: Sequence[tuple[Observation, NDArray[np.float64]]
         slopes.append((up - down) / (2.0 * shift))
         growths.append(growth_beside_peaks(one))
         # The lines of a mode are neighbours. A record without a peak has no error of frequency.
-        sizes.append(np.bincount(nearest_peak(one.frequency_hz.real, own)))
-        modes.append(np.searchsorted(first, own, side="right") - 1 if own.size else np.array([first.size]))
+        sizes.append(np.bincount(nearest_peak(one.frequency_hz.real, peak)))
+        modes.append(np.searchsorted(first, peak, side="right") - 1 if peak.size else np.array([first.size]))
     slope, size, mode = np.concatenate(slopes), np.concatenate(sizes), np.concatenate(modes)
     growth = np.tile(np.concatenate(growths), 2)
     # Divided by the growth of the remainder, which then has one variance.

@@ -252,7 +252,7 @@ def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanat
 
     None is returned where it is not adequate, or was found without a discrepancy already.
     """
-    if best is None or any(one.passed and one.ids == best.ids for one in first.explanations):
+    if best is None or any(explanation.passed and explanation.ids == best.ids for explanation in first.explanations):
         return None
     try:
         found = first.explain(best.steps, refit(extend(first.base.model, best.steps), best.fit.values))
@@ -276,14 +276,16 @@ def _verdict(
         for step in one.steps:
             if step.cause.id not in reported:
                 reported[step.cause.id] = _candidate(selection, one, step)
-    alternatives = {one: _candidate(selection, one, one.steps[0]) for one in selection.alternatives}
+    alternatives = {
+        alternative: _candidate(selection, alternative, alternative.steps[0]) for alternative in selection.alternatives
+    }
     singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
         verdict=judgement.answer,
         adequacy=selection.base.adequacy,
         base_fit=selection.base,
         causes=tuple(reported.values()),
-        candidates=tuple(_candidate(selection, one, one.steps[0]) for one in singles),
+        candidates=tuple(_candidate(selection, single, single.steps[0]) for single in singles),
         ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
         notes=(*([_FAST] if selection.fast else []), *judgement.notes, *_data_notes(selection), *line_notes),
@@ -303,7 +305,9 @@ def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple
     Each cause is returned once, in its best explanation, and only the best few are. Those that are reported with an
     unusual size are not among them.
     """
-    plausible = max((one.evidence for one in selection.explanations if not one.implausible), default=0.0)
+    plausible = max(
+        (explanation.evidence for explanation in selection.explanations if not explanation.implausible), default=0.0
+    )
     least = max(selection.threshold, plausible - MARGIN, 0.0)
     found: dict[str, tuple[Explanation, Step]] = {}
     ids = frozenset().union(*(one.ids for one in reported))
@@ -340,7 +344,7 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateC
 
 def _look_alikes(directions: Sequence[Direction], step: Step) -> dict[str, float]:
     """Return the causes with a similar effect, and the largest cosine of each, in descending order."""
-    own = next((one for one in directions if one.is_of(step.cause.id, step.variant)), None)
+    own = next((direction for direction in directions if direction.is_of(step.cause.id, step.variant)), None)
     if own is None:
         return {}
     cosines: dict[str, float] = {}
@@ -373,7 +377,9 @@ def _data_notes(selection: Selection) -> list[str]:
     frequencies = [observation for observation in model.observations if not observation.is_receptance]
     if len(frequencies) == len(model.observations):
         hidden = (
-            "gain, delay and hits" if any(one.damped.size for one in frequencies) else "damping, gain, delay and hits"
+            "gain, delay and hits"
+            if any(observation.damped.size for observation in frequencies)
+            else "damping, gain, delay and hits"
         )
         notes.append(f"there are natural frequencies alone: they do not show {hidden}")
     elif frequencies:
@@ -384,14 +390,14 @@ def _data_notes(selection: Selection) -> list[str]:
 def _settings(selection: Selection, most: int) -> dict[str, Any]:
     """Return settings and amount of calculation, with the loss by the selection of few lines."""
     model = selection.base.model
-    fits = [selection.base, *(one.fit for one in selection.explanations[:1])]
+    fits = [selection.base, *(explanation.fit for explanation in selection.explanations[:1])]
     return {
         "seed": model.seed,
         "most": most,
-        "lines": sum(one.frequency_hz.size for one in model.observations),
+        "lines": sum(observation.frequency_hz.size for observation in model.observations),
         "lines_of_each_while_exploring": EXPLORING_LINES,
         "regained_on_all_lines": round(max(fit.regained for fit in fits), 1),
         "model_evaluations": selection.evaluations,
-        "causes": sorted({one.cause.id for one in selection.directions} | set(selection.undecidable)),
+        "causes": sorted({direction.cause.id for direction in selection.directions} | set(selection.undecidable)),
         **({"fast": True} if selection.fast else {}),
     }

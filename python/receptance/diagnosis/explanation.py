@@ -69,7 +69,9 @@ class Explanation:
 
     def sizes(self, cause: Cause) -> dict[str, float]:
         """Return the values of the parameters of a cause by the names of their unknowns."""
-        return {name: self.fit.values[name] for name, one in self.parameters.items() if one.cause == cause.id}
+        return {
+            name: self.fit.values[name] for name, parameter in self.parameters.items() if parameter.cause == cause.id
+        }
 
     @property
     def negligible(self) -> frozenset[str]:
@@ -87,7 +89,9 @@ class Explanation:
 
         Beside a discrepancy, which moves sizes, these are the unknowns whose 95 % interval has no plausible value.
         """
-        outside = [name for name, one in self.parameters.items() if not one.is_plausible(self.fit.values[name])]
+        outside = [
+            name for name, parameter in self.parameters.items() if not parameter.is_plausible(self.fit.values[name])
+        ]
         if not outside or not self.has_discrepancy:
             return tuple(outside)
         interval = self.fit.identification.interval
@@ -97,7 +101,11 @@ class Explanation:
     def extraordinary(self) -> tuple[str, ...]:
         """Names of the unknowns whose values are more than ordinary; see `Parameter.ordinary`."""
         values = self.fit.values
-        return tuple(name for name, one in self.parameters.items() if abs(values[name] - one.null) > one.ordinary)
+        return tuple(
+            name
+            for name, parameter in self.parameters.items()
+            if abs(values[name] - parameter.null) > parameter.ordinary
+        )
 
     @property
     def unusual(self) -> bool:
@@ -174,9 +182,9 @@ class Selection:
         if all of them are.
         """
         largest: dict[str, float] = {}
-        for one in self.directions:
-            if (gain := one.typical_gain) is not None:
-                largest[one.cause.id] = max(largest.get(one.cause.id, 0.0), gain)
+        for direction in self.directions:
+            if (gain := direction.typical_gain) is not None:
+                largest[direction.cause.id] = max(largest.get(direction.cause.id, 0.0), gain)
         return tuple(id for id, gain in largest.items() if gain < self.threshold)
 
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
@@ -213,7 +221,7 @@ class Selection:
         """Replace the fit of the base by a better one; all evidence becomes relative to it."""
         less = self.gain(base.chi_square)
         self.base = base
-        self.explanations = [one.with_gain(one.gain - less) for one in self.explanations]
+        self.explanations = [explanation.with_gain(explanation.gain - less) for explanation in self.explanations]
 
     @property
     def evaluations_per_second(self) -> float:
@@ -223,12 +231,12 @@ class Selection:
     @property
     def singles(self) -> list[Explanation]:
         """Explanations by one cause, the highest evidence first."""
-        return [one for one in self.explanations if len(one.steps) == 1]
+        return [explanation for explanation in self.explanations if len(explanation.steps) == 1]
 
     @property
     def held_out_singles(self) -> list[Explanation]:
         """Explanations by one cause whose own improvement on held-out data is measured."""
-        return [one for one in self.singles if one.evidence > 0.0][:SINGLES_HELD_OUT]
+        return [single for single in self.singles if single.evidence > 0.0][:SINGLES_HELD_OUT]
 
     @property
     def best(self) -> Explanation | None:

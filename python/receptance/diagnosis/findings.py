@@ -218,7 +218,9 @@ class Findings:
                 self.without_discrepancy, discrepancy=self.discrepancy, base_fit=self.base_fit, final=self.final
             )
             return replace(plain, notes=(*plain.notes, notes[-1])).with_improvement(found)
-        candidates = tuple(replace(one, held_out=found.singles.get(one.id)) for one in self.candidates)
+        candidates = tuple(
+            replace(candidate, held_out=found.singles.get(candidate.id)) for candidate in self.candidates
+        )
         return replace(
             self,
             verdict=answer,
@@ -278,7 +280,7 @@ class Findings:
     @property
     def measurements(self) -> tuple[str, ...]:
         """Labels of the observations that the verdict rests on."""
-        return tuple(one.label for one in self.selection.base.model.observations)
+        return tuple(observation.label for observation in self.selection.base.model.observations)
 
     @property
     def causes_together(self) -> tuple[str, ...]:

@@ -122,7 +122,7 @@ class Fit:
     @cached_property
     def independent_values(self) -> float:
         """Effective number of independent measured values."""
-        return sum(one.independent_values for one in self.model.observations)
+        return sum(observation.independent_values for observation in self.model.observations)
 
     @cached_property
     def one_mode(self) -> bool:

@@ -201,8 +201,8 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     chosen = [one for one in every if remaining[one] <= limit or one in singles]
     both = [*chosen, *selection.alternatives]
     fits = list(in_parallel([partial(_refit, found, one, configurations) for one in both], selection.workers))
-    found.add(*(one for one in fits[: len(chosen)] if one is not None))
-    found.alternatives += [one for one in fits[len(chosen) :] if one is not None]
+    found.add(*(fit for fit in fits[: len(chosen)] if fit is not None))
+    found.alternatives += [fit for fit in fits[len(chosen) :] if fit is not None]
     found.alternatives.sort(key=lambda one: -one.evidence)
     if selection.beside is not None:
         use_own_discrepancies(found, selection.beside, configurations)
@@ -271,9 +271,9 @@ def _fold(
         after, modes_after = _measure_with(best, held_out, metrics)
     first = _names(held_out)[0]
     singles = {}
-    for one in selection.held_out_singles:
-        found, _ = _measure_with(one, held_out, scored=False)
-        singles[one.steps[0].cause.id] = found.get(first, np.empty((0, 2)))
+    for held_out_single in selection.held_out_singles:
+        found, _ = _measure_with(held_out_single, held_out, scored=False)
+        singles[held_out_single.steps[0].cause.id] = found.get(first, np.empty((0, 2)))
     causes = () if best is None else tuple(sorted(best.ids))
     return _Fold(name, answer, causes, before, after, singles, modes, modes_after)
 
@@ -328,7 +328,7 @@ def _measure(
         for name, metric in (metrics or {}).items():
             rows[name].append(_row(float(metric(HeldOut(one, assembly, receptance)))))
     rows[SCORE].append(_row(score))
-    return {name: np.array(own, dtype=np.float64).reshape(-1, 2) for name, own in rows.items()}, tuple(modes)
+    return {name: np.array(row, dtype=np.float64).reshape(-1, 2) for name, row in rows.items()}, tuple(modes)
 
 
 def _row(value: float) -> tuple[float, int]:
@@ -377,13 +377,13 @@ def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric]
     names = _names(model)
     gains = [gain_of(name, folds) for name in (*names, *(metrics or ()))]
     singles = {}
-    for id in dict.fromkeys(id for one in folds for id in one.singles):
+    for id in dict.fromkeys(id for fold in folds for id in fold.singles):
         # In a fold without evidence for a cause the base predicts.
-        own = [one.singles.get(id, one.before.get(names[0], np.empty((0, 2)))) for one in folds]
-        gain = gain_of(names[0], [replace(one, after={names[0]: x}) for one, x in zip(folds, own, strict=True)])
+        own = [fold.singles.get(id, fold.before.get(names[0], np.empty((0, 2)))) for fold in folds]
+        gain = gain_of(names[0], [replace(fold, after={names[0]: x}) for fold, x in zip(folds, own, strict=True)])
         if gain is not None:
             singles[id] = gain.held_out_after
-    modes = tuple(mode for one in folds for mode in one.modes)
+    modes = tuple(mode for fold in folds for mode in fold.modes)
     return Improvement(
         gains=tuple(one for one in gains if one is not None),
         singles=singles,
@@ -399,7 +399,7 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
     Both are of the same units: a mode that one of the predictions does not have is left out.
     """
     none = np.empty((0, 2))
-    pairs = [_in_both(one.before.get(metric, none), one.after.get(metric, none)) for one in folds]
+    pairs = [_in_both(fold.before.get(metric, none), fold.after.get(metric, none)) for fold in folds]
     ends = [(_value(metric, before), _value(metric, after)) for before, after in pairs]
     used = [pair for pair, values in zip(pairs, ends, strict=True) if np.isfinite(values).all()]
     if not used:
@@ -419,13 +419,13 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
         better=sum(sign * (b - a) > 0.0 for b, a in ends),
         folds=tuple(
             {
-                "configuration": one.configuration,
-                "verdict": one.verdict,
-                "causes": list(one.causes),
+                "configuration": fold.configuration,
+                "verdict": fold.verdict,
+                "causes": list(fold.causes),
                 "before": before,
                 "after": after,
             }
-            for one, (before, after) in zip(folds, ends, strict=True)
+            for fold, (before, after) in zip(folds, ends, strict=True)
         ),
     )
 
@@ -492,14 +492,14 @@ def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, 
     They follow from the mean squares between and within the groups (analysis of variance, random effects). The
     correlation is zero or more; groups of one number have none.
     """
-    sizes = np.array([len(own) for own in groups], dtype=np.float64)
+    sizes = np.array([len(group) for group in groups], dtype=np.float64)
     total, count = float(sizes.sum()), len(groups)
-    means = np.array([np.mean(own) for own in groups])
+    means = np.array([np.mean(group) for group in groups])
     middle = float(sizes @ means) / total
     between = float(sizes @ (means - middle) ** 2) / (count - 1)
     if total == count:
         return between, 0.0, 1.0
-    within = sum(float(np.sum((own - mean) ** 2)) for own, mean in zip(groups, means, strict=True))
+    within = sum(float(np.sum((group - mean) ** 2)) for group, mean in zip(groups, means, strict=True))
     within /= total - count
     size = (total - float(sizes @ sizes) / total) / (count - 1)
     shared = max(between - within, 0.0) / size

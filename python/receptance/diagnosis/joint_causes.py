@@ -45,9 +45,9 @@ def _point_joints(model: Model) -> tuple[str, ...]:
         name
         for name in model.joints
         if all(
-            isinstance(one.assembly.elements[name], PointJoint)
-            for one in model.observations
-            if name in one.assembly.elements
+            isinstance(observation.assembly.elements[name], PointJoint)
+            for observation in model.observations
+            if name in observation.assembly.elements
         )
     )
     if not joints:
@@ -92,18 +92,18 @@ def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _require_damping(model: Model) -> None:
-    if not model.receptances and not any(one.damped.size for one in model.frequencies):
+    if not model.receptances and not any(observation.damped.size for observation in model.frequencies):
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
 
 
 def _values(model: Model, condition: str) -> list[float]:
     """Return the values of a condition, or of an address, in all observations that have it."""
     found = []
-    for one in model.observations:
-        if condition in one.conditions:
-            found.append(float(one.conditions[condition]))
-        elif covered(condition, one.assembly):
-            found.append(one.assembly.get(condition))
+    for observation in model.observations:
+        if condition in observation.conditions:
+            found.append(float(observation.conditions[condition]))
+        elif covered(condition, observation.assembly):
+            found.append(observation.assembly.get(condition))
     return found
 
 
@@ -147,7 +147,8 @@ def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Ite
 
 def _is_present(model: Model, address: str) -> bool:
     return model.has(address) or any(
-        covered(address, one.assembly) and one.assembly.get(address) for one in model.observations
+        covered(address, observation.assembly) and observation.assembly.get(address)
+        for observation in model.observations
     )
 
 
@@ -163,7 +164,8 @@ def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
     _require_joint(model)
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
     lengths = {
-        overhang_of(one.assembly, anatomy) for one, anatomy in zip(model.observations, model.anatomies, strict=True)
+        overhang_of(observation.assembly, anatomy)
+        for observation, anatomy in zip(model.observations, model.anatomies, strict=True)
     }
     conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
@@ -183,8 +185,8 @@ def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_joint(model)
-    elements = [one.assembly.elements for one in model.observations]
-    if any(isinstance(own.get(name), ColletJoint) for own in elements for name in model.joints):
+    elements = [observation.assembly.elements for observation in model.observations]
+    if any(isinstance(element.get(name), ColletJoint) for element in elements for name in model.joints):
         raise UndecidableError("the model has a collet between tool and holder already")
     yield from _between(p, model)
     own = [anatomy for anatomy in model.anatomies if anatomy.joint]
@@ -207,7 +209,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if len(joints) > 1:
         return
     (joint,) = joints
-    tools = {one.tool[-1] for one in model.anatomies if one.joint}
+    tools = {anatomy.tool[-1] for anatomy in model.anatomies if anatomy.joint}
     if len(tools) > 1:
         return
     diameter = min(part.segments[-1].outer_diameter for tool in tools for part in model.parts(tool))
@@ -241,7 +243,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     changed = replace(
         model.rebuild(build),
         unknowns=tuple(unknowns),
-        tolerances=tuple(replace(one, moves=halves(one.moves)) for one in model.tolerances),
+        tolerances=tuple(replace(tolerance, moves=halves(tolerance.moves)) for tolerance in model.tolerances),
     )
     inertia = f"{joint}.inertia"
     mass = p["mass"].unknown(f"{joint}.mass", also={inertia: (COLLET_GYRATION * diameter) ** 2})
@@ -292,8 +294,10 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:
     """Return the length in m of the holder's first segment, the shortest one of all assemblies."""
-    owners = [one.assembly for one in model.observations if anatomy.joint in one.assembly.elements]
-    return min(part_of(own, anatomy.holder[0]).segments[0].length for own in owners)
+    owners = [
+        observation.assembly for observation in model.observations if anatomy.joint in observation.assembly.elements
+    ]
+    return min(part_of(owner, anatomy.holder[0]).segments[0].length for owner in owners)
 
 
 def _fix_places(model: Model, anatomy: Anatomy) -> Model:

@@ -96,7 +96,11 @@ def _conclude(selection: Selection) -> Judgement:
     beside = selection.discrepancy is not None
     # Beside a discrepancy the best one may be just above the limit, so rivals below the limit count as well.
     least = best.evidence - MARGIN if beside else limit
-    passing = [one for one in selection.explanations if one.evidence > least and (beside or one.passed)]
+    passing = [
+        explanation
+        for explanation in selection.explanations
+        if explanation.evidence > least and (beside or explanation.passed)
+    ]
     if not passing:
         notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
         return Judgement("unexplained", notes=tuple(notes))

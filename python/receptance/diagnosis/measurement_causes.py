@@ -66,7 +66,9 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         return altered(observation, assembly=with_points(observation.assembly, point))
 
     # A large structure carries a large sensor.
-    heaviest = max(sum(part.mass for name in own.tool for part in model.parts(name)[:1]) for own in model.anatomies)
+    heaviest = max(
+        sum(part.mass for name in anatomy.tool for part in model.parts(name)[:1]) for anatomy in model.anatomies
+    )
     declared = p["mass"]
     largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
     mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
@@ -171,8 +173,8 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_no_table(model, "whose frequencies may have the same error")
     addresses = dict.fromkeys(
         re.sub(r"segment\[\d+\]", "segment[*]", address)
-        for one in model.observations
-        for address in one.assembly.parameters
+        for observation in model.observations
+        for address in observation.assembly.parameters
     )
     powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
     frfs = bool(model.receptances)
@@ -224,7 +226,7 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    stated = dict.fromkeys(one.form for one in model.receptances)
+    stated = dict.fromkeys(observation.form for observation in model.receptances)
     for order in (1, 2, -1, -2):
 
         def change(observation: Observation, order: int = order) -> Observation:
@@ -273,7 +275,7 @@ def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     low, high = 0.8 * end, 1.1 * end
     unknown = replace(p["end"], typical=end).unknown(END, lower=low, upper=high)
     # Chi-square has a minimum in each period of the highest frequency, and the lines show the end less accurately.
-    highest = max(float(one.frequency_hz.real.max()) for one in model.receptances)
+    highest = max(float(observation.frequency_hz.real.max()) for observation in model.receptances)
     ends = np.linspace(low, high, min(2 + int(2.0 * highest * (high - low)), SCANNED_ENDS))
     yield Variant("records end too early", ended.plus(unknown), scan={unknown.name: ends.tolist()})
 

@@ -101,9 +101,9 @@ class Model:
         These are one observation for each set of places as its witnesses, and the time of a truncation.
         """
         kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
-        for one in self.observations:
-            parts = [name for name, own in one.assembly.elements.items() if isinstance(own, Part)]
-            kept.setdefault(tuple((name, *sorted(places_on(one, name))) for name in parts), one)
+        for observation in self.observations:
+            parts = [name for name, element in observation.assembly.elements.items() if isinstance(element, Part)]
+            kept.setdefault(tuple((name, *sorted(places_on(observation, name))) for name in parts), observation)
         return replace(self, witnesses=tuple(kept.values()), truncation=truncation_time(self.receptances))
 
     @cached_property
@@ -130,7 +130,7 @@ class Model:
 
     @cached_property
     def _places_in_laws(self) -> list[Site]:
-        return [one.site(i) for i, one in enumerate(self.observations)]
+        return [observation.site(i) for i, observation in enumerate(self.observations)]
 
     @cached_property
     def configuration_of(self) -> tuple[str, ...]:
@@ -155,12 +155,12 @@ class Model:
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
         """Tool, joint and holder of each observation."""
-        return tuple(self._anatomy(one.assembly) for one in self.observations)
+        return tuple(self._anatomy(observation.assembly) for observation in self.observations)
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints between tool and holder."""
-        return tuple(dict.fromkeys(one.joint for one in self.anatomies if one.joint))
+        return tuple(dict.fromkeys(anatomy.joint for anatomy in self.anatomies if anatomy.joint))
 
     @property
     def separable(self) -> tuple[str, str]:
@@ -181,13 +181,13 @@ class Model:
     def joint_addresses(self, field: str) -> tuple[str, ...]:
         """Return the addresses of a field of all joints, and of parameters that are multiples of these."""
         own = [address for name in self.joints for address in self.addresses_of(name, field)]
-        also = [other for one in self.unknowns if one.address in own for other in one.also]
+        also = [other for unknown in self.unknowns if unknown.address in own for other in unknown.also]
         return tuple(dict.fromkeys([*own, *also]))
 
     def addresses_of(self, joint: str, field: str) -> tuple[str, ...]:
         """Return the addresses of a field of a joint: two where the joint is a collet between two springs."""
         possible = (f"{joint}.{field}", f"{joint}.inner.{field}", f"{joint}.outer.{field}")
-        return tuple(a for a in possible if any(covered(a, one.assembly) for one in self.observations))
+        return tuple(a for a in possible if any(covered(a, observation.assembly) for observation in self.observations))
 
     def _anatomy(self, assembly: Assembly) -> Anatomy:
         names = list(assembly.elements)
@@ -205,8 +205,8 @@ class Model:
     def has(self, address: str) -> bool:
         """Return whether the parameter at an address is an unknown."""
         return any(
-            covered(address, one.assembly) & covered(unknown.address, one.assembly)
-            for one in self.observations
+            covered(address, observation.assembly) & covered(unknown.address, observation.assembly)
+            for observation in self.observations
             for unknown in self.unknowns
             if not isinstance(unknown, Move)
         )
@@ -254,7 +254,7 @@ class Model:
 
     def select(self, observations: Sequence[Observation]) -> Model:
         """Return the model of some of its observations, without unknowns and errors that only the others have."""
-        places = [one.site(i) for i, one in enumerate(observations)]
+        places = [observation.site(i) for i, observation in enumerate(observations)]
 
         def observed(
             addresses: Sequence[str],
@@ -289,7 +289,11 @@ class Model:
 
     def parts(self, name: str) -> list[Part]:
         """Return the part of a name of each observation that has it."""
-        return [part_of(one.assembly, name) for one in self.observations if name in one.assembly.elements]
+        return [
+            part_of(observation.assembly, name)
+            for observation in self.observations
+            if name in observation.assembly.elements
+        ]
 
     def owners(self, part: str) -> list[Observation]:
         """Return the observations, witnesses included, whose assembly has a part."""
@@ -335,7 +339,7 @@ class Model:
         """
         place: Callable[[Part], float] = position if callable(position) else lambda own: position
         owners = [part_of(one.assembly, part) for one in self.owners(part)]
-        where = [_segment_at(own, place(own)) for own in owners]
+        where = [_segment_at(owner, place(owner)) for owner in owners]
         index = where[0][0] if where else 0
         if not where or any(own != index for own, _ in where):
             raise IndescribableError(f"{part}: the position to divide at is not in the same segment of every assembly")
@@ -361,7 +365,9 @@ class Model:
 
 def require_beams(model: Model) -> None:
     """Raise `UndecidableError` if data describe all that is behind the joint: they have no dimensions or materials."""
-    data = dict.fromkeys(one.end for one in model.anatomies if one.joint and one.end and not one.holder)
+    data = dict.fromkeys(
+        anatomy.end for anatomy in model.anatomies if anatomy.joint and anatomy.end and not anatomy.holder
+    )
     if data:
         raise UndecidableError(
             f"{DATA_HOLDER} ({', '.join(data)}), not by beams: they contain its errors, and a change since they were "
@@ -372,7 +378,7 @@ def require_beams(model: Model) -> None:
 
 def require_no_table(model: Model, reason: str) -> None:
     """Raise `UndecidableError` if an assembly ends with a table of receptances, which does not allow for a cause."""
-    if any(one.assembly.tabulated for one in model.observations):
+    if any(observation.assembly.tabulated for observation in model.observations):
         raise UndecidableError(f"{TABLE}, {reason}", TABLE)
 
 
@@ -404,7 +410,7 @@ def with_points(assembly: Assembly, *points: PointMass | GroundSpring | Resonato
 
 def named(elements: Mapping[str, Any]) -> dict[str, Any]:
     """Return elements or attachments by name, each with that name."""
-    return {name: replace(one, name=name) for name, one in elements.items()}
+    return {name: replace(element, name=name) for name, element in elements.items()}
 
 
 def _segment_at(part: Part, position: float) -> tuple[int, float]:

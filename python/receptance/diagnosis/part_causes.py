@@ -47,7 +47,11 @@ def _everywhere(model: Model, side: str, field: str) -> list[str]:
         holders = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.holder)
         addresses += [f"{name}.segment[*].core.{field}" for name in holders]
     addresses += [f"{name}.{'shank' if side == 'tool' else 'sleeve'}.{field}" for name in model.joints]
-    return [a for a in dict.fromkeys(addresses) if any(covered(a, one.assembly) for one in model.observations)]
+    return [
+        a
+        for a in dict.fromkeys(addresses)
+        if any(covered(a, observation.assembly) for observation in model.observations)
+    ]
 
 
 def _scaled(side: str, field: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -75,13 +79,13 @@ def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     by_configuration: dict[str, list[str]] = {}
     rooms: dict[str, float] = {}
-    for name, one, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
+    for name, observation, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
         if anatomy.joint:
             part = anatomy.tool[-1]
-            by_configuration.setdefault(name, []).append(overhang_of(one.assembly, anatomy))
+            by_configuration.setdefault(name, []).append(overhang_of(observation.assembly, anatomy))
             # The tool cannot become shorter than up to the last place on it.
-            *before, end = edges_of(one.assembly.elements[part])
-            used = max([before[-1], *places_on(one, part)])
+            *before, end = edges_of(observation.assembly.elements[part])
+            used = max([before[-1], *places_on(observation, part)])
             rooms[name] = min(rooms.get(name, math.inf), SHORTENED * (end - used))
     addresses = {address for own in by_configuration.values() for address in own}
     if not addresses:
@@ -134,9 +138,9 @@ def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
 def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     rigid = dict.fromkeys(
         address
-        for one in model.observations
-        for address in one.assembly.parameters
-        if address.endswith(".youngs_modulus") and one.assembly.get(address) >= RIGID_MODULUS
+        for observation in model.observations
+        for address in observation.assembly.parameters
+        if address.endswith(".youngs_modulus") and observation.assembly.get(address) >= RIGID_MODULUS
     )
     by_part: dict[str, list[str]] = {}
     for address in rigid:
@@ -155,9 +159,9 @@ def _make_of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
 
 def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     ratios = [
-        one.assembly.get(address)
-        for one in model.observations
-        for address in one.assembly.parameters
+        observation.assembly.get(address)
+        for observation in model.observations
+        for address in observation.assembly.parameters
         if address.endswith(".poisson_ratio")
     ]
     sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]

@@ -52,7 +52,7 @@ class Direction:
     @property
     def count(self) -> int:
         """Number of its parameters; a secondary one with a prior is no more free than an error of a tolerance."""
-        return sum(not (one.secondary and one.prior) for one in self.parameters.values())
+        return sum(not (parameter.secondary and parameter.prior) for parameter in self.parameters.values())
 
     @property
     def far(self) -> bool:
@@ -226,7 +226,7 @@ def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
     counts = np.cumsum([one.slopes.shape[1] for one in found])
     together = np.hstack([one.slopes for one in found])
     coordinates = np.split(square_root(together.T @ together).T, counts[:-1], axis=1)
-    return [replace(one, slopes=own) for one, own in zip(found, coordinates, strict=True)]
+    return [replace(one, slopes=coordinate) for one, coordinate in zip(found, coordinates, strict=True)]
 
 
 def coordinates_of(
@@ -260,9 +260,9 @@ def scores_beside(first: Direction, others: Sequence[Direction], rest: NDArray[n
 
     after = left(rest)
     found = np.zeros(len(others))
-    for i, one in enumerate(others):
-        if one.slopes.shape[1]:
-            vectors, sizes, _ = np.linalg.svd(left(one.basis), full_matrices=False)
+    for i, other in enumerate(others):
+        if other.slopes.shape[1]:
+            vectors, sizes, _ = np.linalg.svd(left(other.basis), full_matrices=False)
             found[i] = np.sum(np.square(after @ vectors[:, sizes > DEPENDENT]))
     return found
 

@@ -254,13 +254,15 @@ class Search:
         if best is None or not best.passed or best.evidence < own.threshold - MARGIN:
             return
         ((cause, variant),) = best.steps
-        leading = next((one for one in own.directions if one.is_of(cause.id, variant)), None)
+        leading = next((direction for direction in own.directions if direction.is_of(cause.id, variant)), None)
         if leading is None:
             return
         similar = [
-            one
-            for one in own.directions
-            if one.cause.id != cause.id and not one.cause.changes_data and look_alike(one, leading) >= LOOK_ALIKE
+            direction
+            for direction in own.directions
+            if direction.cause.id != cause.id
+            and not direction.cause.changes_data
+            and look_alike(direction, leading) >= LOOK_ALIKE
         ]
         self._fit_near(best, rank(similar, own.penalty))
 
@@ -278,9 +280,9 @@ class Search:
             return
         ((cause, variant),) = best.steps
         others = [
-            one
-            for one in own.directions
-            if one.cause.id == cause.id and one.variant.name != variant and not one.cause.changes_data
+            direction
+            for direction in own.directions
+            if direction.cause.id == cause.id and direction.variant.name != variant and not direction.cause.changes_data
         ]
         others.sort(key=lambda one: -one.predicted_evidence(own.penalty))
         self._fit_near(best, others[:VARIANTS_AGAIN])
@@ -330,7 +332,9 @@ class Search:
                 continue
             effects = self._effects_of_others(root.fit, root.ids)
             is_unreliable = root.adequacy.misfit > SCREENING_LIMIT
-            likely = [one for one in effects if is_unreliable or one.predicted_evidence(own.penalty) > threshold]
+            likely = [
+                effect for effect in effects if is_unreliable or effect.predicted_evidence(own.penalty) > threshold
+            ]
             extends_all = extends_all or bool(likely)
             chosen = _first_of_each(rank(likely, own.penalty))
             for one in self._fit(root.steps, root.fit, chosen if is_unreliable else chosen[:ADDED_CAUSES]):
@@ -346,12 +350,12 @@ class Search:
         if self._rest is None or not root.passed or len(root.steps) > 1:
             return False
         ((cause, variant),) = root.steps
-        first = next((one for one in own.directions if one.is_of(cause.id, variant)), None)
+        first = next((direction for direction in own.directions if direction.is_of(cause.id, variant)), None)
         if first is None or first.far or not first.slopes.shape[1]:
             return False
-        others = [one for one in own.directions if one.cause.id != cause.id and not one.far]
+        others = [direction for direction in own.directions if direction.cause.id != cause.id and not direction.far]
         scores = scores_beside(first, others, self._rest)
-        gains = [score - own.penalty * one.count for score, one in zip(scores.tolist(), others, strict=True)]
+        gains = [score - own.penalty * other.count for score, other in zip(scores.tolist(), others, strict=True)]
         return max(gains, default=-math.inf) < own.threshold - MARGIN
 
     def _effects_of_others(self, root: Fit, ids: frozenset[str]) -> list[Direction]:
@@ -387,7 +391,7 @@ class Search:
         best cause: from the base a wrong variant may end closer to the data than the right one.
         """
         own = self.selection
-        if own.base.misfit <= MISFIT_LIMIT or any(one.passed for one in own.explanations):
+        if own.base.misfit <= MISFIT_LIMIT or any(explanation.passed for explanation in own.explanations):
             return
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
@@ -413,22 +417,24 @@ class Search:
         others = [
             one for one in cause.variants(self.selection.base.model) if one.name != own and not cause.changes_data
         ]
-        return [(Step(one.describe(cause), one.name), one.model) for one in others[:ADDED_CAUSES]]
+        return [(Step(other.describe(cause), other.name), other.model) for other in others[:ADDED_CAUSES]]
 
     def finish_best(self) -> None:
         """Continue the fits of explanations that may be reported and reached their limit of evaluations."""
         own = self.selection
-        first = next((one for one in own.explanations if one.passed), own.best)
+        first = next((explanation for explanation in own.explanations if explanation.passed), own.best)
         if first is None or first.evidence < max(own.threshold, 0.0) - MARGIN:
             return
         # The first one may be left out of the answer, and others within the margin of the next one are then in it.
-        near = [one for one in own.explanations if one.evidence >= first.evidence - 2.0 * MARGIN]
+        near = [
+            explanation for explanation in own.explanations if explanation.evidence >= first.evidence - 2.0 * MARGIN
+        ]
         unfinished = [one for one in near if not one.fit.converged]
         fits = [partial(_fit_or_none, partial(continued, one.fit)) for one in unfinished]
         for before, fit in zip(unfinished, in_parallel(fits, own.workers), strict=True):
             if fit is not None:
                 own.evaluations += fit.evaluations - before.fit.evaluations
-                others = [one for one in own.explanations if one is not before]
+                others = [explanation for explanation in own.explanations if explanation is not before]
                 own.explanations = best_of_each([own.explain(before.steps, fit), *others])
 
     def prune(self) -> None:
@@ -457,7 +463,11 @@ class Search:
     def fit_alternatives(self) -> None:
         """Fit changes that are not causes to the base where a cause may be reported."""
         own, base = self.selection, self.selection.base
-        best = own.best if own.discrepancy else next((one for one in own.explanations if one.passed), None)
+        best = (
+            own.best
+            if own.discrepancy
+            else next((explanation for explanation in own.explanations if explanation.passed), None)
+        )
         # No change of a structure changes the quantity of the data.
         if best is None or best.evidence <= max(own.threshold, 0.0) or any(c.changes_data for c, _ in best.steps):
             self._report.plan("alternatives", 0)
@@ -525,7 +535,9 @@ class Search:
             return
         explored: dict[Direction, Exploration] = {}
         try:
-            singles = [[one.fit for one in own.singles if steps and one.steps[0] == each.step] for each in others]
+            singles = [
+                [single.fit for single in own.singles if steps and single.steps[0] == each.step] for each in others
+            ]
             starts = [starts_of(each, root) for each in others]
             for groups, fits in zip(starts, singles, strict=True):
                 groups[0] += starts_from_singles(own.base, fits, root)
@@ -559,7 +571,8 @@ class Search:
         """
         found: list[tuple[Direction, Exploration]] = []
         fits = [
-            partial(explore, one.variant.model, own[0], far=one.far) for one, own in zip(chosen, starts, strict=True)
+            partial(explore, one.variant.model, start[0], far=one.far)
+            for one, start in zip(chosen, starts, strict=True)
         ]
         for direction, few in zip(chosen, self._each(stage, titles, fits), strict=True):
             self.selection.evaluations += few.evaluations

@@ -27,7 +27,7 @@ def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
     the cause has no linear effect on the fit, the only start is null with a stiffer joint.
     """
     values, parameters = fit.values, direction.parameters
-    null = {name: one.start for name, one in parameters.items()}
+    null = {name: parameter.start for name, parameter in parameters.items()}
     if direction.far:
         joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
         stiffer = {u.name: JOINT_FACTOR * values[u.name] for u in fit.task.parameters.unknowns if u.address in joints}
@@ -38,7 +38,7 @@ def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
     if direction.estimate:
         starts.append({**null, **direction.estimate})
         starts.append({name: null[name] if one.secondary else starts[-1][name] for name, one in parameters.items()})
-    near = [one for i, one in enumerate(starts) if one not in starts[:i]]
+    near = [start for i, start in enumerate(starts) if start not in starts[:i]]
     large = [{name: one.at(times) for name, one in parameters.items()} for times in (LARGE_SIZE, -LARGE_SIZE)]
     large = [one for i, one in enumerate(large) if one not in near + large[:i]]
     return [[{**values, **one} for one in group] for group in (near, large) if group]
@@ -50,7 +50,7 @@ def starts_from_singles(base: Fit, singles: Sequence[Fit], root: Fit) -> list[di
     The joint of such a fit may be closer to the solution than that of the other causes.
     """
     others = {name: value for name, value in root.values.items() if name not in base.values}
-    return [{**root.values, **one.values, **others} for one in singles]
+    return [{**root.values, **single.values, **others} for single in singles]
 
 
 @dataclass(frozen=True)
@@ -161,12 +161,12 @@ def _continue(levels: Sequence[_Level], before: Fit, report: Report) -> Iterator
 
 def _group_levels(model: Model) -> list[list[_Level]]:
     """Return the levels in ascending order, grouped by their free laws; none where no group has two levels."""
-    laws = [one for one in model.unknowns if isinstance(one, Law) and one.free]
+    laws = [unknown for unknown in model.unknowns if isinstance(unknown, Law) and unknown.free]
     if not laws or len(model.receptances) < len(model.observations):
         return []
     observations: dict[str, list[Observation]] = {}
-    for name, one in zip(model.configuration_of, model.observations, strict=True):
-        observations.setdefault(name, []).append(one)
+    for name, observation in zip(model.configuration_of, model.observations, strict=True):
+        observations.setdefault(name, []).append(observation)
     known = {unknown.name for unknown in model.task.parameters.unknowns}
     kinds: dict[tuple[str, ...], list[_Level]] = {}
     for name, own in observations.items():

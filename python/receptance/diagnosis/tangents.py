@@ -175,7 +175,7 @@ class _VariantGroup:
         if len(names) != 1 or len(base.receptances) < len(base.observations):
             return ""
         (name,) = names
-        before = any(name in one.assembly.attachments for one in self._fit.model.observations)
+        before = any(name in observation.assembly.attachments for observation in self._fit.model.observations)
         moved = any(address.split(".", 1)[0] == name for own in self._maps for address in own.addresses)
         pairs = zip(base.observations, own.places, strict=True)
         attached = all(name in one.assembly.attachments for one, place in pairs if place.addresses)
@@ -191,7 +191,9 @@ class _VariantGroup:
     def _values(self, parameters: Parameters) -> NDArray[np.float64]:
         """Return the values of unknowns: those of the fit, and the starts of others."""
         values = self._fit.values
-        return np.array([values.get(one.name, one.start or 0.0) for one in parameters.unknowns], dtype=np.float64)
+        return np.array(
+            [values.get(unknown.name, unknown.start or 0.0) for unknown in parameters.unknowns], dtype=np.float64
+        )
 
     def _further(self, model: Model) -> Parameters | None:
         """Return the parameters as functions of a variant's own unknowns, if these alone have been added."""
@@ -202,7 +204,7 @@ class _VariantGroup:
     def _own_places(self, further: Parameters) -> list[_Place]:
         """Return the parameters that a variant's own unknowns move."""
         values = self._values(further)
-        sites = [one.site(i) for i, one in enumerate(self._base.observations)]
+        sites = [observation.site(i) for i, observation in enumerate(self._base.observations)]
         pairs = list(zip(self._maps, further.of(sites), strict=True))
         found: dict[tuple[ParameterMap, ParameterMap], _Place] = {}
         for pair in pairs:

@@ -24,7 +24,7 @@ def truncation_time(records: Sequence[Observation]) -> float | None:
     A truncated record rings up to its end and is silent from there on.
     """
     # A stepped sine has no end.
-    known = [(one, power) for one in records if one.force is None and (power := _power(one)) is not None]
+    known = [(record, power) for record in records if record.force is None and (power := _power(record)) is not None]
     found = [power for _, power in known]
     periods = [period for period, _ in found]
     if not found or max(periods) > (1.0 + 1e-6) * min(periods):

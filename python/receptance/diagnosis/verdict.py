@@ -52,14 +52,14 @@ class Verdict(Findings, Result):
             "measurements": self.measurements,
             "verdict": self.verdict,
             "final": self.final,
-            "causes": [_as_dict(one) for one in self.causes],
+            "causes": [_as_dict(cause) for cause in self.causes],
             "ambiguous_between": self.ambiguous_between,
             "gain": self.gain,
             "gains": self.gains,
             "next_measurement": self.next_measurement,
-            "candidates": [_as_dict(one) for one in self.candidates],
+            "candidates": [_as_dict(candidate) for candidate in self.candidates],
             "vetoed": [_as_dict(one) for one in self.vetoed],
-            "alternatives": [_as_dict(one) for one in self.alternatives],
+            "alternatives": [_as_dict(alternative) for alternative in self.alternatives],
             "alternative": None if self.alternative is None else _as_dict(self.alternative),
             "threshold": self.threshold,
             "adequacy": self.adequacy,
@@ -79,7 +79,7 @@ class Verdict(Findings, Result):
         }
 
     def __repr__(self) -> str:
-        names = ", ".join(one.id for one in self.causes)
+        names = ", ".join(cause.id for cause in self.causes)
         open_ = "" if self.final else ", not final"
         return f"Verdict({self.verdict}{open_}{': ' + names if names else ''}; misfit {self.adequacy.misfit:.2f})"
 

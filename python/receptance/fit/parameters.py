@@ -365,7 +365,11 @@ class Parameters:
     def _told_apart(self) -> frozenset[str]:
         """Labels and conditions that unknowns and errors name."""
         names = [name for one in self.given for name in one.configurations or ()]
-        names += [name for one in self.tolerances for name in (*(one.configurations or ()), *(one.labels or ()))]
+        names += [
+            name
+            for tolerance in self.tolerances
+            for name in (*(tolerance.configurations or ()), *(tolerance.labels or ()))
+        ]
         names += [one.of for one in self.given if isinstance(one, Move)]
         names += [
             name for one in self.given if isinstance(one, Law) for name in (one.along, *(p.of for p in one.powers))
@@ -449,7 +453,7 @@ class Parameters:
         Errors of one name are one error, in the fit and in all sites.
         """
         fresh: list[str] = []
-        found = [self.at(site, own, fresh) for site, own in zip(sites, tolerances, strict=True)]
+        found = [self.at(site, tolerance, fresh) for site, tolerance in zip(sites, tolerances, strict=True)]
         return [own.widened(len(self.unknowns) + len(fresh)) for own in found], tuple(fresh)
 
     def _free_terms(self, law: Law, site: Site) -> list[tuple[int, float]]:

@@ -330,7 +330,7 @@ class Identification(Result):
                     "standard_error": self.standard_errors[name],
                     "standard_error_of_data": of_data[name],
                     "interval_95": self.interval(name),
-                    "shares_of_variance": {error: own[index] for error, own in shares.items()},
+                    "shares_of_variance": {error: share[index] for error, share in shares.items()},
                     "determined": self.determined(name),
                 }
                 for index, (name, value) in enumerate(self.values.items())
@@ -384,7 +384,9 @@ class Identification(Result):
             if name in self.errors or name in laws:
                 continue
             unknown = self.unknowns[self.index(name)]
-            shown = [own[name] if own[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for own in errors]
+            shown = [
+                error[name] if error[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for error in errors
+            ]
             rows.append([name, amount(value, unknown.unit, 5), *(_error(unknown, value, one) for one in shown)])
             if name in profiled:
                 rows[-1].append(None)

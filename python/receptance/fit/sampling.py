@@ -107,8 +107,8 @@ class Samples(Result):
         quantiles = np.quantile(self.values, [0.025, 0.5, 0.975], axis=0).T
         return {
             "parameters": {
-                name: {"quantiles_025_500_975": own, "autocorrelation_steps": steps}
-                for name, own, steps in zip(self.names, quantiles, self.autocorrelation, strict=True)
+                name: {"quantiles_025_500_975": quantile, "autocorrelation_steps": steps}
+                for name, quantile, steps in zip(self.names, quantiles, self.autocorrelation, strict=True)
             },
             "draws": len(self.values),
             "effective": self.effective,

@@ -121,7 +121,7 @@ def _coordinate(text: str) -> Coordinate:
     if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
         raise ValueError(f"from_xarray: {text!r} is no coordinate")
     values = [ast.literal_eval(one) for one in call.args]
-    named = {str(one.arg): ast.literal_eval(one.value) for one in call.keywords}
+    named = {str(keyword.arg): ast.literal_eval(keyword.value) for keyword in call.keywords}
     return (UnknownPosition if call.func.id == "UnknownPosition" else Coordinate)(*values, **named)
 
 
@@ -151,7 +151,7 @@ def fields_from_pandas(table: pandas.DataFrame | pandas.Series[Any]) -> dict[str
     columns = table.columns
     if columns.nlevels == 1:
         return fields | {"values": values[:, :, None], "labels": ([str(name) for name in columns], [""])}
-    pairs = [(str(one[0]), str(one[1])) for one in columns]
+    pairs = [(str(column[0]), str(column[1])) for column in columns]
     rows, sources = (list(dict.fromkeys(pair[side] for pair in pairs)) for side in (0, 1))
     if len(set(pairs)) != len(pairs) or len(pairs) != len(rows) * len(sources):
         raise ValueError(

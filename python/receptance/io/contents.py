@@ -56,7 +56,9 @@ class FileContents(Result):
     @property
     def notes(self) -> tuple[str, ...]:
         """Warnings of the reader and notes on the measurements, each once."""
-        notes = dict.fromkeys([*self.warned, *(note for one in self.measurements for note in one.notes)])
+        notes = dict.fromkeys(
+            [*self.warned, *(note for measurement in self.measurements for note in measurement.notes)]
+        )
         if len(self.measurements) > MOST_DRAWN:
             notes[
                 f"the figure shows the first {MOST_DRAWN} of {len(self.measurements)} measurements; "
@@ -67,9 +69,9 @@ class FileContents(Result):
     def tables(self) -> list[Table]:
         """Return the tables of all measurements, with their numbers if there are several."""
         found = []
-        for number, one in enumerate(self.measurements, 1):
-            first, *others = one.tables()
-            named = f"{number}: {one.title}" if len(self.measurements) > 1 else first.title
+        for number, measurement in enumerate(self.measurements, 1):
+            first, *others = measurement.tables()
+            named = f"{number}: {measurement.title}" if len(self.measurements) > 1 else first.title
             found += [replace(first, title=named), *others]
         return found
 

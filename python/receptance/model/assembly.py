@@ -471,8 +471,8 @@ class Assembly(Renderable):
             return known[1]
         flat = self.flat(points)
         names = [[] if one in others else [one] if one in flat.entries else self._named(one) for one in addresses]
-        for address, own in zip(addresses, names, strict=True):
-            if len(own) > 1:
+        for address, name in zip(addresses, names, strict=True):
+            if len(name) > 1:
                 self.get(address)  # raises if the segments differ
         found = Tied(flat, names, self._points(flat, points))
         # A diagnosis varies the same addresses of an assembly in many ways, one after the other.

@@ -343,7 +343,7 @@ class Tied:
 
     def model(self, addresses: NDArray[np.float64], factors: NDArray[np.float64]) -> _core.TiedModel:
         """Return the model as a function of unknowns; `addresses` and `factors` are those of `_core.Model.tied`."""
-        present = np.array([self.flat.values[own[0]] if own else 0.0 for own in self.names], dtype=np.float64)
+        present = np.array([self.flat.values[name[0]] if name else 0.0 for name in self.names], dtype=np.float64)
         with self.flat.joints_by_name():
             return self.flat.model.tied(self._rates, present, addresses, factors)
 

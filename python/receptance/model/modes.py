@@ -316,7 +316,9 @@ def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threa
     around = around.reshape(*offset.shape, len(responses), len(ends))
     residues = np.mean(around * offset[:, :, None, None], axis=1) * tau
     constants = -2.0 * tau * poles.real[:, None, None] * residues
-    shapes = np.array([_normalised(one, responses, ends, len(names)) for one in constants], dtype=np.complex128)
+    shapes = np.array(
+        [_normalised(constant, responses, ends, len(names)) for constant in constants], dtype=np.complex128
+    )
     y, theta = shapes.reshape(poles.size, 2, len(names)).transpose(1, 0, 2)
     return ModeShapes(
         assembly=assembly,

@@ -407,4 +407,4 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
         return len(self._items)
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({{{first_of([f'{name!r}: {one!r}' for name, one in self._items.items()])}}})"
+        return f"{type(self).__name__}({{{first_of([f'{name!r}: {item!r}' for name, item in self._items.items()])}}})"

@@ -241,11 +241,11 @@ class Table:
 def joined(tables: Iterable[Table]) -> list[Table]:
     """Return tables after joining the rows of those with the same title and columns."""
     found: dict[tuple[object, ...], Table] = {}
-    for one in tables:
-        key = (one.title, *one.columns)
+    for table in tables:
+        key = (table.title, *table.columns)
         before = found.get(key)
-        rows = one.rows if before is None else [*before.rows, *one.rows]
-        found[key] = Table(one.title, one.columns, rows, one.note)
+        rows = table.rows if before is None else [*before.rows, *table.rows]
+        found[key] = Table(table.title, table.columns, rows, table.note)
     return list(found.values())
 
 
