@@ -132,8 +132,8 @@ def test_packages_of_extras_are_listed_in_both_places() -> None:
     """`receptance._extras` names the extra in errors, pyproject.toml its packages."""
     extras = _toml("pyproject.toml")["project"]["optional-dependencies"]
     assert extras.keys() - {"all", "docs", "test"} == EXTRAS.keys()
-    for extra, modules in EXTRAS.items():
-        own = {"dask" if name == "distributed" else DISTRIBUTION_OF.get(name, name) for name in modules}
+    for extra, names in EXTRAS.items():
+        own = {"dask" if name == "distributed" else DISTRIBUTION_OF.get(name, name) for name in names}
         if extra == "dask":
             own |= {DISTRIBUTION_OF.get(name, name) for name in EXTRAS["sweep"]}
         assert _requirements(extra) == own
@@ -143,8 +143,8 @@ def test_packages_of_extras_are_listed_in_both_places() -> None:
 def test_optional_packages_are_checked_where_they_are_imported() -> None:
     """A module that imports a package of an extra, or the one that starts it, has `require`."""
     started_by = {"io/_worker.py": "io/mat_hdf5.py"}
-    for extra, modules in EXTRAS.items():
-        for path in set().union(*(_imports()[name] for name in modules if name in _imports())):
+    for extra, names in EXTRAS.items():
+        for path in set().union(*(_imports()[name] for name in names if name in _imports())):
             source = (LIBRARY / started_by.get(path, path)).read_text(encoding="utf-8")
             typed_only = path in ("campaign/comparison.py", "sweep/figure.py", "frf/frf.py")
             assert typed_only or f'require("{extra}"' in source, path
