@@ -29,6 +29,7 @@ from receptance.fit import Law, Power, Prior, Tolerance, identify
 from receptance.fit.observation import altered
 from receptance.fit.parameters import Parameters
 from receptance.fit.problem import Task
+from receptance.fit.search import smeared
 from simulated_campaigns import simulate_campaign
 
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -418,3 +419,17 @@ def test_arrays_of_wrong_shape_are_errors(change, words):
     assert np.isfinite(normal(**arguments)).all()
     with pytest.raises(ValueError, match=words):
         normal(**{**arguments, **change})
+
+
+def test_natural_frequencies_of_broad_resonances_are_uncertain_by_half_the_width() -> None:
+    """The stages of a fit begin with broad resonances; the data are to have the same weight as receptances there."""
+    modes = Observation.from_modes(assembly=make_assembly(), frequency_hz=[1500.0, 4000.0], standard_deviation_hz=1.0)
+    broad = smeared(modes, 0.1)
+    assert broad is not None
+    assert broad.standard_deviation == pytest.approx([75.0, 200.0])
+    assert modes.standard_deviation == pytest.approx([1.0, 1.0])
+
+
+def test_a_field_that_observations_do_not_have_is_refused() -> None:
+    with pytest.raises(TypeError, match="standard_deviation_hz"):
+        altered(measured(0.06), standard_deviation_hz=1.0)

@@ -7,6 +7,7 @@ a file are found in one pass.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, MISSING, dataclass, field
 from functools import cached_property
@@ -483,28 +484,28 @@ class KeyTable:
         return type(self)(**{**vars(self), **values})
 
 
-class Keys(Field[T]):
+class Keys(Field[T], ABC):
     """The keys of a table with their defaults; `made` returns the table from the values of the written keys."""
 
     declared: Mapping[str, Field[Any]]
 
     @property
+    @abstractmethod
     def title(self) -> str:
         """Name of its definition in the JSON Schema."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def text(self) -> str:
         """Description of the table."""
-        raise NotImplementedError
 
+    @abstractmethod
     def default_of(self, key: str) -> Any:
         """Return the default of a key; `MISSING` if it is needed."""
-        raise NotImplementedError
 
+    @abstractmethod
     def made(self, values: dict[str, Any]) -> T:
         """Return the table with some values, and with defaults."""
-        raise NotImplementedError
 
     def read(self, written: Any, place: Place) -> Any:
         values = place.keys(self, table_of(written))
@@ -575,8 +576,9 @@ class ElementTable:
 
 @dataclass(frozen=True)
 class Tolerances(Keys[dict[str, Deviation]]):
-    """The standard deviations of an element's own numbers by name."""
+    """The standard deviations of the numbers of an element by name."""
 
+    title = "Tolerances"
     element: type[Element]
     doc: str = "standard deviations of the numbers above, by the same keys"
 

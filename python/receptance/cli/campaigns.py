@@ -40,16 +40,16 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     if not path.exists() and str(path) in examples.EXAMPLES:
         hint = f"`receptance example {path}` writes the example of this name"
         raise InputError(f"there is no campaign file or folder {path}; {hint}")
-    found = campaign.load(path, progress=progress)
-    targets.protect(found.file, "the campaign file")
-    files = [file for name in found.measurements for file in found.files_of(name)]
-    files += [tip.file for cut in found.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
-    if (table := found.table.catalogue) is not None:
+    loaded = campaign.load(path, progress=progress)
+    targets.protect(loaded.file, "the campaign file")
+    files = [file for name in loaded.measurements for file in loaded.files_of(name)]
+    files += [tip.file for cut in loaded.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
+    if (table := loaded.table.catalogue) is not None:
         files += [name for name in (table.tools, table.holders) if name]
     for name in files:
-        targets.protect(found.file.parent / name, "a data file of the campaign")
+        targets.protect(loaded.file.parent / name, "a data file of the campaign")
     targets.require_new()
-    return found
+    return loaded
 
 
 def run_on_campaign(
@@ -105,11 +105,11 @@ def check(
 
     The figure is opened in the default viewer, or saved with --plot.
     """
-    _, found = run_on_campaign(file, targets, campaign.CampaignCheck)
-    targets.show(found)
+    _, result = run_on_campaign(file, targets, campaign.CampaignCheck)
+    targets.show(result)
     if not no_window and not targets.asked:
-        open_figure(targets.console(), found.plot, "check")
-    targets.require(not (found.missing["identify"] or found.missing["diagnose"] or found.warnings()))
+        open_figure(targets.console(), result.plot, "check")
+    targets.require(not (result.missing["identify"] or result.missing["diagnose"] or result.warnings()))
 
 
 def schema(
@@ -129,9 +129,9 @@ def identify(
     seed: NewSeed = None,
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
-    read, found = run_on_campaign(file, targets, lambda read: read.identify(), seed)
-    targets.show(found, read.tables(), profiles=None if found.profiled is None else found.profiled.plot)
-    targets.require(not found.advice)
+    read, result = run_on_campaign(file, targets, lambda read: read.identify(), seed)
+    targets.show(result, read.tables(), profiles=None if result.profiled is None else result.profiled.plot)
+    targets.require(not result.advice)
 
 
 @takes_targets("if the fit has advice")
@@ -156,19 +156,19 @@ def predict(
             raise InputError("--at-most needs held-out measurements, and the campaign has none")
         return read.predict()
 
-    read, found = run_on_campaign(file, targets, work, seed)
-    targets.show(found)
+    read, result = run_on_campaign(file, targets, work, seed)
+    targets.show(result)
     if at_most is not None:
-        worst = max(map(abs, found.errors_percent), default=float("inf"))
-        missed = sum(peak.predicted_hz is None for frf in found.frfs for peak in frf.peaks)
-        failed = sum(name in found.not_predicted for name in read.held_out)
+        worst = max(map(abs, result.errors_percent), default=float("inf"))
+        missed = sum(peak.predicted_hz is None for frf in result.frfs for peak in frf.peaks)
+        failed = sum(name in result.not_predicted for name in read.held_out)
         no = worst > at_most or missed > 0 or failed > 0
         lost = f", {missed} measured peaks have no prediction" if missed else ""
         lost += f", {failed} measurements could not be predicted" if failed else ""
         answer = "no" if no else "yes"
         targets.console().print(f"At most {at_most:g} %: {answer}, the largest error is {worst:.2f} %{lost}")
         targets.require(not no, always=True)
-    targets.require(not found.warnings() and not found.rejection)
+    targets.require(not result.warnings() and not result.rejection)
 
 
 @takes_targets("if the fits have advice or an assembly is not predicted")
@@ -184,11 +184,11 @@ def transfer(
     if splits not in ("leave-one-out", "one-for-all"):
         raise InputError(f"--splits is {splits!r}, expected leave-one-out or one-for-all")
     way: Literal["leave-one-out", "one-for-all"] = "one-for-all" if splits == "one-for-all" else "leave-one-out"
-    _, found = run_on_campaign(file, targets, lambda read: read.transfer(splits=way), seed)
-    if targets.draws and not found.modes and not found.frfs:
-        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(found.not_predicted)}")
-    targets.show(found)
-    targets.require(not found.warnings() and not found.rejection and not found.not_predicted)
+    _, result = run_on_campaign(file, targets, lambda read: read.transfer(splits=way), seed)
+    if targets.draws and not result.modes and not result.frfs:
+        raise InputError(f"nothing could be predicted, so there is no figure: {'; '.join(result.not_predicted)}")
+    targets.show(result)
+    targets.require(not result.warnings() and not result.rejection and not result.not_predicted)
 
 
 @takes_targets()
@@ -207,8 +207,8 @@ def invert(
     ] = 20.0,
 ) -> None:
     """Compute joint stiffness on each line by inverse coupling."""
-    _, found = run_on_campaign(file, targets, lambda read: read.invert(joint, limit=limit / 100.0))
-    targets.show(found)
+    _, result = run_on_campaign(file, targets, lambda read: read.invert(joint, limit=limit / 100.0))
+    targets.show(result)
 
 
 @takes_targets("if the fit is rejected")
@@ -226,9 +226,9 @@ def next_measurement(
     seed: NewSeed = None,
 ) -> None:
     """Rank candidate measurements by their expected benefit."""
-    _, found = run_on_campaign(file, targets, lambda read: read.next_measurement(targets=target or ()), seed)
-    targets.show(found)
-    targets.require(not found.rejection)
+    _, result = run_on_campaign(file, targets, lambda read: read.next_measurement(targets=target or ()), seed)
+    targets.show(result)
+    targets.require(not result.rejection)
 
 
 @takes_targets("if limits are rejected, as those of a rejected fit")
@@ -241,9 +241,9 @@ def stability(
     seed: NewSeed = None,
 ) -> None:
     """Compute stable depths of cut and recommended spindle speeds."""
-    _, found = run_on_campaign(file, targets, lambda read: read.stability(cuts=cut or ()), seed)
-    targets.show(found)
-    targets.require(not found.rejection)
+    _, result = run_on_campaign(file, targets, lambda read: read.stability(cuts=cut or ()), seed)
+    targets.show(result)
+    targets.require(not result.rejection)
 
 
 @takes_targets("unless the verdict is adequate")
@@ -276,27 +276,27 @@ def diagnose(
         made = read.diagnose(causes or None, fast=fast, metrics=campaign.stability.named_metrics(read, metrics or ()))
         return replace(campaign.write.with_campaign_lines(read, made), campaign_path=shlex.quote(str(file)))
 
-    read, found = run_on_campaign(file, targets, work, seed)
-    texts, why_not = _extended(read, found, extended)
+    read, result = run_on_campaign(file, targets, work, seed)
+    texts, why_not = _extended(read, result, extended)
     if extended is not None and why_not:
         targets.leave_out(extended)
-    targets.show(found, more=texts)
+    targets.show(result, more=texts)
     if why_not:
         targets.console().print(f"{extended} was not written: {why_not}", soft_wrap=True)
-    if not found.final:
+    if not result.final:
         raise InterruptedAnswer("interrupted, the result is preliminary")
-    targets.require(found.verdict == "adequate")
+    targets.require(result.verdict == "adequate")
 
 
-def _extended(read: campaign.Campaign, found: diagnosis.Verdict, target: Path | None) -> tuple[dict[Path, str], str]:
+def _extended(read: campaign.Campaign, result: diagnosis.Verdict, target: Path | None) -> tuple[dict[Path, str], str]:
     """Return the text of the extended campaign by its file, or the reason why there is none."""
     if target is None:
         return {}, ""
-    if not found.final:
+    if not result.final:
         return {}, "the diagnosis was interrupted"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return {target: campaign.extended_text(read, found, target.parent)}, ""
+            return {target: campaign.extended_text(read, result, target.parent)}, ""
         except ValueError as error:
             return {}, str(error)

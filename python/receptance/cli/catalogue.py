@@ -73,24 +73,24 @@ def catalogue(
             predictions = receptance.catalogue.results.write_depths(depths, predictions, read, name)
         if figures is not None or frfs is not None:
             predictions = receptance.catalogue.files.write_files(predictions, names, figures, frfs)
-        found = tuple(receptance.catalogue.results.summaries(predictions))
+        predicted = tuple(receptance.catalogue.results.summaries(predictions))
         return receptance.catalogue.CatalogueSummary(
-            tools=found,
+            tools=predicted,
             level=read.table.prediction.level,
-            notes=tuple(dict.fromkeys([*read.notes, *(note for one in found for note in one.notes)])),
+            notes=tuple(dict.fromkeys([*read.notes, *(note for tool in predicted for note in tool.notes)])),
             provenance=read.provenance(),
         )
 
-    _, found = run_on_campaign(file, targets, work, seed)
-    targets.show(found)
+    _, summary = run_on_campaign(file, targets, work, seed)
+    targets.show(summary)
     console = targets.console()
     for what, folder in (("Figures", figures), ("Receptances", frfs)):
         if folder is not None:
             console.print(f"{what}: {folder}", soft_wrap=True)
-    if (figures is not None or frfs is not None) and (note := _renamed_files(found)):
+    if (figures is not None or frfs is not None) and (note := _renamed_files(summary)):
         console.print(Text(note), soft_wrap=True)
-    console.print(f"{len(found.tools)} tools in {time.perf_counter() - begun:.1f} s", soft_wrap=True)
-    targets.require(not found.rejection)
+    console.print(f"{len(summary.tools)} tools in {time.perf_counter() - begun:.1f} s", soft_wrap=True)
+    targets.require(not summary.rejection)
 
 
 def _check_folder(folder: Path | None) -> None:
@@ -123,9 +123,9 @@ def _cut(read: receptance.Campaign, cut: str | None) -> str:
     return name
 
 
-def _renamed_files(found: receptance.catalogue.CatalogueSummary) -> str:
+def _renamed_files(summary: receptance.catalogue.CatalogueSummary) -> str:
     """Return a note on the tools whose names cannot be file names."""
-    names = receptance.catalogue.results.file_names(one.name for one in found.tools)
+    names = receptance.catalogue.results.file_names(one.name for one in summary.tools)
     others = [f"{tool} as {file}" for tool, file in names.items() if tool != file]
     more = f", and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     text = f"note: tools whose files have another name: {', '.join(others[:_LISTED])}{more}"

@@ -32,10 +32,12 @@ _PER_LINE = ("frequency_hz", "receptance", "correlated_lines", "force")
 
 
 def altered(target: Observation, **fields: Any) -> Observation:
-    """Return an observation with other fields, which are not checked.
+    """Return an observation with other fields, whose values are not checked.
 
     Weights are those of the values as they were measured, unless `standard_deviation` is among the fields.
     """
+    if unknown := fields.keys() - target.__dataclass_fields__ - {"standard_deviation", "notes"}:
+        raise TypeError(f"an observation has no field {', '.join(sorted(unknown))}")
     if fields.keys() & {"standard_deviation", "notes"} or (target.is_receptance and "receptance" in fields):
         deviation = fields.pop("standard_deviation", target.standard_deviation)
         return _weighed(target, deviation, notes=fields.pop("notes", target.notes), **fields)
