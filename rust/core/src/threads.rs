@@ -2,13 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::interrupt;
-use core::iter::Enumerate;
+use core::mem::replace;
+use core::ops::Range;
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
-use std::vec::IntoIter;
 
 /// Bytes of stack: the kernels are inlined whole, which takes much in a build without optimisation.
 const STACK: usize = 16 << 20;
@@ -55,77 +55,64 @@ pub fn on_threads<T: Send, U: Send>(
     if most <= 1 {
         return tasks.into_iter().map(|task| interrupt::check().map(|()| work(task))).collect();
     }
-    let mut done = Vec::with_capacity(tasks.len());
-    let mut tasks = tasks.into_iter();
+    let places: Vec<_> = tasks.into_iter().map(|task| Mutex::new((Some(task), None))).collect();
+    each(most, places.len(), at_least, &|number| {
+        let mut place = lock(&places[number]);
+        place.1 = place.0.take().map(&work);
+    })?;
+    Ok(places
+        .into_iter()
+        .filter_map(|place| place.into_inner().unwrap_or_else(PoisonError::into_inner).1)
+        .collect())
+}
+
+/// Does the tasks of the numbers below `count` on two or more threads. Compiled once, not for each kind of task.
+fn each(threads: usize, count: usize, at_least: f64, work: &(dyn Fn(usize) + Sync)) -> Result<()> {
     let began = Instant::now();
     let delay = DELAY.load(Ordering::Relaxed);
     let a_helper = WORTH.max(DELAYS * delay as f64);
-    let mut worth = tasks.len() as f64 * at_least / a_helper;
+    let mut next = 0;
+    let mut worth = count as f64 * at_least / a_helper;
     while worth < 1.0 {
-        let Some(task) = tasks.next() else {
+        if next == count {
             DELAY.store(delay - delay / FORGOTTEN, Ordering::Relaxed);
-            return Ok(done);
-        };
+            return Ok(());
+        }
         interrupt::check()?;
-        done.push(work(task));
-        let each = began.elapsed().as_nanos() as f64 / done.len() as f64;
-        worth = tasks.len() as f64 * each / a_helper;
+        work(next);
+        next += 1;
+        let a_task = began.elapsed().as_nanos() as f64 / next as f64;
+        worth = (count - next) as f64 * a_task / a_helper;
     }
-    let helpers = (most - 1).min(tasks.len()).min(worth as usize);
-    let queue = Queue::new(tasks, helpers + 1);
-    Helpers::idle(most - 1)?.share(helpers, || queue.drain(&work));
-    interrupt::check()?;
-    done.extend(queue.results());
-    Ok(done)
+    let helpers = (threads - 1).min(count - next).min(worth as usize);
+    let waiting = Mutex::new(next..count);
+    Helpers::idle(threads - 1)?.share(helpers, &|| drain(&waiting, helpers + 1, work));
+    interrupt::check()
+}
+
+/// Works, a run of numbers after the other, until none is left.
+fn drain(waiting: &Mutex<Range<usize>>, threads: usize, work: &(dyn Fn(usize) + Sync)) {
+    loop {
+        let run = {
+            let mut waiting = lock(waiting);
+            let end = waiting.start + waiting.len().div_ceil(RUNS * threads);
+            replace(&mut waiting.start, end)..end
+        };
+        if run.is_empty() {
+            return;
+        }
+        for number in run {
+            if interrupt::check().is_err() {
+                return;
+            }
+            work(number);
+        }
+    }
 }
 
 /// A lock, whether or not its last owner panicked: all that is behind these is always whole.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Tasks that several threads take from, and their results.
-struct Queue<T, U> {
-    waiting: Mutex<Enumerate<IntoIter<T>>>,
-    /// By the number of the first task of a run.
-    done: Mutex<Vec<(usize, Vec<U>)>>,
-    threads: usize,
-}
-
-impl<T, U> Queue<T, U> {
-    fn new(tasks: IntoIter<T>, threads: usize) -> Self {
-        Self { waiting: Mutex::new(tasks.enumerate()), done: Mutex::default(), threads }
-    }
-
-    /// The next run of tasks.
-    fn run(&self) -> Vec<(usize, T)> {
-        let mut waiting = lock(&self.waiting);
-        let count = waiting.len().div_ceil(RUNS * self.threads);
-        waiting.by_ref().take(count).collect()
-    }
-
-    /// Works until there is nothing left.
-    fn drain(&self, work: &impl Fn(T) -> U) {
-        loop {
-            let run = self.run();
-            let Some(first) = run.first().map(|task| task.0) else { return };
-            let mut results = Vec::with_capacity(run.len());
-            for (_, task) in run {
-                if interrupt::check().is_err() {
-                    return;
-                }
-                results.push(work(task));
-            }
-            lock(&self.done).push((first, results));
-        }
-    }
-
-    /// All results in the order of the tasks.
-    fn results(self) -> impl Iterator<Item = U> {
-        let mut runs = self.done.into_inner().unwrap_or_else(PoisonError::into_inner);
-        runs.sort_unstable_by_key(|run| run.0);
-        runs.into_iter().flat_map(|run| run.1)
-    }
 }
 
 /// Idle helpers by (process, number): after a fork the parent's threads do not exist, so the child makes its own.
@@ -157,7 +144,7 @@ impl Helpers {
     }
 
     /// Lets the caller and so many helpers do the same.
-    fn share(self, count: usize, work: impl Fn() + Sync) {
+    fn share(self, count: usize, work: &(dyn Fn() + Sync)) {
         let ended = AtomicUsize::new(0);
         let called = Instant::now();
         let mark = interrupt::mark();
@@ -166,7 +153,7 @@ impl Helpers {
                 scope.spawn(|_| {
                     let delay = called.elapsed().as_nanos() as u64;
                     DELAY.store(DELAY.load(Ordering::Relaxed).midpoint(delay), Ordering::Relaxed);
-                    interrupt::helping(mark.clone(), &work);
+                    interrupt::helping(mark.clone(), work);
                     ended.fetch_add(1, Ordering::Release);
                 });
             }
