@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.causes import Step, transfer
+from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.findings import ProposedMeasurement
 from receptance.diagnosis.held_out import predictor_of
@@ -28,6 +28,7 @@ from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import Predictor
 from receptance.fit.problem import End
+from receptance.model.assembly import Assembly
 from receptance.predict.gain import fit_jointly, worth
 from receptance.predict.menu import Candidate, Menu
 
@@ -45,6 +46,15 @@ class Hypothesis:
         return predictor_of(self.explanation.fit)
 
     @cached_property
+    def sizes(self) -> dict[str, tuple[float, float]]:
+        """Sizes of its causes and their standard errors."""
+        whole = self.whole
+        errors = np.linalg.norm(np.linalg.inv(whole.information_root), axis=1) * whole.variables.slopes(whole.values)
+        pairs = zip(whole.values.tolist(), errors.tolist(), strict=True)
+        sizes = dict(zip(whole.variables.names, pairs, strict=True))
+        return {name: sizes[name] for name in self.explanation.parameters}
+
+    @cached_property
     def fitted(self) -> tuple[Observation, ...]:
         """The data of the diagnosis, on few lines of each receptance."""
         return thin(self.explanation.fit.model, SIMULATION_LINES).observations
@@ -54,93 +64,60 @@ class Hypothesis:
         """The fit to these alone."""
         return fit_jointly(self.whole, self.fitted)
 
-    @cached_property
-    def predictor(self) -> Predictor:
-        """The predictor of this fit."""
-        return replace(self.whole, values=self.whole.variables.to_values(self.end.x))
-
-    @cached_property
-    def sizes(self) -> dict[str, tuple[float, float]]:
-        """Sizes of its causes and their standard errors."""
-        values, variables = self.explanation.fit.values, self.whole.variables
-        errors = np.linalg.norm(np.linalg.inv(self.whole.information_root), axis=1) * variables.slopes(
-            self.whole.values
-        )
-        return {
-            name: (values[name], float(errors[variables.names.index(name)])) for name in self.explanation.parameters
-        }
-
-    def view(self, describe: Callable[[Menu], Candidate | None], absent: frozenset[str]) -> _View | None:
-        """Return a measurement of the menu as this explanation describes it, or None where there is none.
-
-        Causes with the ids `absent` do not act on it.
-        """
-        steps = tuple(step for step in self.explanation.steps if step.cause.id not in absent)
-        model = self.base
-        if describe in _ALONE:
-            # The parts themselves are as the causes have changed them.
-            steps, model = (), self.explanation.fit.model
-        candidate = describe(Menu(model.observations, model.unknowns, model.tolerances))
-        if candidate is None:
+    def predict(self, item: MenuItem) -> NDArray[Any] | None:
+        """Return the noise-free data of a measurement if the explanation is true; None where it cannot be made."""
+        model = self._measured(item)
+        if model is None:
             return None
-        if describe is Menu.holder_alone:
-            candidate = _with_added_points(candidate, self.base, model)
-        parameters = self.explanation.parameters
-        names = [name for name, parameter in parameters.items() if parameter.cause in absent]
-        predictor = replace(self.predictor, parameters=self.predictor.parameters.without_effect(names))
-        return _View(self, predictor, candidate, steps)
-
-
-@dataclass(frozen=True, eq=False)
-class _View:
-    """A hypothetical measurement as an explanation describes it."""
-
-    hypothesis: Hypothesis
-    """The explanation."""
-    predictor: Predictor
-    """Its predictor, with the causes that act on the measurement."""
-    candidate: Candidate
-    steps: tuple[Step, ...]
-    """Causes that act on the measurement and are not part of its assembly."""
-
-    def simulate(self) -> NDArray[Any]:
-        """Return its noise-free data if the explanation is true."""
-        model = self._extend(np.ones(self.candidate.observation.frequency_hz.size))
         (observation,) = model.observations
-        (data,) = self.predictor.of([observation], [model.tolerances]).mean()
+        (data,) = self._predictor(item).of([observation], [model.tolerances]).mean()
         # A cause that changes the quantity of the data has changed the placeholder data.
         return data / observation.receptance if observation.is_receptance else data
 
-    def chi_square_increase(self, data: NDArray[Any]) -> float:
-        """Return the increase of chi-square of the explanation by data, on few lines."""
-        model = self._extend(data, SIMULATION_LINES)
-        end = fit_jointly(self.predictor, self.hypothesis.fitted, model.observations, [model.tolerances])
-        return max(2.0 * (end.cost - self.hypothesis.end.cost), 0.0)
+    def chi_square_increase(self, item: MenuItem, data: NDArray[Any]) -> float:
+        """Return the increase of chi-square by the data of a simulated measurement, on few lines."""
+        model = self._measured(item, data)
+        if model is None:
+            return 0.0
+        end = fit_jointly(self._predictor(item), self.fitted, model.observations, [model.tolerances])
+        return max(2.0 * (end.cost - self.end.cost), 0.0)
 
-    def _extend(self, data: NDArray[Any], lines: int | None = None) -> Model:
-        """Return the measurement with its causes as the only observation of a model."""
-        observation = self.candidate.observation.with_values(data)
-        model = replace(self.hypothesis.base, observations=(observation,), tolerances=self.candidate.tolerances)
-        return transfer(model if lines is None else thin(model, lines), self.steps)
+    def _predictor(self, item: MenuItem) -> Predictor:
+        """Return the predictor of the fit on few lines, with the causes that act on a measurement."""
+        names = [name for name, parameter in self.explanation.parameters.items() if parameter.cause in item.absent]
+        values = self.whole.variables.to_values(self.end.x)
+        return replace(self.whole, values=values, parameters=self.whole.parameters.without_effect(names))
 
+    def _measured(self, item: MenuItem, data: NDArray[Any] | None = None) -> Model | None:
+        """Return a measurement with its causes as the only observation of a model; without data with ones."""
+        model, steps = self.base, [step for step in self.explanation.steps if step.cause.id not in item.absent]
+        if item.describe in (Menu.tool_alone, Menu.holder_alone):
+            # The parts themselves are as the causes have changed them.
+            model, steps = self.explanation.fit.model, []
+        assert item.describe is not None
+        candidate = item.describe(Menu(model.observations, model.unknowns, model.tolerances))
+        if candidate is None or (data is not None and data.size != candidate.observation.frequency_hz.size):
+            return None
+        observation = candidate.observation
+        if item.describe is Menu.holder_alone:
+            observation = altered(observation, assembly=self._with_added_points(observation.assembly))
+        observation = observation.with_values(np.ones(observation.frequency_hz.size) if data is None else data)
+        measured = replace(self.base, observations=(observation,), tolerances=candidate.tolerances)
+        return transfer(measured if data is None else thin(measured, SIMULATION_LINES), steps)
 
-def _with_added_points(candidate: Candidate, base: Model, model: Model) -> Candidate:
-    """Return a part alone with what causes have attached to it.
+    def _with_added_points(self, holder: Assembly) -> Assembly:
+        """Return the holder alone with what causes have attached to it.
 
-    Masses on the tool are not among it: they are there only while it is measured or clamped.
-    """
-    before = {name for observation in base.observations for name in observation.assembly.attachments}
-    points = {
-        name: point
-        for observation in model.observations
-        for name, point in named(observation.assembly.attachments).items()
-        if name not in before and point.part in candidate.observation.assembly.elements
-    }
-    assembly = with_points(candidate.observation.assembly, *points.values())
-    return replace(candidate, observation=altered(candidate.observation, assembly=assembly))
-
-
-_ALONE = (Menu.tool_alone, Menu.holder_alone)
+        Masses that they attach to the tool are there only while it is measured or clamped.
+        """
+        before = {name for observation in self.base.observations for name in observation.assembly.attachments}
+        points = {
+            name: point
+            for observation in self.explanation.fit.model.observations
+            for name, point in named(observation.assembly.attachments).items()
+            if name not in before and point.part in holder.elements
+        }
+        return with_points(holder, *points.values())
 
 
 @dataclass(frozen=True)
@@ -167,9 +144,16 @@ class MenuItem:
 
         It is zero where the measurement does not apply.
         """
+        ids = truth.explanation.ids, other.explanation.ids
         if self.describe is not None:
-            return self._by_simulation(self.describe, truth, other)
-        increase = QUANTITY_SHOWN * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
+            if self.without and not self.without & (ids[0] | ids[1]):
+                return 0.0
+            try:
+                data = truth.predict(self)
+                return 0.0 if data is None else other.chi_square_increase(self, data)
+            except (ReceptanceError, ValueError):
+                return 0.0
+        increase = QUANTITY_SHOWN * bool(self.presence & (ids[0] ^ ids[1]))
         parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
             accuracy = self.accuracy.get(parameters[name].key)
@@ -181,20 +165,10 @@ class MenuItem:
             increase += (true - expected) ** 2 / (accuracy**2 + error**2)
         return increase
 
-    def _by_simulation(
-        self, describe: Callable[[Menu], Candidate | None], truth: Hypothesis, other: Hypothesis
-    ) -> float:
-        if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
-            return 0.0
-        try:
-            true, assumed = (hypothesis.view(describe, self.without | self.elsewhere) for hypothesis in (truth, other))
-            if true is None or assumed is None:
-                return 0.0
-            if true.candidate.observation.modes != assumed.candidate.observation.modes:
-                return 0.0
-            return assumed.chi_square_increase(true.simulate())
-        except (ReceptanceError, ValueError):
-            return 0.0
+    @property
+    def absent(self) -> frozenset[str]:
+        """Ids of the causes that do not act on a simulated measurement."""
+        return self.without | self.elsewhere
 
 
 MENU = (

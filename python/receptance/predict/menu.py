@@ -18,7 +18,7 @@ from receptance import _checks
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Tolerance, Unknown, covered
 from receptance.fit.weights import Floor
-from receptance.model.anatomy import anatomy_of, overhang_of
+from receptance.model.anatomy import Anatomy, anatomy_of, overhang_of
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 
@@ -143,7 +143,7 @@ class Menu:
         return [candidate for candidate in menu if candidate is not None]
 
     @cached_property
-    def _anatomies(self) -> list[Any]:
+    def _anatomies(self) -> list[Anatomy]:
         identified = [unknown.address for unknown in self.unknowns]
         return [anatomy_of(observation.assembly, identified) for observation in self.observations]
 
