@@ -319,6 +319,10 @@ def test_menu_is_made_from_what_was_measured(rng):
     names = [{error.name for error in candidate.tolerances} for candidate in menu.candidates()]
     assert "overhang machine" in names[0]
     assert names[2] - names[0] == {"overhang machine, at a longer overhang"}
+    stepped = altered(data[0], conditions={}, force=np.full(IN_BAND.size, 5.0))
+    harder = Menu((stepped,), tuple(unknowns()), ()).higher_force()
+    assert harder is not None
+    assert harder.observation.force == pytest.approx(15.0)
     frequencies = Menu((modes_of(make_assembly(), 4e3, standard_deviation_hz=5.0),), tuple(STIFFNESSES), ())
     labels = [candidate.label.split(",")[0] for candidate in frequencies.candidates()]
     assert labels == ["observation 0 again", "at a longer overhang", "tool alone", "holder alone"]

@@ -183,13 +183,15 @@ class Menu:
         return self._like(label, 3.0, errors=errors, assembly=assembly, conditions=conditions)
 
     def higher_force(self) -> Candidate | None:
-        """Return a measurement at a higher force than all that were measured, where force was a condition."""
-        observation = self.observations[self._first]
+        """Return a measurement at a higher force than all that were measured, where forces are known."""
+        measured = self.observations[self._first]
+        changes: dict[str, Any] = {}
         levels = [other.conditions["force"] for other in self.observations if "force" in other.conditions]
-        if not levels:
-            return None
-        conditions = {**observation.conditions, "force": HARDER * max(levels)}
-        return self._like(f"at {HARDER:g} times the force", 3.0, conditions=conditions)
+        if levels:
+            changes["conditions"] = {**measured.conditions, "force": HARDER * max(levels)}
+        if measured.force is not None:
+            changes["force"] = HARDER * max(float(o.force.max()) for o in self.observations if o.force is not None)
+        return self._like(f"at {HARDER:g} times the force", 3.0, **changes) if changes else None
 
     def tool_alone(self) -> Candidate | None:
         """Return natural frequencies of the tool with the longest overhang, alone and free-free."""
